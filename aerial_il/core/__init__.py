@@ -1,0 +1,1 @@
+"""Ground floor: rotations, specifications, seeding, errors, files. Imports nothing above it."""

@@ -1,0 +1,93 @@
+"""Errors a user can act on: each names the value, the limit, the valid choices and the next command."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class AerialError(Exception):
+    """Base of every error whose cause lies in what a user gave or in what a run met.
+
+    The command line prints its message without a traceback and exits with status 2.
+    """
+
+
+class UnknownNameError(AerialError, KeyError):
+    """A name that no registry or configuration knows.
+
+    Args:
+        kind: what the name stands for, e.g. ``"robot"``.
+        value: the name that was given.
+        choices: the valid names.
+        hint: an optional sentence with the next command to try.
+    """
+
+    def __init__(self, kind: str, value: object, choices: Iterable[str], hint: str = "") -> None:
+        self.kind, self.value, self.choices = kind, value, tuple(choices)
+        near = difflib.get_close_matches(str(value), self.choices, n=1, cutoff=0.5)
+        guess = f" Did you mean {near[0]!r}?" if near else ""
+        valid = ", ".join(self.choices) or "none"
+        message = f"Unknown {kind} {value!r}.{guess} Valid: {valid}."
+        super().__init__(f"{message} {hint}" if hint else message)
+
+    def __str__(self) -> str:  # KeyError would print the repr
+        return str(self.args[0])
+
+
+class InvalidValueError(AerialError, ValueError):
+    """A value outside its documented limits or of the wrong shape or type."""
+
+
+class SimulationDivergedError(AerialError, RuntimeError):
+    """NaN, infinity or a MuJoCo warning in the physics, or a non-finite action.
+
+    Args:
+        what: what became invalid, e.g. ``"qacc of DOF 3"``.
+        seed: seed of the episode.
+        step: control step within the episode at which it happened.
+    """
+
+    def __init__(self, what: str, *, seed: int, step: int) -> None:
+        self.what, self.seed, self.step = what, seed, step
+        super().__init__(f"{what} at step {step} of the episode with seed {seed}.")
+
+
+class DemoError(AerialError):
+    """A recording or dataset that cannot be trusted.
+
+    Args:
+        path: the file or folder.
+        problem: one sentence saying what is wrong.
+        topic: MCAP topic or dataset column, where one is at fault.
+        step: index of the first bad step, where one is at fault.
+        field: field within the message, where one is at fault.
+        expected: what was expected.
+        got: what was found.
+        hint: the next command to run.
+    """
+
+    def __init__(
+        self,
+        path: object,
+        problem: str,
+        *,
+        topic: str | None = None,
+        step: int | None = None,
+        field: str | None = None,
+        expected: object = None,
+        got: object = None,
+        hint: str = "",
+    ) -> None:
+        self.path, self.problem = str(path), problem
+        self.topic, self.step, self.field = topic, step, field
+        self.expected, self.got, self.hint = expected, got, hint
+        where = [f"{k} {v}" for k, v in (("topic", topic), ("step", step), ("field", field)) if v is not None]
+        parts = [f"{self.path}: {problem}"]
+        if where:
+            parts.append(f"[{', '.join(where)}]")
+        if expected is not None or got is not None:
+            parts.append(f"expected {expected}, got {got}.")
+        if hint:
+            parts.append(hint)
+        super().__init__(" ".join(parts))

@@ -1,0 +1,30 @@
+"""Randomness that depends on names and seeds alone, never on worker count or call order."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+
+def episode_rng(robot: str, task: str, tier: str, seed: int) -> np.random.Generator:
+    """Return the generator that decides everything random about one episode.
+
+    Args:
+        robot, task, tier: registry names.
+        seed: non-negative episode seed.
+
+    Returns:
+        A PCG64 generator; equal arguments give equal streams on every platform.
+    """
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([*_words(f"{robot}/{task}/{tier}"), int(seed)])))
+
+
+def named_rng(seed: int, *names: str) -> np.random.Generator:
+    """Return an independent stream for a named purpose, e.g. ``named_rng(0, "noise", "expert")``."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([*_words("/".join(names)), int(seed)])))
+
+
+def _words(text: str) -> list[int]:
+    digest = hashlib.sha256(text.encode()).digest()
+    return [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]

@@ -1,0 +1,213 @@
+"""What an environment shows and takes: named, sized and bounded, so that data and policies can check themselves.
+
+A dataset and a checkpoint carry the :class:`EnvSpec` they were made for; comparing two of them is how a policy
+refuses another robot's data and a recording refuses another task's environment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+Group = Literal["proprio", "task", "image"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One named entry of an observation.
+
+    Attributes:
+        name: key in the observation mapping.
+        shape: shape of one world's value, without the world axis.
+        group: ``proprio`` (the robot's own state), ``task`` (objects and goals) or ``image``.
+        dtype: NumPy dtype name.
+        unit: SI unit, empty if dimensionless.
+        labels: one label per element for one-dimensional fields.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    group: Group = "proprio"
+    dtype: str = "float64"
+    unit: str = ""
+    labels: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        return int(np.prod(self.shape))
+
+    def element_labels(self) -> tuple[str, ...]:
+        """One label per element: ``name.label``, or ``name.index`` where the field has no labels."""
+        labels = self.labels or tuple(str(i) for i in range(self.size))
+        return tuple(f"{self.name}.{label}" for label in labels)
+
+
+@dataclass(frozen=True)
+class ObservationSpec:
+    """The ordered fields of an observation mapping ``name -> (n, *shape)``."""
+
+    fields: tuple[Field, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f.name for f in self.fields)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of all fields that are not images: proprioception first, then the task's."""
+        return tuple(f.name for g in ("proprio", "task") for f in self.fields if f.group == g)
+
+    def of_group(self, group: Group) -> tuple[Field, ...]:
+        return tuple(f for f in self.fields if f.group == group)
+
+    def __getitem__(self, name: str) -> Field:
+        for field in self.fields:
+            if field.name == name:
+                return field
+        raise UnknownNameError("observation", name, self.names)
+
+    def size(self, names: Iterable[str]) -> int:
+        return sum(self[name].size for name in names)
+
+    def flatten(self, obs: Mapping[str, np.ndarray], names: Iterable[str]) -> np.ndarray:
+        """Concatenate fields along the last axis.
+
+        Args:
+            obs: mapping ``name -> (..., *shape)``.
+            names: which fields, in order.
+
+        Returns:
+            ``(..., D)`` with D the sum of the fields' sizes.
+        """
+        parts = []
+        for name in names:
+            rank = len(self[name].shape)
+            value = np.asarray(obs[name])
+            parts.append(value.reshape(value.shape[: value.ndim - rank] + (-1,)))
+        return np.concatenate(parts, axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class ActionSpec:
+    """A bounded action vector in SI units.
+
+    Attributes:
+        level: name of the action level, e.g. ``ee_pose``.
+        labels: one label per element.
+        units: one unit per element.
+        low: (Da,) lower bounds.
+        high: (Da,) upper bounds.
+    """
+
+    level: str
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    low: np.ndarray
+    high: np.ndarray
+
+    def __post_init__(self) -> None:
+        sizes = {len(self.labels), len(self.units), len(self.low), len(self.high)}
+        if len(sizes) != 1:
+            raise InvalidValueError(f"ActionSpec {self.level!r}: labels, units and bounds differ in length: {sizes}.")
+        if not np.all(np.asarray(self.low) < np.asarray(self.high)):
+            raise InvalidValueError(f"ActionSpec {self.level!r}: every lower bound must lie below its upper bound.")
+
+    @property
+    def size(self) -> int:
+        return len(self.labels)
+
+    def clip(self, action: np.ndarray) -> np.ndarray:
+        """Return ``action`` (..., Da) limited to the bounds."""
+        return np.clip(action, self.low, self.high)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ActionSpec) and _plain(self) == _plain(other)
+
+    def __hash__(self) -> int:
+        return hash((self.level, self.labels))
+
+
+@dataclass(frozen=True)
+class EnvSpec:
+    """Everything a dataset or a policy must know about the environment it belongs to.
+
+    Attributes:
+        robot, task, tier: registry names.
+        observation: fields of the observation.
+        action: bounds, labels and units of the action.
+        control_dt_s: time between two actions, in seconds.
+        max_steps: steps after which an episode is truncated.
+        instruction: the task in one English sentence.
+        subtasks: names of the sub-task flags, in order.
+        state_size: length of the full simulator state (``mjSTATE_INTEGRATION``).
+    """
+
+    robot: str
+    task: str
+    tier: str
+    observation: ObservationSpec
+    action: ActionSpec
+    control_dt_s: float
+    max_steps: int
+    instruction: str
+    subtasks: tuple[str, ...]
+    state_size: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists, numbers and strings, ready for JSON or YAML."""
+        return _plain(self)
+
+    @staticmethod
+    def from_dict(raw: Mapping[str, Any]) -> EnvSpec:
+        """Rebuild a specification from :meth:`to_dict`'s result."""
+        try:
+            fields = tuple(
+                Field(**{**f, "shape": tuple(f["shape"]), "labels": tuple(f["labels"])})
+                for f in raw["observation"]["fields"]
+            )
+            a = raw["action"]
+            action = ActionSpec(
+                a["level"], tuple(a["labels"]), tuple(a["units"]), np.asarray(a["low"], float), np.asarray(a["high"], float)
+            )
+            rest = {k: raw[k] for k in ("robot", "task", "tier", "control_dt_s", "max_steps", "instruction", "state_size")}
+            return EnvSpec(
+                observation=ObservationSpec(fields), action=action, subtasks=tuple(raw["subtasks"]), **rest
+            )
+        except (KeyError, TypeError) as error:
+            raise InvalidValueError(f"Not an environment specification: {error!r} is missing or malformed.") from error
+
+    def differences(self, other: EnvSpec, *, ignore: Iterable[str] = ("tier",)) -> list[str]:
+        """Name every key in which two specifications differ, as ``key: mine != theirs``."""
+        mine, theirs = _flat(self.to_dict()), _flat(other.to_dict())
+        skip = tuple(ignore)
+        return [
+            f"{key}: {mine.get(key)!r} != {theirs.get(key)!r}"
+            for key in sorted(mine.keys() | theirs.keys())
+            if key.split(".")[0] not in skip and mine.get(key) != theirs.get(key)
+        ]
+
+
+def _plain(spec: Any) -> dict[str, Any]:
+    def convert(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return [float(x) for x in value]
+        if isinstance(value, dict):
+            return {k: convert(v) for k, v in value.items()}
+        if isinstance(value, (tuple, list)):
+            return [convert(v) for v in value]
+        return value
+
+    return convert(asdict(spec))
+
+
+def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
+    if isinstance(tree, dict):
+        return {k2: v2 for k, v in tree.items() for k2, v2 in _flat(v, f"{prefix}{k}.").items()}
+    if isinstance(tree, list) and tree and isinstance(tree[0], dict):
+        return {k2: v2 for v in tree for k2, v2 in _flat(v, f"{prefix}{v.get('name', '')}.").items()}
+    return {prefix.rstrip("."): tree}
