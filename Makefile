@@ -1,0 +1,47 @@
+# The two commands to know: make demo, make test. `make help` lists the rest.
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+BIN := .venv/bin
+export HF_HUB_OFFLINE := 1
+export HF_DATASETS_OFFLINE := 1
+
+.PHONY: help setup demo test test-all check format bench docs lock clean
+
+help: ## list these commands
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: ## make .venv from requirements.lock and find out how to render (does nothing when up to date)
+	@setup/environment.sh
+
+demo: setup ## fly, record, learn, evaluate: the whole path, resumable, with a report at the end
+	@$(BIN)/aerial-il demo
+
+test: setup ## run the tests that finish in minutes
+	@$(BIN)/python -m pytest
+
+test-all: setup ## run every test, the slow ones and those that need a browser too
+	@$(BIN)/python -m pytest -m ""
+
+check: setup ## lint, formatting, types and the layers between rooms
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/basedpyright
+	@$(BIN)/lint-imports
+
+format: setup ## put the code in order
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+bench: setup ## run every benchmark (aerial-il bench NAME runs one)
+	@$(BIN)/aerial-il bench
+
+docs: setup ## print every command with its keys, from the code itself
+	@$(BIN)/aerial-il help --all
+
+lock: setup ## resolve pyproject.toml anew into requirements.lock, keeping the versions that still fit
+	@PATH="$$PATH:.tools/bin" uv pip compile pyproject.toml --extra dev --universal --python-version 3.12 \
+	  --generate-hashes --no-emit-index-url --no-header --no-annotate --quiet --output-file requirements.lock
+
+clean: ## remove caches and the environment; recordings and runs stay
+	rm -rf .venv .tools .cache .pytest_cache .ruff_cache .import_linter_cache dist build *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
