@@ -53,6 +53,48 @@ class SimulationDivergedError(AerialError, RuntimeError):
         super().__init__(f"{what} at step {step} of the episode with seed {seed}.")
 
 
+class CheckpointError(AerialError):
+    """A checkpoint or saved policy that is cut, altered, foreign or cannot be written.
+
+    Args:
+        path: the file or folder at fault.
+        problem: one sentence saying what is wrong.
+        hint: the next command or step.
+    """
+
+    def __init__(self, path: object, problem: str, hint: str = "") -> None:
+        self.path, self.problem, self.hint = str(path), problem, hint
+        super().__init__(f"{path}: {problem}" + (f" {hint}" if hint else ""))
+
+
+class NonFiniteActionError(AerialError, RuntimeError):
+    """A policy saw or produced NaN or infinity.
+
+    Args:
+        what: what is not finite, e.g. ``"observation base_pos"`` or ``"network output"``.
+        worlds: indices of the worlds concerned.
+    """
+
+    def __init__(self, what: str, worlds: Iterable[int]) -> None:
+        self.what, self.worlds = what, tuple(int(w) for w in worlds)
+        shown = ", ".join(str(w) for w in self.worlds[:8]) + (", ..." if len(self.worlds) > 8 else "")
+        super().__init__(f"Non-finite {what} in world {shown}; no action can be trusted.")
+
+
+class TrainingDivergedError(AerialError, RuntimeError):
+    """A loss or gradient that is not finite; nothing of that step is kept.
+
+    Args:
+        what: e.g. ``"loss"``.
+        step: optimisation step at which it happened, counted from 0.
+        hint: what to change.
+    """
+
+    def __init__(self, what: str, *, step: int, hint: str = "") -> None:
+        self.what, self.step = what, step
+        super().__init__(f"{what} is not finite at training step {step}." + (f" {hint}" if hint else ""))
+
+
 class DemoError(AerialError):
     """A recording or dataset that cannot be trusted.
 
