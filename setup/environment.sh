@@ -90,7 +90,8 @@ make_environment() {
     fi
     rm -f $stamp
     say "Installing what requirements.lock names (the first time about 2.6 GB) ..."
-    "$uv" pip sync --python $venv/bin/python --require-hashes --compile-bytecode requirements.lock ||
+    quiet=; [ -t 2 ] || quiet=--quiet
+    "$uv" pip sync $quiet --python $venv/bin/python --require-hashes --compile-bytecode requirements.lock ||
         fail "the packages are not complete. What was fetched is kept: run 'make setup' again."
     "$uv" pip install --quiet --python $venv/bin/python --no-deps --no-build-isolation --editable . ||
         fail "the project itself could not be installed into $venv."
