@@ -1,0 +1,144 @@
+"""Whether one evaluated policy beats another, with an interval and a p-value.
+
+Where both flew the same seeds of the same cell and tier the comparison is paired by seed, which removes the luck of
+the draw of episodes; otherwise the two are independent samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import named_rng
+from aerial_il.evaluation import statistics
+from aerial_il.evaluation.metrics import EpisodeRecord, Metric, metrics_of
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.statistics import Interval
+
+
+@dataclass(frozen=True)
+class MetricChange:
+    """How the mean of one number changed from a to b, over the episodes where it exists (in both, if paired)."""
+
+    key: str
+    label: str
+    unit: str
+    mean_a: float
+    mean_b: float
+    p_value: float
+
+    @property
+    def difference(self) -> float:
+        return self.mean_b - self.mean_a
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two evaluations of one robot and task side by side.
+
+    Attributes:
+        a, b: names of the policies, with their tiers where these differ.
+        rate_a, rate_b: success rates.
+        difference: ``rate_b - rate_a``.
+        ci95: its 95 % interval.
+        p_value: two-sided, that both succeed equally often.
+        method: the test used.
+        paired: whether both flew the same seeds.
+        only_a, only_b: seeds on which one succeeded and the other did not (paired only).
+        changes: the other numbers.
+    """
+
+    a: str
+    b: str
+    rate_a: float
+    rate_b: float
+    difference: float
+    ci95: Interval
+    p_value: float
+    method: str
+    paired: bool
+    only_a: tuple[int, ...]
+    only_b: tuple[int, ...]
+    changes: tuple[MetricChange, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    def summary(self) -> str:
+        """The comparison in a few lines for a terminal."""
+        lo, hi = (100 * end for end in self.ci95)
+        lines = [
+            f"success  a {100 * self.rate_a:.1f} %  {self.a}",
+            f"         b {100 * self.rate_b:.1f} %  {self.b}",
+            f"         b - a = {100 * self.difference:+.1f} points (95 % interval {lo:+.1f} to {hi:+.1f}), "
+            f"p = {self.p_value:.3g} ({self.method})",
+        ]
+        if self.paired:
+            lines.append(f"         won by a alone: {len(self.only_a)} seeds, by b alone: {len(self.only_b)}")
+        width = max(len(change.key) for change in self.changes)
+        lines += [
+            f"{c.key:<{width}}  a {c.mean_a:.4g}  b {c.mean_b:.4g}  ({c.difference:+.3g})  p = {c.p_value:.3g}"
+            for c in self.changes
+        ]
+        return "\n".join(lines)
+
+
+def compare(a: EvaluationResult, b: EvaluationResult) -> Comparison:
+    """Compare two evaluations of the same robot and task.
+
+    Raises:
+        InvalidValueError: the robots or the tasks differ, so that no difference could be blamed on the policy.
+    """
+    if (a.robot, a.task) != (b.robot, b.task):
+        raise InvalidValueError(
+            f"Cannot compare {a.robot}/{a.task} with {b.robot}/{b.task}: evaluate both policies on one robot and task."
+        )
+    paired = a.tier == b.tier and set(a.seeds) == set(b.seeds)
+    by_seed_a, by_seed_b = ({e.seed: e for e in result.episodes} for result in (a, b))
+    won_a, won_b = ({seed for seed, e in by.items() if e.success} for by in (by_seed_a, by_seed_b))
+    only_a, only_b = (sorted(won_a - won_b), sorted(won_b - won_a)) if paired else ((), ())
+    counts = len(won_a), len(a.episodes), len(won_b), len(b.episodes)
+    if paired:
+        ci95 = statistics.paired_difference(len(only_a), len(only_b), len(a.episodes))
+        p_value, method = statistics.mcnemar(len(only_a), len(only_b)), "exact McNemar test, paired by seed"
+    else:
+        ci95, p_value, method = statistics.newcombe(*counts), statistics.fisher(*counts), "Fisher's exact test"
+    metrics = metrics_of((*a.episodes, *b.episodes))
+    changes = [_change(metric, by_seed_a, by_seed_b, paired=paired) for metric in metrics]
+    name_a, name_b = (f"{r.policy} ({r.tier})" if a.tier != b.tier else r.policy for r in (a, b))
+    rate_a, rate_b = a.success["rate"], b.success["rate"]
+    return Comparison(
+        a=name_a,
+        b=name_b,
+        rate_a=rate_a,
+        rate_b=rate_b,
+        difference=rate_b - rate_a,
+        ci95=ci95,
+        p_value=p_value,
+        method=method,
+        paired=paired,
+        only_a=tuple(only_a),
+        only_b=tuple(only_b),
+        changes=tuple(change for change in changes if change is not None),
+    )
+
+
+def _change(
+    metric: Metric, a: dict[int, EpisodeRecord], b: dict[int, EpisodeRecord], *, paired: bool
+) -> MetricChange | None:
+    values_a, values_b = ({s: v for s, e in by.items() if (v := metric.value(e)) is not None} for by in (a, b))
+    if paired:
+        both = [seed for seed in values_a if seed in values_b]
+        values_a, values_b = ({seed: values[seed] for seed in both} for values in (values_a, values_b))
+    x, y = (np.array(list(values.values()), dtype=float) for values in (values_a, values_b))
+    if not x.size or not y.size:
+        return None
+    rng = named_rng(0, "evaluation", "compare", metric.key)
+    if paired:
+        p_value = statistics.paired_permutation_test(y - x, rng=rng)
+    else:
+        p_value = statistics.permutation_test(x, y, rng=rng)
+    return MetricChange(metric.key, metric.label, metric.unit, float(x.mean()), float(y.mean()), p_value)

@@ -1,0 +1,211 @@
+"""What is measured of one episode, and how episodes are summed up with their spread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.specs import EnvSpec
+from aerial_il.evaluation.statistics import bootstrap_mean, wilson
+from aerial_il.evaluation.traces import Trace
+
+End = Literal["success", "crash", "timeout"]
+ENDS: tuple[End, ...] = ("success", "crash", "timeout")
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """The numbers of one episode; None where a number does not exist, such as the time to a success never reached.
+
+    Attributes:
+        seed: seed of the episode.
+        end: why it ended: first success, crash, or the time limit.
+        steps: control steps flown.
+        duration_s: simulated time flown.
+        time_to_success_s: simulated time to the first success.
+        return_: sum of the rewards.
+        mean_reward: mean of the rewards, in [0, 1].
+        ee_error_mean_m, ee_error_max_m: distance between commanded and actual end effector over the steps.
+        effort_mean: mean squared rotor use in [0, 1].
+        action_jerk_rms: unit -> root mean square of the executed action's third derivative, e.g. ``m/s^3``.
+        contact_events: times that the robot's body, rotors or arm came to touch the world.
+        contact_time_s: time for which they touched it.
+        subtasks: sub-task -> time at which it was first done, None if never.
+    """
+
+    seed: int
+    end: End
+    steps: int
+    duration_s: float
+    time_to_success_s: float | None
+    return_: float
+    mean_reward: float
+    ee_error_mean_m: float | None
+    ee_error_max_m: float | None
+    effort_mean: float
+    action_jerk_rms: Mapping[str, float]
+    contact_events: int
+    contact_time_s: float
+    subtasks: Mapping[str, float | None]
+
+    @property
+    def success(self) -> bool:
+        return self.end == "success"
+
+    def to_dict(self) -> dict[str, Any]:
+        raw = asdict(self)
+        raw["return"] = raw.pop("return_")
+        return {"seed": raw.pop("seed"), "success": self.success, **raw}
+
+    @staticmethod
+    def from_dict(raw: Mapping[str, Any]) -> EpisodeRecord:
+        rest = {key: value for key, value in raw.items() if key not in ("return", "success")}
+        return EpisodeRecord(return_=raw["return"], **rest)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number that every episode has or lacks.
+
+    Attributes:
+        key: name in ``evaluation.json``.
+        label: name for people.
+        unit: SI unit, empty if dimensionless.
+        value: reads it from a record.
+        better: which way is good.
+    """
+
+    key: str
+    label: str
+    unit: str
+    value: Callable[[EpisodeRecord], float | None]
+    better: Literal["higher", "lower"]
+
+
+RETURN = Metric("return", "Return", "", lambda e: e.return_, "higher")
+METRICS = (
+    Metric("time_to_success_s", "Time to success", "s", lambda e: e.time_to_success_s, "lower"),
+    Metric("mean_reward", "Mean reward", "", lambda e: e.mean_reward, "higher"),
+    Metric("steps", "Control steps", "", lambda e: e.steps, "lower"),
+    Metric("ee_error_mean_m", "End-effector error, mean over the episode", "m", lambda e: e.ee_error_mean_m, "lower"),
+    Metric("ee_error_max_m", "End-effector error, largest", "m", lambda e: e.ee_error_max_m, "lower"),
+    Metric("effort_mean", "Control effort, mean squared rotor use", "", lambda e: e.effort_mean, "lower"),
+    Metric("contact_events", "Unwanted contacts", "", lambda e: e.contact_events, "lower"),
+    Metric("contact_time_s", "Time in unwanted contact", "s", lambda e: e.contact_time_s, "lower"),
+)
+
+
+def metrics_of(episodes: Sequence[EpisodeRecord]) -> tuple[Metric, ...]:
+    """Return every metric that these episodes have: the common ones and one jerk per unit of the action."""
+    units = dict.fromkeys(unit for episode in episodes for unit in episode.action_jerk_rms)
+    return (RETURN, *METRICS, *map(_jerk_metric, units))
+
+
+def _jerk_metric(unit: str) -> Metric:
+    label = f"Action jerk, root mean square ({unit})"
+    return Metric(f"action_jerk_rms[{unit}]", label, unit, lambda e: e.action_jerk_rms.get(unit), "lower")
+
+
+def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
+    """Reduce one flown episode to its numbers."""
+    dt, steps = spec.control_dt_s, len(trace)
+    touching = trace.contacts > 0
+    onsets = int(touching[0]) + int(np.count_nonzero(touching[1:] & ~touching[:-1]))
+    error = trace.ee_error_m[np.isfinite(trace.ee_error_m)]
+    return EpisodeRecord(
+        seed=trace.seed,
+        end="success" if trace.success else "crash" if trace.crash else "timeout",
+        steps=steps,
+        duration_s=_tidy(steps * dt),
+        time_to_success_s=_tidy(steps * dt) if trace.success else None,
+        return_=float(trace.reward.sum()),
+        mean_reward=float(trace.reward.mean()),
+        ee_error_mean_m=float(error.mean()) if error.size else None,
+        ee_error_max_m=float(error.max()) if error.size else None,
+        effort_mean=float(trace.effort.mean()),
+        action_jerk_rms=action_jerk_rms(trace.executed, spec.action.units, dt),
+        contact_events=onsets,
+        contact_time_s=_tidy(np.count_nonzero(touching) * dt),
+        subtasks={name: _first_time(trace.subtasks[:, k], dt) for k, name in enumerate(spec.subtasks)},
+    )
+
+
+def action_jerk_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> dict[str, float]:
+    """Return the root mean square third derivative of an action sequence, one number per unit.
+
+    Args:
+        actions: (T, Da) executed actions.
+        units: Da units; elements that share one are averaged together.
+        dt_s: time between two actions.
+
+    Returns:
+        ``unit/s^3`` -> value, by third finite differences; empty for fewer than four steps.
+    """
+    if len(actions) < 4:
+        return {}
+    squared = (np.diff(actions, n=3, axis=0) / dt_s**3) ** 2
+    of_unit = {unit: [k for k, other in enumerate(units) if other == unit] for unit in units}
+    return {_per_s3(unit): float(np.sqrt(squared[:, columns].mean())) for unit, columns in of_unit.items()}
+
+
+def aggregate(episodes: Sequence[EpisodeRecord]) -> dict[str, Any]:
+    """Return the ``metrics`` of ``evaluation.json``: each number with its spread, each rate with its interval."""
+    numbers = {m.key: spread(m.key, map(m.value, episodes)) for m in metrics_of(episodes) if m is not RETURN}
+    return {
+        **numbers,
+        "crash": proportion([e.end == "crash" for e in episodes]),
+        "contact": proportion([e.contact_events > 0 for e in episodes]),
+        "ends": {end: sum(e.end == end for e in episodes) for end in ENDS},
+        "subtasks": {name: _subtask(name, episodes) for name in (episodes[0].subtasks if episodes else ())},
+    }
+
+
+def spread(key: str, values: Iterable[float | None]) -> dict[str, Any]:
+    """Return count, mean with bootstrap interval, standard deviation, median and range of the values that exist.
+
+    Args:
+        key: names the random stream of the bootstrap, so that equal values give an equal interval.
+        values: one number per episode, None where there is none.
+    """
+    known = np.array([value for value in values if value is not None], dtype=float)
+    if known.size == 0:
+        return {"count": 0} | dict.fromkeys(("mean", "ci95", "std", "median", "min", "max"))
+    return {
+        "count": known.size,
+        "mean": float(known.mean()),
+        "ci95": list(bootstrap_mean(known, rng=named_rng(0, "evaluation", "bootstrap", key))),
+        "std": float(known.std(ddof=1)) if known.size > 1 else 0.0,
+        "median": float(np.median(known)),
+        "min": float(known.min()),
+        "max": float(known.max()),
+    }
+
+
+def proportion(outcomes: Sequence[bool]) -> dict[str, Any]:
+    """Return count, rate and Wilson interval of the true ones; rate and interval are None without any outcome."""
+    count, total = sum(outcomes), len(outcomes)
+    if total == 0:
+        return {"count": 0, "rate": None, "ci95": None}
+    return {"count": count, "rate": count / total, "ci95": list(wilson(count, total))}
+
+
+def _subtask(name: str, episodes: Sequence[EpisodeRecord]) -> dict[str, Any]:
+    times = [episode.subtasks[name] for episode in episodes]
+    return {**proportion([time is not None for time in times]), "time_s": spread(f"subtask/{name}", times)}
+
+
+def _first_time(flags: np.ndarray, dt_s: float) -> float | None:
+    return _tidy((int(np.argmax(flags)) + 1) * dt_s) if flags.any() else None
+
+
+def _per_s3(unit: str) -> str:
+    return f"{unit.removesuffix('/s')}/s^4" if unit.endswith("/s") else f"{unit or '1'}/s^3"
+
+
+def _tidy(time_s: float) -> float:
+    """Drop the binary dust of ``steps * dt``."""
+    return round(float(time_s), 9)

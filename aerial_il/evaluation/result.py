@@ -1,0 +1,156 @@
+"""The result of an evaluation, as an object and as ``evaluation.json``."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import write_atomic, write_json
+from aerial_il.evaluation.metrics import RETURN, EpisodeRecord, aggregate, proportion, spread
+from aerial_il.evaluation.traces import Trace
+
+SCHEMA = "aerial_il.evaluation/1"
+FILE_NAME = "evaluation.json"
+PATHS_NAME = "ee_paths.npz"
+PATH_POINTS = 120
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """What is needed to show an episode again.
+
+    Attributes:
+        actions: (T, Da) commanded actions; with the seed they reproduce the episode bit for bit. None after loading
+            from disk.
+        ee_path: (P, 3) end effector in the world, m, thinned to at most 120 points; empty where it is not observed.
+        phase: (T,) phase index, -1 for policies without phases.
+        phase_names: names of the phases.
+    """
+
+    ee_path: np.ndarray
+    actions: np.ndarray | None = None
+    phase: np.ndarray | None = None
+    phase_names: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(trace: Trace, phase_names: tuple[str, ...] = ()) -> Flight:
+        points = np.unique(np.linspace(0, len(trace) - 1, min(PATH_POINTS, len(trace))).astype(int))
+        path = trace.ee_pos[points].astype(np.float32)
+        return Flight(path[np.isfinite(path).all(axis=1)], trace.actions, trace.phase, tuple(phase_names))
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluationResult:
+    """One policy on one cell and tier over fixed seeds.
+
+    Attributes:
+        robot, task, tier: registry names.
+        policy: name of what acted.
+        episodes: one record per seed, in the order of the seeds.
+        provenance: code, packages, machine, environment and whatever the caller added; plain values.
+        flights: seed -> what is needed to show the episode again.
+    """
+
+    robot: str
+    task: str
+    tier: str
+    policy: str
+    episodes: tuple[EpisodeRecord, ...]
+    provenance: Mapping[str, Any]
+    flights: Mapping[int, Flight] = field(default_factory=dict, repr=False)
+
+    @property
+    def seeds(self) -> list[int]:
+        return [episode.seed for episode in self.episodes]
+
+    @cached_property
+    def success(self) -> dict[str, Any]:
+        """Count, rate and 95 % Wilson interval of the successes."""
+        return proportion([episode.success for episode in self.episodes])
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        return aggregate(self.episodes)
+
+    def headline(self) -> str:
+        """The result in one line, e.g. ``198/200 = 99.0 % (95 % interval 96.4 to 99.7 %)``."""
+        lo, hi = self.success["ci95"]
+        count, rate, total = self.success["count"], self.success["rate"], len(self.episodes)
+        return f"{count}/{total} = {100 * rate:.1f} % (95 % interval {100 * lo:.1f} to {100 * hi:.1f} %)"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of ``evaluation.json``."""
+        return {
+            "schema": SCHEMA,
+            "robot": self.robot,
+            "task": self.task,
+            "tier": self.tier,
+            "policy": self.policy,
+            "episodes": len(self.episodes),
+            "seeds": [self.seeds[0], self.seeds[-1]],
+            "success": self.success,
+            "return": spread(RETURN.key, map(RETURN.value, self.episodes)),
+            "metrics": self.metrics,
+            "per_episode": [episode.to_dict() for episode in self.episodes],
+            "provenance": dict(self.provenance),
+        }
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write ``evaluation.json`` and the thinned end-effector paths into ``folder``; return the JSON's path."""
+        folder = Path(folder)
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **{str(seed): flight.ee_path for seed, flight in self.flights.items()})
+        write_atomic(folder / PATHS_NAME, buffer.getvalue())
+        return write_json(folder / FILE_NAME, self.to_dict())
+
+
+def load_result(path: str | os.PathLike[str]) -> EvaluationResult:
+    """Read a result back from ``evaluation.json`` or the folder that holds it.
+
+    Raises:
+        InvalidValueError: the file is missing, is not an evaluation of this schema, or contradicts itself.
+    """
+    path = Path(path)
+    path = path / FILE_NAME if path.is_dir() else path
+    raw = _read(path)
+    try:
+        episodes = tuple(EpisodeRecord.from_dict(entry) for entry in raw["per_episode"])
+        head = {key: raw[key] for key in ("robot", "task", "tier", "policy", "provenance")}
+        stated = raw["episodes"], raw["success"]["count"]
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InvalidValueError(f"{path}: not an evaluation: {error}.") from error
+    found = len(episodes), sum(episode.success for episode in episodes)
+    if found != stated:
+        says = "{} episodes with {} successes"
+        raise InvalidValueError(f"{path}: states {says.format(*stated)}, but lists {says.format(*found)}.")
+    return EvaluationResult(episodes=episodes, flights=_load_paths(path.with_name(PATHS_NAME)), **head)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        hint = "`aerial-il evaluate ... out=FOLDER` writes one."
+        raise InvalidValueError(f"{path}: cannot be read ({error.strerror}). {hint}") from error
+    except ValueError as error:
+        raise InvalidValueError(f"{path}: is not valid JSON: {error}.") from error
+    schema = raw.get("schema") if isinstance(raw, dict) else None
+    if schema != SCHEMA:
+        raise InvalidValueError(f"{path}: has schema {schema!r}; this version reads {SCHEMA!r}.")
+    return raw
+
+
+def _load_paths(path: Path) -> dict[int, Flight]:
+    if not path.exists():
+        return {}
+    with np.load(path, allow_pickle=False) as arrays:
+        return {int(seed): Flight(arrays[seed]) for seed in arrays.files}

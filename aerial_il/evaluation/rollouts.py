@@ -1,0 +1,153 @@
+"""Fly a policy over fixed seeds: a queue of seeds feeds n worlds, and every seed is flown exactly once."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
+from aerial_il.core.policy import Policy, attach
+from aerial_il.core.provenance import provenance
+from aerial_il.core.specs import EnvSpec
+from aerial_il.evaluation.metrics import measure
+from aerial_il.evaluation.result import EvaluationResult, Flight
+from aerial_il.evaluation.traces import Trace, TraceBuffer
+
+
+def evaluate(
+    env: Any,
+    policy: Policy,
+    seeds: Iterable[int],
+    *,
+    policy_name: str,
+    origin: Mapping[str, Any] | None = None,
+    progress: bool = True,
+) -> EvaluationResult:
+    """Judge a policy in closed loop.
+
+    Every world flies until its first success, a crash or the time limit, then takes the next seed. The result does not
+    depend on the number of worlds, as long as the policy treats each row of a batch alike.
+
+    Args:
+        env: a batch environment (``aerial_il.load_batch``).
+        policy: what acts; experts are attached to ``env``.
+        seeds: distinct non-negative episode seeds.
+        policy_name: how the result names the policy, e.g. ``expert`` or a run folder.
+        origin: plain values to keep in the result's provenance, e.g. the command and the policy's digest.
+        progress: show a progress bar.
+
+    Returns:
+        The records of all episodes in the order of ``seeds``.
+
+    Raises:
+        SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
+        InvalidValueError: seeds repeat, or the policy's actions do not fit the environment.
+    """
+    order, started = _checked(seeds), time.perf_counter()
+    records, flights = {}, {}
+    with tqdm(total=len(order), desc=f"evaluate {policy_name}", unit="ep", disable=not progress) as bar:
+        for trace in rollouts(env, policy, order):
+            records[trace.seed] = measure(trace, env.spec)
+            flights[trace.seed] = Flight.of(trace, getattr(policy, "phase_names", ()))
+            bar.set_postfix_str(f"success {sum(r.success for r in records.values())}/{len(records)}", refresh=False)
+            bar.update()
+    return EvaluationResult(
+        robot=env.spec.robot,
+        task=env.spec.task,
+        tier=env.spec.tier,
+        policy=policy_name,
+        episodes=tuple(records[seed] for seed in order),
+        provenance=_provenance(env, time.perf_counter() - started) | dict(origin or {}),
+        flights=flights,
+    )
+
+
+def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
+    """Fly every seed once and yield the episodes as they end.
+
+    Args and errors are those of :func:`evaluate`. With fewer seeds than worlds the spare worlds stand still.
+    """
+    order = _checked(seeds)
+    waiting = deque(order[env.num_envs :])
+    current = np.resize(np.array(order, dtype=np.int64), env.num_envs)
+    flying = np.arange(env.num_envs) < len(order)
+    buffer = TraceBuffer(env.spec, env.num_envs)
+    attach(policy, env)
+    obs = env.reset(current)
+    policy.reset()
+    while flying.any():
+        actions = policy.act(obs)
+        _check_actions(actions, env.spec, current, buffer.steps, flying)
+        result = env.step(actions, flying)
+        obs = result.obs
+        buffer.add(actions, result, getattr(policy, "phase", None), flying)
+        success, crash = result.info["success"], result.terminated
+        ended = flying & (success | crash | result.truncated)
+        for world in np.flatnonzero(ended):
+            won, seed = bool(success[world] and not crash[world]), int(current[world])
+            yield buffer.cut(world, seed=seed, success=won, crash=bool(crash[world]))
+        renewed = _take_next(waiting, ended, current, flying)
+        if renewed.any():
+            obs = env.reset(current, renewed)
+            policy.reset(renewed)
+
+
+def _take_next(waiting: deque[int], ended: np.ndarray, current: np.ndarray, flying: np.ndarray) -> np.ndarray:
+    """Give the worlds in ``ended`` their next seeds in ``current``, ground the others, return who got one."""
+    renewed = np.zeros_like(ended)
+    for world in np.flatnonzero(ended):
+        if waiting:
+            current[world], renewed[world] = waiting.popleft(), True
+        else:
+            flying[world] = False
+    return renewed
+
+
+def _checked(seeds: Iterable[int]) -> list[int]:
+    order = [int(seed) for seed in seeds]
+    if not order:
+        raise InvalidValueError("There are no seeds to evaluate; give at least one episode.")
+    if min(order) < 0:
+        raise InvalidValueError(f"Seed {min(order)} is negative; episode seeds start at 0.")
+    if len(set(order)) < len(order):
+        twice = next(seed for seed in order if order.count(seed) > 1)
+        raise InvalidValueError(f"Seed {twice} is given twice; each episode must be flown once.")
+    return order
+
+
+def _check_actions(
+    actions: np.ndarray, spec: EnvSpec, seeds: np.ndarray, steps: np.ndarray, flying: np.ndarray
+) -> None:
+    expected = (len(seeds), spec.action.size)
+    if np.shape(actions) != expected:
+        raise InvalidValueError(
+            f"The policy's actions have shape {np.shape(actions)}; the environment takes {expected}."
+        )
+    broken = flying & ~np.isfinite(actions).all(axis=1)
+    if broken.any():
+        world = int(np.argmax(broken))
+        label = spec.action.labels[int(np.argmin(np.isfinite(actions[world])))]
+        what = f"Action {label!r} of the policy became non-finite"
+        raise SimulationDivergedError(what, seed=int(seeds[world]), step=int(steps[world]))
+
+
+def _provenance(env: Any, wall_time_s: float) -> dict[str, Any]:
+    spec, torch = env.spec, sys.modules.get("torch")
+    return {
+        **provenance(),
+        "environment": {
+            "instruction": spec.instruction,
+            "action_level": spec.action.level,
+            "control_dt_s": spec.control_dt_s,
+            "max_steps": spec.max_steps,
+            "num_envs": env.num_envs,
+        },
+        "torch_threads": torch.get_num_threads() if torch else None,
+        "wall_time_s": round(wall_time_s, 3),
+    }

@@ -1,0 +1,176 @@
+"""How sure a number is, and whether two numbers differ.
+
+Proportions get exact or score methods, which hold at 0 and 1 and for few episodes; means get the bootstrap and
+permutation tests, which assume no distribution. Everything random takes a generator.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from aerial_il.core.errors import InvalidValueError
+
+
+class Interval(NamedTuple):
+    """A confidence interval; both ends are NaN where there is nothing to estimate from."""
+
+    lo: float
+    hi: float
+
+
+NO_INTERVAL = Interval(math.nan, math.nan)
+
+
+def wilson(count: int, total: int, *, level: float = 0.95) -> Interval:
+    """Return Wilson's score interval for a proportion.
+
+    Args:
+        count: successes, in [0, total].
+        total: trials.
+        level: confidence level in (0, 1).
+
+    Returns:
+        The interval within [0, 1]; its ends are 0 and 1 exactly where no success or no failure was seen.
+
+    Source:
+        E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 1927, equation 8.
+    """
+    if not 0 <= count <= total:
+        raise InvalidValueError(f"A count of {count} successes lies outside [0, {total}], the number of trials.")
+    if total == 0:
+        return NO_INTERVAL
+    z, rate = _quantile(level), count / total
+    centre = rate + z**2 / (2 * total)
+    half = z * math.sqrt(rate * (1 - rate) / total + z**2 / (4 * total**2))
+    scale = 1 + z**2 / total
+    lo = 0.0 if count == 0 else (centre - half) / scale
+    hi = 1.0 if count == total else (centre + half) / scale
+    return Interval(lo, hi)
+
+
+def bootstrap_mean(
+    values: np.ndarray, *, rng: np.random.Generator, level: float = 0.95, resamples: int = 2000
+) -> Interval:
+    """Return the percentile bootstrap interval of a mean.
+
+    Args:
+        values: (N,) independent observations.
+        rng: source of the resamples.
+        level: confidence level in (0, 1).
+        resamples: number of resampled means.
+
+    Returns:
+        The interval; of no width for one observation or equal ones.
+
+    Source:
+        B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 1979.
+    """
+    values = _finite(values)
+    if values.size == 0:
+        return NO_INTERVAL
+    means = [values[rng.integers(values.size, size=values.size)].mean() for _ in range(resamples)]
+    tail = (1 - level) / 2
+    lo, hi = np.quantile(means, [tail, 1 - tail])
+    return Interval(float(lo), float(hi))
+
+
+def newcombe(count_a: int, total_a: int, count_b: int, total_b: int, *, level: float = 0.95) -> Interval:
+    """Return the interval of the difference ``b - a`` of two independent proportions.
+
+    Source:
+        R. G. Newcombe, "Interval estimation for the difference between independent proportions", Statistics in
+        Medicine 1998, method 10: the Wilson intervals of both, combined by squares.
+    """
+    if total_a == 0 or total_b == 0:
+        return NO_INTERVAL
+    rate_a, rate_b = count_a / total_a, count_b / total_b
+    a, b = wilson(count_a, total_a, level=level), wilson(count_b, total_b, level=level)
+    below = math.hypot(rate_b - b.lo, a.hi - rate_a)
+    above = math.hypot(b.hi - rate_b, rate_a - a.lo)
+    return Interval(rate_b - rate_a - below, rate_b - rate_a + above)
+
+
+def paired_difference(only_a: int, only_b: int, total: int, *, level: float = 0.95) -> Interval:
+    """Return the interval of the difference ``b - a`` of two proportions seen on the same trials.
+
+    Args:
+        only_a, only_b: trials on which one succeeded and the other did not.
+        total: all trials.
+        level: confidence level in (0, 1).
+
+    Source:
+        D. G. Bonett and R. M. Price, "Adjusted Wald confidence interval for a difference of binomial proportions
+        based on paired data", Journal of Educational and Behavioral Statistics 2012, equation 5.
+    """
+    if total == 0:
+        return NO_INTERVAL
+    p_a, p_b = (only_a + 1) / (total + 2), (only_b + 1) / (total + 2)
+    half = _quantile(level) * math.sqrt((p_a + p_b - (p_b - p_a) ** 2) / (total + 2))
+    return Interval(max(-1.0, p_b - p_a - half), min(1.0, p_b - p_a + half))
+
+
+def mcnemar(only_a: int, only_b: int) -> float:
+    """Return the two-sided exact p-value that two policies succeed equally often on the same seeds.
+
+    Source:
+        Q. McNemar, Psychometrika 1947, with the exact binomial distribution of the discordant pairs.
+    """
+    discordant = only_a + only_b
+    return 1.0 if discordant == 0 else float(stats.binomtest(only_a, discordant, 0.5).pvalue)
+
+
+def fisher(count_a: int, total_a: int, count_b: int, total_b: int) -> float:
+    """Return the two-sided exact p-value that two independent proportions are equal (Fisher 1922)."""
+    table = [[count_a, total_a - count_a], [count_b, total_b - count_b]]
+    return float(stats.fisher_exact(table).pvalue)
+
+
+def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, resamples: int = 9999) -> float:
+    """Return the two-sided p-value that two independent samples have one mean.
+
+    Args:
+        a, b: (Na,) and (Nb,) observations.
+        rng: source of the relabellings.
+        resamples: number of random relabellings; the p-value is at least ``1 / (resamples + 1)``.
+    """
+    a, b = _finite(a), _finite(b)
+    if a.size == 0 or b.size == 0:
+        return math.nan
+    pooled = np.concatenate([a, b])
+
+    def difference(values: np.ndarray) -> float:
+        return abs(values[: a.size].mean() - values[a.size :].mean())
+
+    drawn = np.array([difference(rng.permutation(pooled)) for _ in range(resamples)])
+    return _p_value(drawn, difference(pooled))
+
+
+def paired_permutation_test(differences: np.ndarray, *, rng: np.random.Generator, resamples: int = 9999) -> float:
+    """Return the two-sided p-value that paired differences (N,) are symmetric about zero (random sign flips)."""
+    differences = _finite(differences)
+    if differences.size == 0:
+        return math.nan
+    signs = 2.0 * rng.integers(0, 2, (resamples, differences.size), dtype=np.int8) - 1
+    return _p_value(np.abs(signs @ differences), abs(differences.sum()))
+
+
+def _p_value(drawn: np.ndarray, observed: float) -> float:
+    extreme = int(np.count_nonzero(drawn >= observed * (1 - 1e-12)))
+    return (1 + extreme) / (1 + drawn.size)
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    values = np.asarray(values, dtype=float).ravel()
+    if not np.all(np.isfinite(values)):
+        raise InvalidValueError(f"Observation {int(np.argmin(np.isfinite(values)))} of {values.size} is not finite.")
+    return values
+
+
+def _quantile(level: float) -> float:
+    if not 0 < level < 1:
+        raise InvalidValueError(f"Confidence level {level} lies outside (0, 1); 0.95 is usual.")
+    return float(stats.norm.ppf((1 + level) / 2))

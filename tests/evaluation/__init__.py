@@ -1,0 +1,1 @@
+"""Tests of rollouts, metrics, statistics, video and report."""

@@ -1,0 +1,100 @@
+"""Every number of an episode against a hand-made one, and sums against NumPy."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from aerial_il.evaluation.metrics import EpisodeRecord, action_jerk_rms, aggregate, measure, metrics_of, spread
+from aerial_il.evaluation.traces import Trace
+from tests.evaluation.hover import DT_S, SPEC
+
+
+def trace(steps: int = 6, **changes: object) -> Trace:
+    columns = {
+        "seed": 3,
+        "success": True,
+        "crash": False,
+        "reward": np.linspace(0.0, 1.0, steps),
+        "ee_error_m": np.linspace(0.05, 0.0, steps),
+        "effort": np.full(steps, 0.25),
+        "contacts": np.zeros(steps, dtype=int),
+        "subtasks": np.zeros((steps, 2), dtype=bool),
+        "actions": np.zeros((steps, 4)),
+        "executed": np.zeros((steps, 4)),
+        "ee_pos": np.zeros((steps, 3)),
+        "phase": np.zeros(steps, dtype=int),
+    }
+    return Trace(**(columns | changes))
+
+
+def test_a_success_is_timed_by_its_last_step() -> None:
+    record = measure(trace(), SPEC)
+    assert (record.end, record.steps, record.duration_s, record.time_to_success_s) == ("success", 6, 0.12, 0.12)
+    assert record.return_ == pytest.approx(3.0)
+    assert record.mean_reward == pytest.approx(0.5)
+    assert (record.ee_error_mean_m, record.ee_error_max_m) == pytest.approx((0.025, 0.05))
+    assert record.effort_mean == 0.25
+
+
+@pytest.mark.parametrize(("crash", "end"), [(True, "crash"), (False, "timeout")])
+def test_a_failure_says_why_and_has_no_time_to_success(crash: bool, end: str) -> None:
+    record = measure(trace(success=False, crash=crash), SPEC)
+    assert (record.end, record.success, record.time_to_success_s) == (end, False, None)
+
+
+def test_an_end_effector_that_is_not_commanded_has_no_error() -> None:
+    record = measure(trace(ee_error_m=np.full(6, np.nan)), SPEC)
+    assert record.ee_error_mean_m is None
+    assert record.ee_error_max_m is None
+
+
+def test_contacts_are_counted_by_onset_and_time() -> None:
+    record = measure(trace(contacts=np.array([2, 1, 0, 0, 3, 0])), SPEC)
+    assert (record.contact_events, record.contact_time_s) == (2, 3 * DT_S)
+
+
+def test_subtasks_keep_the_first_time_they_were_done() -> None:
+    flags = np.zeros((6, 2), dtype=bool)
+    flags[2, 0] = flags[4, 0] = True
+    assert measure(trace(subtasks=flags), SPEC).subtasks == {"near": 3 * DT_S, "at_goal": None}
+
+
+def test_jerk_of_a_cubic_is_its_third_derivative() -> None:
+    time_s = np.arange(20) * DT_S
+    actions = np.stack([time_s**3, 2 * time_s**3, time_s**2, np.sin(0 * time_s)], axis=1)
+    jerk = action_jerk_rms(actions, ("m", "m", "", "m/s"), DT_S)
+    assert jerk == pytest.approx({"m/s^3": np.sqrt((6**2 + 12**2) / 2), "1/s^3": 0.0, "m/s^4": 0.0}, abs=1e-6)
+
+
+def test_jerk_needs_four_steps() -> None:
+    assert action_jerk_rms(np.zeros((3, 1)), ("m",), DT_S) == {}
+
+
+def test_spread_ignores_what_is_missing_and_repeats() -> None:
+    values = [1.0, None, 2.0, 6.0]
+    summary = spread("x", values)
+    assert (summary["count"], summary["mean"], summary["median"]) == (3, 3.0, 2.0)
+    assert summary["std"] == pytest.approx(np.std([1, 2, 6], ddof=1))
+    assert summary == spread("x", values)
+    assert spread("x", [None])["mean"] is None
+
+
+def test_aggregate_counts_ends_and_subtasks() -> None:
+    flags = np.ones((6, 2), dtype=bool)
+    flags[:, 1] = False
+    records = [measure(trace(), SPEC), measure(trace(success=False, crash=True, subtasks=flags), SPEC)]
+    summary = aggregate(records)
+    assert summary["ends"] == {"success": 1, "crash": 1, "timeout": 0}
+    assert (summary["crash"]["rate"], summary["contact"]["count"]) == (0.5, 0)
+    assert [summary["subtasks"][name]["count"] for name in SPEC.subtasks] == [1, 0]
+    assert summary["time_to_success_s"]["count"] == 1
+    assert {metric.key for metric in metrics_of(records)} - {"return"} <= summary.keys()
+
+
+def test_a_record_survives_its_dictionary() -> None:
+    record = measure(trace(), SPEC)
+    assert EpisodeRecord.from_dict(record.to_dict()) == record
+    assert set(record.to_dict()) == {f.name for f in dataclasses.fields(record)} - {"return_"} | {"return", "success"}

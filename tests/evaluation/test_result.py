@@ -1,0 +1,123 @@
+"""evaluation.json keeps its promised keys, survives reading, and says what is wrong with a bad one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation.compare import compare
+from aerial_il.evaluation.result import SCHEMA, EvaluationResult, load_result
+from aerial_il.evaluation.rollouts import evaluate
+from tests.evaluation.hover import GoThere, HoverBatch
+
+
+def fly(seeds: Any, *, dive: bool = False, **origin: Any) -> EvaluationResult:
+    policy = GoThere(dive=dive)
+    name = "diver" if dive else "expert"
+    return evaluate(HoverBatch(16), policy, seeds, policy_name=name, origin=origin, progress=False)
+
+
+@pytest.fixture(scope="module")
+def diver() -> EvaluationResult:
+    return fly(range(100, 140), dive=True, command="aerial-il evaluate")
+
+
+@pytest.fixture(scope="module")
+def expert() -> EvaluationResult:
+    return fly(range(100, 140))
+
+
+def test_json_has_the_keys_that_others_rely_on(diver: EvaluationResult, tmp_path: Path) -> None:
+    raw = json.loads(diver.save(tmp_path).read_text())
+    assert list(raw) == [
+        *("schema", "robot", "task", "tier", "policy", "episodes", "seeds", "success", "return", "metrics"),
+        *("per_episode", "provenance"),
+    ]
+    assert (raw["schema"], raw["episodes"], raw["seeds"]) == (SCHEMA, 40, [100, 139])
+    assert list(raw["success"]) == ["count", "rate", "ci95"]
+    assert len(raw["per_episode"]) == 40
+    assert raw["provenance"]["command"] == "aerial-il evaluate"
+    assert raw["provenance"]["environment"]["control_dt_s"] == HoverBatch.spec.control_dt_s
+
+
+def test_a_result_survives_its_file(diver: EvaluationResult, tmp_path: Path) -> None:
+    diver.save(tmp_path)
+    loaded = load_result(tmp_path)
+    assert loaded.to_dict() == diver.to_dict()
+    for seed in diver.seeds:
+        np.testing.assert_array_equal(loaded.flights[seed].ee_path, diver.flights[seed].ee_path)
+
+
+def test_equal_evaluations_give_equal_files_but_for_the_clock(diver: EvaluationResult) -> None:
+    again = fly(range(100, 140), dive=True, command="aerial-il evaluate")
+    one, two = (json.loads(json.dumps(r.to_dict())) for r in (diver, again))
+    assert one["provenance"].pop("wall_time_s") > 0
+    assert two["provenance"].pop("wall_time_s") > 0
+    assert one == two
+
+
+def test_paths_are_thinned_and_keep_their_ends(diver: EvaluationResult) -> None:
+    flight = diver.flights[next(e.seed for e in diver.episodes if e.end == "timeout")]
+    assert 100 < len(flight.ee_path) <= 120
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda raw: raw | {"schema": "other/9"}, "has schema 'other/9'; this version reads"),
+        (lambda raw: [raw], "has schema None"),
+        (lambda raw: {k: v for k, v in raw.items() if k != "tier"}, "not an evaluation: 'tier'"),
+        (lambda raw: raw | {"per_episode": raw["per_episode"][:-1]}, "states 40 episodes .* lists 39"),
+        (lambda raw: raw | {"per_episode": [{"seed": 1}]}, "not an evaluation"),
+    ],
+)
+def test_a_damaged_file_names_itself(diver: EvaluationResult, tmp_path: Path, damage: Any, message: str) -> None:
+    path = diver.save(tmp_path)
+    path.write_text(json.dumps(damage(json.loads(path.read_text()))))
+    with pytest.raises(InvalidValueError, match=message) as caught:
+        load_result(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_or_broken_file_names_itself(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"evaluation\.json: cannot be read .*aerial-il evaluate"):
+        load_result(tmp_path)
+    (tmp_path / "evaluation.json").write_text('{"schema": ')
+    with pytest.raises(InvalidValueError, match="not valid JSON"):
+        load_result(tmp_path)
+
+
+def test_comparison_pairs_equal_seeds(diver: EvaluationResult, expert: EvaluationResult) -> None:
+    comparison = compare(diver, expert)
+    assert comparison.paired
+    assert comparison.only_a == ()
+    assert comparison.difference == pytest.approx(len(comparison.only_b) / 40)
+    assert comparison.p_value == pytest.approx(2 * 0.5 ** len(comparison.only_b))
+    assert comparison.ci95.lo < comparison.difference < comparison.ci95.hi
+    assert "paired by seed" in comparison.summary()
+    json.dumps(comparison.to_dict(), allow_nan=False)
+
+
+def test_comparison_of_other_seeds_is_unpaired(diver: EvaluationResult) -> None:
+    comparison = compare(diver, fly(range(20)))
+    assert not comparison.paired
+    assert comparison.method == "Fisher's exact test"
+    assert comparison.difference > 0.2
+    assert comparison.p_value < 0.05
+
+
+def test_comparison_with_itself_finds_nothing(expert: EvaluationResult) -> None:
+    comparison = compare(expert, expert)
+    assert (comparison.difference, comparison.p_value) == (0, 1)
+    assert all(change.p_value == 1 for change in comparison.changes)
+
+
+def test_comparison_refuses_another_task(expert: EvaluationResult) -> None:
+    other = EvaluationResult("carriage", "reach", "calm", "expert", expert.episodes, {})
+    with pytest.raises(InvalidValueError, match="carriage/hover with carriage/reach"):
+        compare(expert, other)

@@ -1,0 +1,123 @@
+"""Intervals and tests against published values, exact enumeration and their own promises."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation import statistics
+
+counts = st.integers(1, 300).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
+
+
+@given(counts, st.floats(0.5, 0.999))
+def test_wilson_equals_scipy_and_holds_the_estimate(pair: tuple[int, int], level: float) -> None:
+    count, total = pair
+    lo, hi = statistics.wilson(count, total, level=level)
+    reference = stats.binomtest(count, total).proportion_ci(level, method="wilson")
+    assert (lo, hi) == pytest.approx((reference.low, reference.high), abs=1e-12)
+    assert 0 <= lo <= count / total <= hi <= 1
+
+
+@given(counts)
+def test_wilson_mirrors_failures(pair: tuple[int, int]) -> None:
+    count, total = pair
+    lo, hi = statistics.wilson(count, total)
+    mirrored = statistics.wilson(total - count, total)
+    assert (1 - hi, 1 - lo) == pytest.approx(tuple(mirrored), abs=1e-12)
+
+
+def test_wilson_of_a_published_example() -> None:
+    assert statistics.wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=5e-5)  # Newcombe 1998, table I
+
+
+def test_wilson_without_trials_says_nothing_and_refuses_nonsense() -> None:
+    assert all(math.isnan(end) for end in statistics.wilson(0, 0))
+    with pytest.raises(InvalidValueError, match=r"5 successes.*\[0, 4\]"):
+        statistics.wilson(5, 4)
+    with pytest.raises(InvalidValueError, match="level 95"):
+        statistics.wilson(1, 4, level=95)
+
+
+def test_newcombe_of_a_published_example() -> None:
+    interval = statistics.newcombe(48, 80, 56, 70)  # Newcombe 1998, table II, row (a), method 10, sign turned
+    assert interval == pytest.approx((0.0524, 0.3339), abs=5e-5)
+
+
+@given(counts, counts)
+def test_newcombe_holds_the_difference_and_mirrors(a: tuple[int, int], b: tuple[int, int]) -> None:
+    lo, hi = statistics.newcombe(*a, *b)
+    assert lo <= b[0] / b[1] - a[0] / a[1] <= hi
+    assert statistics.newcombe(*b, *a) == pytest.approx((-hi, -lo), abs=1e-12)
+
+
+def test_paired_difference_covers_the_truth() -> None:
+    """Of 2000 experiments with a true difference of 0.1, about 95 % of the intervals hold it."""
+    rng, total = np.random.default_rng(0), 100
+    draws = rng.multinomial(total, [0.15, 0.25, 0.60], size=2000)
+    held = [lo <= 0.1 <= hi for lo, hi in (statistics.paired_difference(a, b, total) for a, b, _ in draws)]
+    assert 0.93 < np.mean(held) < 0.98
+
+
+def test_mcnemar_is_the_exact_binomial() -> None:
+    assert statistics.mcnemar(0, 0) == 1.0
+    assert statistics.mcnemar(0, 6) == pytest.approx(2 * 0.5**6)
+    assert statistics.mcnemar(3, 9) == pytest.approx(2 * sum(math.comb(12, k) for k in range(4)) / 2**12)
+
+
+def test_fisher_of_the_tea_tasting_lady() -> None:
+    assert statistics.fisher(3, 4, 1, 4) == pytest.approx(34 / 70)
+
+
+def test_bootstrap_covers_the_mean_of_a_skewed_sample() -> None:
+    rng = np.random.default_rng(1)
+    samples = rng.exponential(2.0, size=(200, 60))
+    held = [lo <= 2.0 <= hi for lo, hi in (statistics.bootstrap_mean(s, rng=rng, resamples=400) for s in samples)]
+    assert 0.87 < np.mean(held) <= 0.98
+
+
+def test_bootstrap_of_equal_values_has_no_width_and_repeats_with_its_seed() -> None:
+    assert statistics.bootstrap_mean(np.full(5, 3.0), rng=np.random.default_rng(0)) == (3.0, 3.0)
+    values = np.arange(10.0)
+    first, second = (statistics.bootstrap_mean(values, rng=np.random.default_rng(7)) for _ in range(2))
+    assert first == second
+
+
+def test_bootstrap_refuses_nan_by_index() -> None:
+    with pytest.raises(InvalidValueError, match="Observation 1 of 2"):
+        statistics.bootstrap_mean(np.array([0.0, np.nan]), rng=np.random.default_rng(0))
+
+
+def test_permutation_test_agrees_with_full_enumeration() -> None:
+    a, b = np.array([1.0, 2.0, 4.0, 7.0]), np.array([5.0, 6.0, 9.0, 12.0])
+    pooled, observed = np.concatenate([a, b]), abs(a.mean() - b.mean())
+    splits = [set(s) for s in itertools.combinations(range(8), 4)]
+    far = [abs(pooled[list(s)].mean() - pooled[list(set(range(8)) - s)].mean()) >= observed - 1e-12 for s in splits]
+    p_value = statistics.permutation_test(a, b, rng=np.random.default_rng(0))
+    assert p_value == pytest.approx(np.mean(far), abs=0.015)
+
+
+@settings(max_examples=20)
+@given(st.lists(st.floats(-5, 5), min_size=1, max_size=8))
+def test_paired_permutation_test_is_a_probability_and_ignores_sign(values: list[float]) -> None:
+    differences = np.array(values)
+    p_value, mirrored = (
+        statistics.paired_permutation_test(sign * differences, rng=np.random.default_rng(0), resamples=99)
+        for sign in (1, -1)
+    )
+    assert 0 < p_value <= 1
+    assert p_value == pytest.approx(mirrored)
+
+
+def test_permutation_tests_are_uniform_under_no_difference() -> None:
+    rng = np.random.default_rng(2)
+    draws = [statistics.permutation_test(*rng.normal(size=(2, 10)), rng=rng, resamples=99) for _ in range(300)]
+    assert np.mean(np.array(draws) <= 0.05) < 0.09
+    assert 0.4 < np.mean(draws) < 0.6
