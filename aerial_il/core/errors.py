@@ -133,3 +133,17 @@ class DemoError(AerialError):
         if hint:
             parts.append(hint)
         super().__init__(" ".join(parts))
+
+
+class StorageError(AerialError):
+    """A disk that is full or a place that cannot be written.
+
+    Args:
+        path: the file or folder that was being written.
+        error: what the operating system said.
+        hint: what is safe, and the next command to run.
+    """
+
+    def __init__(self, path: object, error: OSError, hint: str = "") -> None:
+        self.path, self.error = str(path), error
+        super().__init__(f"{path}: cannot be written ({error.strerror or error}). {hint}".rstrip())

@@ -1,0 +1,1 @@
+"""From an expert, a policy or a person to episodes on disk."""

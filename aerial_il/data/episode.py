@@ -1,0 +1,69 @@
+"""One recorded flight as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.specs import EnvSpec
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """A flight of T control steps: T + 1 observations and states, T actions and their outcomes.
+
+    Attributes:
+        uid: unique name, equal for equal flights.
+        spec: the environment it was flown in.
+        provenance: who flew it with what; plain JSON values.
+        obs: field name -> (T + 1, *shape); image fields only where they were asked for.
+        actions: (T, Da) as commanded.
+        executed_actions: (T, Da) as executed, after clipping or a person's correction.
+        expert_actions: (T, Da) what the expert would have done, NaN where nobody was asked.
+        is_intervention: (T,) bool, a person or the expert had taken over.
+        phase: (T,) int, index into ``provenance["phases"]``, -1 where there is none.
+        rewards: (T,) in [0, 1].
+        terminated, truncated: (T,) bool, true at most on the last step.
+        states: (T + 1, S) float64 full simulator states, before each step and after the last.
+        ctrl: (T, nu) actuator controls after each step.
+        sim_time: (T + 1,) seconds.
+        success: whether the task was solved.
+        model_xml: the compiled scene it was flown in.
+    """
+
+    uid: str
+    spec: EnvSpec
+    provenance: Mapping[str, Any]
+    obs: Mapping[str, np.ndarray]
+    actions: np.ndarray
+    executed_actions: np.ndarray
+    expert_actions: np.ndarray
+    is_intervention: np.ndarray
+    phase: np.ndarray
+    rewards: np.ndarray
+    terminated: np.ndarray
+    truncated: np.ndarray
+    states: np.ndarray
+    ctrl: np.ndarray
+    sim_time: np.ndarray
+    success: bool
+    model_xml: str
+
+    def __len__(self) -> int:
+        """Return the number of control steps T."""
+        return len(self.actions)
+
+    @property
+    def seed(self) -> int:
+        return int(self.provenance["seed"])
+
+    @property
+    def total_reward(self) -> float:
+        return float(self.rewards.sum())
+
+    def flat_obs(self, names: tuple[str, ...]) -> np.ndarray:
+        """Concatenate fields to (T + 1, D) in the order of ``names``."""
+        return self.spec.observation.flatten(self.obs, names)

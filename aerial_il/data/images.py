@@ -1,0 +1,61 @@
+"""Camera images as compressed bytes: RGB as JPEG (lossy), depth and segmentation as 16-bit PNG.
+
+Depth is kept in whole millimetres up to 65.535 m (0 where it is not finite or beyond), segmentation as id + 1 so that
+the background, -1, becomes 0.
+"""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+JPEG_QUALITY = 92
+_MAX = np.iinfo(np.uint16).max
+
+
+def encode(name: str, image: np.ndarray) -> bytes:
+    """Compress one image of the field ``name``, whose ending says what it shows.
+
+    Args:
+        name: ``<camera>_rgb``, ``<camera>_depth`` or ``<camera>_segmentation``.
+        image: (H, W, 3) uint8, (H, W) float metres, or (H, W) int ids.
+    """
+    buffer = io.BytesIO()
+    if name.endswith("_rgb"):
+        Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    else:
+        Image.fromarray(_to_uint16(name, image)).save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()
+
+
+def decode(name: str, data: bytes, shape: tuple[int, ...]) -> np.ndarray:
+    """Undo :func:`encode`.
+
+    Raises:
+        ValueError: the bytes are no such image, or one of another size; nothing is decompressed then.
+    """
+    try:
+        image = Image.open(io.BytesIO(data), formats=("JPEG",) if name.endswith("_rgb") else ("PNG",))
+        if (image.height, image.width) != shape[:2]:
+            raise ValueError(f"image is {image.height} x {image.width}, not {shape[0]} x {shape[1]}")
+        pixels = np.asarray(image)
+    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"image cannot be decoded: {error}") from error
+    if pixels.shape != shape:
+        raise ValueError(f"image has shape {pixels.shape}, not {shape}")
+    return pixels if name.endswith("_rgb") else _from_uint16(name, pixels)
+
+
+def _to_uint16(name: str, image: np.ndarray) -> np.ndarray:
+    if name.endswith("_depth"):
+        millimetres = np.round(np.nan_to_num(image, nan=0.0, posinf=0.0, neginf=0.0) * 1000)
+        return np.where((millimetres >= 0) & (millimetres <= _MAX), millimetres, 0).astype(np.uint16)
+    return np.clip(image.astype(np.int64) + 1, 0, _MAX).astype(np.uint16)
+
+
+def _from_uint16(name: str, pixels: np.ndarray) -> np.ndarray:
+    if name.endswith("_depth"):
+        return pixels.astype(np.float32) / 1000
+    return pixels.astype(np.int32) - 1

@@ -1,0 +1,253 @@
+"""Read one episode, trusting nothing: every malformed input is a `DemoError` that names file, topic and step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.errors import AerialError, DemoError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data import images
+from aerial_il.data.digest import ContentDigest
+from aerial_il.data.episode import Episode
+from aerial_il.data.scan import Contents, scan
+from aerial_il.data.schema import RECORD_HEAD, RECORD_HEAD_SIZE, VERSION, Camera, Layout, Topic, nanoseconds
+from aerial_il.data.validation import Report, check_episode
+from aerial_il.data.writer import EPISODE, MODEL, OUTCOME, PROVENANCE, schemas_and_channels
+
+MAX_ELEMENTS = 1_000_000  # of one message; keeps a forged specification from allocating
+
+
+@dataclass(frozen=True)
+class Head:
+    """What a file says about itself before its first message."""
+
+    uid: str
+    layout: Layout
+    provenance: Mapping[str, Any]
+    model_xml: str
+
+
+def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> Episode:
+    """Read and check the demonstration file at ``path``.
+
+    Args:
+        path: an MCAP file written by this package.
+        cameras: True to decode all image fields, or the names of some.
+
+    Raises:
+        DemoError: the file is not what it should be.
+    """
+    path = Path(path)
+    contents = scan(path)
+    head = read_head(path, contents)
+    outcome = _outcome(path, contents)
+    check_channels(path, contents, head.layout)
+    report = Report(path)
+    steps = int(outcome["steps"])
+    block, last, compressed = read_messages(report, contents, head.layout, steps)
+    _check_digest(path, contents, head.layout)
+    wanted = [c for c in head.layout.cameras if cameras is True or (cameras and c.field in cameras)]
+    episode = build_episode(head, block, last, json.loads(outcome["success"]), note=outcome["note"])
+    check_episode(report, episode)
+    pictures = {c.field: _decode(report, c, compressed[c.field]) for c in wanted}
+    return replace(episode, obs={**episode.obs, **pictures})
+
+
+def read_head(path: Path, contents: Contents) -> Head:
+    """Read the metadata that precede the messages."""
+    hint = "It was not recorded by aerial_il, or by another version."
+    for name in (EPISODE, PROVENANCE):
+        if name not in contents.metadata:
+            raise DemoError(path, f"has no metadata {name!r}: a foreign MCAP file.", got=sorted(contents.metadata), hint=hint)
+    entries = contents.metadata[EPISODE]
+    if missing := {"schema_version", "uid", "ctrl_size", "spec"} - entries.keys():
+        raise DemoError(path, f"lacks {sorted(missing)} in its metadata {EPISODE!r}.")
+    if entries["schema_version"] != str(VERSION):
+        raise DemoError(path, "has an unknown schema version.", expected=VERSION, got=entries["schema_version"], hint=hint)
+    if MODEL not in contents.attachments:
+        raise DemoError(path, f"lacks the attachment {MODEL!r}.")
+    try:
+        spec = EnvSpec.from_dict(json.loads(entries["spec"]))
+        ctrl_size = int(entries["ctrl_size"])
+        provenance = {key: json.loads(value) for key, value in contents.metadata[PROVENANCE].items()}
+        model_xml = contents.attachments[MODEL].decode()
+        sizes = [*(f.size for f in spec.observation.fields), spec.state_size, ctrl_size, spec.action.size]
+        if not all(0 <= size <= MAX_ELEMENTS for size in sizes):
+            raise ValueError(f"sizes {sizes} are not within 0..{MAX_ELEMENTS}")
+        return Head(entries["uid"], Layout(spec, ctrl_size), provenance, model_xml)
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, AerialError) as error:
+        raise DemoError(path, f"has malformed metadata ({error}).") from error
+
+
+def check_channels(path: Path, contents: Contents, layout: Layout) -> None:
+    """Require exactly the layout's channels, types and definitions."""
+    schemas, channels = schemas_and_channels(layout)
+    definitions = {schema.id: (schema.name, schema.encoding, schema.data) for schema in schemas}
+    found = {c.topic: c for c in contents.channels.values()}
+    for channel in channels:
+        other = found.get(channel.topic)
+        if other is None:
+            raise DemoError(path, "lacks a topic.", topic=channel.topic, got=sorted(found))
+        schema = contents.schemas.get(other.schema_id)
+        mine = definitions[channel.schema_id]
+        if schema is None or (schema.name, schema.encoding, schema.data) != mine or other.message_encoding != "cdr":
+            theirs = None if schema is None else (schema.name, schema.encoding)
+            raise DemoError(path, "has a topic of another type.", topic=channel.topic, expected=mine[:2], got=theirs)
+        if other.id != channel.id:
+            raise DemoError(path, "has another channel id.", topic=channel.topic, expected=channel.id, got=other.id)
+    if extra := found.keys() - {c.topic for c in channels} or contents.messages.keys() - {c.id for c in channels}:
+        raise DemoError(path, f"has topics or messages that no specification asks for: {sorted(map(str, extra))}.")
+
+
+Arrays = dict[str, np.ndarray]
+
+
+def read_messages(
+    report: Report, contents: Contents, layout: Layout, steps: int
+) -> tuple[Arrays, Arrays, dict[str, list[bytes]]]:
+    """Decode the messages of ``steps`` whole steps.
+
+    Returns:
+        the fields of all steps, those of the terminal record, and the compressed images of each camera field. The
+        observation has ``steps`` rows in the first and one in the second.
+    """
+    records = {topic.name: _records(report, topic, contents, layout, steps) for topic in layout.topics}
+    times = records["/observation"]["log_time"]
+    for topic in layout.topics:
+        expected = times[:-1] if topic in layout.acted else times[-1:] if topic is layout.terminal else times
+        report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], expected)
+    compressed = {c.field: _images(report, c, contents, times) for c in layout.cameras}
+    observation = records["/observation"]["body"]["position"]
+    block = {"observation": observation[:-1], **_fields(records["/step"]["body"])}
+    last = {"observation": observation[-1:], **_fields(records["/terminal"]["body"])}
+    sim_time = np.concatenate([block["sim_time"], last["sim_time"]])
+    report.check_equal("/step", "sim_time", nanoseconds(sim_time), times)
+    _check_views(report, layout, records, block)
+    return block, last, compressed
+
+
+def build_episode(head: Head, block: Arrays, last: Arrays, success: bool, *, note: str = "") -> Episode:
+    """Assemble decoded messages."""
+    flat = np.concatenate([block["observation"], last["observation"]])
+    return Episode(
+        uid=head.uid,
+        spec=head.layout.spec,
+        provenance={**head.provenance, **({"note": note} if note else {})},
+        obs={name: head.layout.field_of(flat, name) for name in head.layout.spec.observation.state_names},
+        actions=block["action"],
+        executed_actions=block["executed_action"],
+        expert_actions=block["expert_action"],
+        is_intervention=block["is_intervention"].astype(bool),
+        phase=block["phase"],
+        rewards=block["reward"],
+        terminated=block["terminated"].astype(bool),
+        truncated=block["truncated"].astype(bool),
+        states=np.concatenate([block["state"], last["state"]]),
+        ctrl=block["ctrl"],
+        sim_time=np.concatenate([block["sim_time"], last["sim_time"]]),
+        success=success,
+        model_xml=head.model_xml,
+    )
+
+
+def _outcome(path: Path, contents: Contents) -> dict[str, str]:
+    outcome = contents.metadata.get(OUTCOME, {})
+    if outcome.keys() != {"success", "steps", "note", "digest"}:
+        raise DemoError(path, f"has no complete metadata {OUTCOME!r}.", got=sorted(outcome))
+    if outcome["success"] not in ("true", "false") or not outcome["steps"].isdecimal():
+        raise DemoError(path, f"has malformed metadata {OUTCOME!r}.", got=outcome)
+    return outcome
+
+
+def _records(report: Report, topic: Topic, contents: Contents, layout: Layout, steps: int) -> np.ndarray:
+    """Return the message records of one topic (k,), equal to its template outside the slots."""
+    messages = contents.messages.get(topic.channel, [])
+    count = steps if topic in layout.acted else 1 if topic is layout.terminal else steps + 1
+    if len(messages) != count:
+        report.fail("has another number of messages than steps.", topic.name, expected=count, got=len(messages))
+    size = len(topic.record_template)
+    for i, message in enumerate(messages):
+        if len(message) != size:
+            report.fail("has a message of another size.", topic.name, step=i, expected=size, got=len(message))
+    raw = np.frombuffer(b"".join(messages), np.uint8).reshape(count, size)
+    mask = np.concatenate([np.zeros(RECORD_HEAD_SIZE, bool), topic.template.constant_mask])
+    wrong = (raw != np.frombuffer(topic.record_template, np.uint8)) & mask
+    if wrong.any():
+        step, byte = np.argwhere(wrong)[0].tolist()
+        report.fail("differs from its specification.", topic.name, step=step, field=f"byte {byte - RECORD_HEAD_SIZE}")
+    records = raw.view(topic.dtype)[:, 0]
+    first = steps if topic is layout.terminal else 0
+    report.check_equal(topic.name, "sequence", records["sequence"], np.arange(first, first + count))
+    report.check_equal(topic.name, "publish_time", records["publish_time"], records["log_time"])
+    for slot in topic.template.dtype.names or ():
+        if slot.startswith(("sec", "nanosec")):
+            parts = np.divmod(records["log_time"], np.uint64(10**9))
+            report.check_equal(topic.name, slot, records["body"][slot], parts[slot.startswith("nano")])
+    return records
+
+
+def _fields(body: np.ndarray) -> Arrays:
+    return {name: np.ascontiguousarray(body[name]) for name in body.dtype.names or ()}
+
+
+def _check_views(report: Report, layout: Layout, records: Mapping[str, np.ndarray], block: Arrays) -> None:
+    """Require that what people look at shows what is recorded exactly."""
+    observed = {"observation": records["/observation"]["body"]["position"]}
+    report.check_finite("/observation", "position", observed["observation"])
+    for topic in (*layout.observed[1:], *layout.acted[1:]):
+        body = records[topic.name]["body"]
+        mine = np.zeros_like(body)
+        topic.fill(mine, block if topic in layout.acted else observed)
+        for slot in body.dtype.names or ():
+            if slot == "orientation" or slot.startswith("rotation"):
+                report.check_unit(topic.name, slot, body[slot])
+            elif not slot.startswith(("sec", "nanosec")):
+                report.check_equal(topic.name, slot, body[slot], mine[slot])
+
+
+def _images(report: Report, camera: Camera, contents: Contents, times: np.ndarray) -> list[bytes]:
+    """Return the compressed images of one camera, one for each of ``times``."""
+    messages = contents.messages.get(camera.channel, [])
+    if len(messages) != len(times):
+        report.fail("has another number of images than observations.", camera.name, expected=len(times), got=len(messages))
+    dtype = np.dtype([*RECORD_HEAD, ("body", camera.template.dtype)])
+    found = []
+    for i, (message, time) in enumerate(zip(messages, times.tolist(), strict=True)):
+        if len(message) < dtype.itemsize:
+            report.fail("has a message that is too short.", camera.name, step=i)
+        record = np.frombuffer(message[: dtype.itemsize], dtype)[0]
+        if (int(record["sequence"]), int(record["log_time"])) != (i, time):
+            got = (int(record["sequence"]), int(record["log_time"]))
+            report.fail("is out of order.", camera.name, step=i, expected=(i, time), got=got)
+        if int(record["body"]["size"]) != len(message) - dtype.itemsize:
+            report.fail("has a message of another size.", camera.name, step=i)
+        found.append(bytes(message[dtype.itemsize :]))
+    return found
+
+
+def _decode(report: Report, camera: Camera, compressed: list[bytes]) -> np.ndarray:
+    """Decode the images of one camera to (T + 1, *shape)."""
+    decoded = []
+    for i, data in enumerate(compressed):
+        try:
+            decoded.append(images.decode(camera.field, data, camera.shape))
+        except ValueError as error:
+            report.fail(str(error), camera.name, step=i)
+    return np.stack(decoded)
+
+
+def _check_digest(path: Path, contents: Contents, layout: Layout) -> None:
+    digest = ContentDigest()
+    for topic in (*layout.topics, *layout.cameras):
+        digest.update(topic.name, b"".join(contents.messages[topic.channel]))
+    outcome = dict(contents.metadata[OUTCOME])
+    expected = outcome.pop("digest")
+    got = digest.hexdigest({**contents.metadata, OUTCOME: outcome}, contents.attachments)
+    if got != expected:
+        raise DemoError(path, "was changed after it was recorded: its content digest differs.", expected=expected, got=got)

@@ -1,0 +1,208 @@
+"""Read an MCAP file without trusting a byte of it: every length bounded, every checksum compared.
+
+One linear pass over the data section, as the index of a file that is being doubted proves nothing. Strict reading
+accepts a whole file or raises; salvage keeps what lies before the first damage.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
+
+from aerial_il.core.errors import DemoError
+from aerial_il.data.container import MAGIC
+
+MAX_FILE_BYTES = 4 << 30
+MAX_DECOMPRESSED_BYTES = 256 << 20
+MAX_MESSAGES = 1_000_000
+RECOVER = "Salvage what it holds with: aerial-il recover path={}"
+FOOTER_SIZE, MIN_MESSAGE = 29, 22
+
+
+@dataclass
+class Contents:
+    """The data section of one file.
+
+    Attributes:
+        profile: the header's profile.
+        schemas, channels: by their ids.
+        metadata, attachments: by their names.
+        messages: for each channel id, its message records in file order, with their heads.
+        damage: None for a whole file; for a salvaged one, what ended the reading.
+    """
+
+    profile: str = ""
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    messages: dict[int, list[memoryview]] = field(default_factory=lambda: defaultdict(list))
+    damage: str | None = None
+
+
+def scan(path: Path, *, salvage: bool = False) -> Contents:
+    """Read all records of the MCAP file at ``path``.
+
+    Args:
+        path: the file.
+        salvage: return what precedes the first damage instead of raising.
+
+    Raises:
+        DemoError: it is no MCAP file, cannot be read, or (unless ``salvage``) is truncated or damaged.
+    """
+    scanner = _Scanner(path)
+    try:
+        scanner.read_data_section()
+        scanner.check_tail()
+    except _DamageError as damage:
+        if not salvage:
+            raise DemoError(path, str(damage), hint=RECOVER.format(path)) from damage
+        scanner.contents.damage = str(damage)
+    return scanner.contents
+
+
+class _DamageError(Exception):
+    """What is wrong with the file; bytes before it are sound."""
+
+
+class _Scanner:
+    def __init__(self, path: Path) -> None:
+        self.contents = Contents()
+        self._data = memoryview(_read_file(path))
+        self._position = len(MAGIC)
+        self._decompressed = self._count = 0
+        self._handlers: dict[int, Callable[[memoryview], None]] = {
+            Opcode.HEADER: self._header,
+            Opcode.SCHEMA: self._schema,
+            Opcode.CHANNEL: self._channel,
+            Opcode.METADATA: self._metadata,
+            Opcode.ATTACHMENT: self._attachment,
+            Opcode.CHUNK: self._chunk,
+            Opcode.MESSAGE_INDEX: lambda body: None,
+        }
+
+    def read_data_section(self) -> None:
+        """Read records up to and including the end of the data section."""
+        while True:
+            start = self._position
+            opcode, body = self._record(self._data, start)
+            self._position = start + 9 + len(body)
+            if opcode == Opcode.DATA_END:
+                return self._data_end(body, zlib.crc32(self._data[:start]))
+            handler = self._handlers.get(opcode)
+            if handler is None:
+                raise _DamageError(f"has an unexpected record 0x{opcode:02x} at byte {start}.")
+            try:
+                handler(body)
+            except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError, IndexError) as error:
+                raise _DamageError(f"has a malformed record 0x{opcode:02x} at byte {start} ({error!r}).") from error
+
+    def check_tail(self) -> None:
+        """Check the summary and the footer, which no value is taken from but other tools rely on."""
+        tail = self._data[self._position :]
+        if len(tail) < FOOTER_SIZE + len(MAGIC) or tail[-len(MAGIC) :] != MAGIC:
+            raise _DamageError("is truncated: its footer is missing.")
+        footer = bytes(tail[-FOOTER_SIZE - len(MAGIC) : -len(MAGIC)])
+        opcode, length, start, _, crc = struct.unpack("<BQQQI", footer)
+        if (opcode, length, start) != (Opcode.FOOTER, 20, self._position):
+            raise _DamageError("has a malformed footer.")
+        if crc != zlib.crc32(tail[: -len(MAGIC) - 4]):
+            raise _DamageError("fails the checksum of its summary.")
+
+    def _record(self, data: memoryview, start: int) -> tuple[int, memoryview]:
+        if start + 9 > len(data):
+            raise _DamageError(f"is truncated at byte {len(data)}.")
+        opcode, length = struct.unpack_from("<BQ", data, start)
+        if length > len(data) - start - 9:
+            raise _DamageError(f"is truncated: a record at byte {start} of {length} bytes reaches past the end.")
+        return opcode, data[start + 9 : start + 9 + length]
+
+    def _data_end(self, body: memoryview, crc: int) -> None:
+        if bytes(body) != struct.pack("<I", crc):
+            raise _DamageError("fails the checksum of its data section.")
+
+    def _header(self, body: memoryview) -> None:
+        self.contents.profile = Header.read(_stream(body)).profile
+
+    def _schema(self, body: memoryview) -> None:
+        schema = Schema.read(_stream(body))
+        _add(self.contents.schemas, schema.id, schema, "schema")
+
+    def _channel(self, body: memoryview) -> None:
+        channel = Channel.read(_stream(body))
+        _add(self.contents.channels, channel.id, channel, "channel")
+
+    def _metadata(self, body: memoryview) -> None:
+        metadata = Metadata.read(_stream(body))
+        _add(self.contents.metadata, metadata.name, metadata.metadata, "metadata")
+
+    def _attachment(self, body: memoryview) -> None:
+        if len(body) < 4 or struct.unpack("<I", body[-4:])[0] != zlib.crc32(body[:-4]):
+            raise _DamageError("fails the checksum of an attachment.")
+        attachment = Attachment.read(_stream(body))
+        _add(self.contents.attachments, attachment.name, attachment.data, "attachment")
+
+    def _chunk(self, body: memoryview) -> None:
+        chunk = Chunk.read(_stream(body))
+        content = memoryview(self._decompress(chunk))
+        if zlib.crc32(content) != chunk.uncompressed_crc:
+            raise _DamageError("fails the checksum of a chunk.")
+        position = 0
+        while position < len(content):
+            opcode, message = self._record(content, position)
+            end = position + 9 + len(message)
+            if opcode == Opcode.MESSAGE and len(message) >= MIN_MESSAGE:
+                self.contents.messages[message[0] | message[1] << 8].append(content[position:end])
+                self._count += 1
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._handlers[opcode](message)
+            else:
+                raise _DamageError(f"has an unexpected record 0x{opcode:02x} inside a chunk.")
+            position = end
+        if self._count > MAX_MESSAGES:
+            raise _DamageError(f"has more than {MAX_MESSAGES} messages.")
+
+    def _decompress(self, chunk: Chunk) -> bytes:
+        if chunk.compression == "":
+            return chunk.data
+        if chunk.compression != "zstd":
+            raise _DamageError(f"has a chunk compressed with {chunk.compression!r}; zstd and none are read.")
+        declared = zstandard.get_frame_parameters(chunk.data).content_size
+        self._decompressed += max(declared, chunk.uncompressed_size)
+        if declared != chunk.uncompressed_size or self._decompressed > MAX_DECOMPRESSED_BYTES:
+            raise _DamageError(
+                f"has a chunk that declares {declared} bytes, or in all more than {MAX_DECOMPRESSED_BYTES}."
+            )
+        return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=declared)
+
+
+def _read_file(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise DemoError(path, "is too large.", expected=f"at most {MAX_FILE_BYTES} bytes", got=path.stat().st_size)
+        data = path.read_bytes()
+    except OSError as error:
+        raise DemoError(path, f"cannot be read ({error.strerror}).") from error
+    if data[: len(MAGIC)] != MAGIC:
+        raise DemoError(path, "is not an MCAP file.", hint="List what a dataset holds with: aerial-il info path=FOLDER")
+    return data
+
+
+def _stream(body: memoryview) -> ReadDataStream:
+    return ReadDataStream(BytesIO(body))
+
+
+def _add(table: dict, key: object, value: object, kind: str) -> None:
+    if table.setdefault(key, value) != value:
+        raise _DamageError(f"has two different {kind} records {key!r}.")

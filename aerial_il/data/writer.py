@@ -1,0 +1,216 @@
+"""Write one episode as one MCAP file, appended to while it is flown."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.records import Channel, Schema
+
+from aerial_il.core.errors import SimulationDivergedError, StorageError
+from aerial_il.core.files import sync_folder
+from aerial_il.data import messages
+from aerial_il.data.container import ContainerWriter
+from aerial_il.data.digest import ContentDigest
+from aerial_il.data.schema import MESSAGE_HEAD_SIZE, MESSAGE_OPCODE, RECORD_HEAD, VERSION, Block, Camera, Layout
+
+CHUNK_BYTES = 64 * 1024
+EPISODE, PROVENANCE, OUTCOME = "aerial_il.episode", "aerial_il.provenance", "aerial_il.outcome"
+MODEL = "model.xml"
+FULL_DISK_HINT = "Finished episodes are intact: free some space and run the same command again."
+
+Images = Mapping[str, Sequence[bytes]]
+
+
+class BusyError(Exception):
+    """Another process is writing the same episode."""
+
+
+def rows_per_chunk(layout: Layout) -> int:
+    """Return how many steps fit a chunk: what a kill can lose."""
+    return max(1, CHUNK_BYTES // sum(len(t.record_template) for t in (*layout.observed, *layout.acted)))
+
+
+class EpisodeWriter:
+    """One episode on its way to the disk, under the name ``<path>.part`` until it is finished.
+
+    Equal calls give equal bytes: time stamps are simulation time, and wall time is nobody's business here.
+
+    Args:
+        path: the file to be; a left-over ``.part`` of a killed process is overwritten.
+        layout: what the environment records.
+        uid: the episode's name.
+        provenance: JSON values.
+        model_xml: the compiled scene.
+
+    Raises:
+        BusyError: another process holds the ``.part`` file.
+        StorageError: the folder cannot be written or the disk is full; so do all methods.
+    """
+
+    def __init__(
+        self, path: Path, layout: Layout, *, uid: str, provenance: Mapping[str, Any], model_xml: str
+    ) -> None:
+        self.path, self.part = Path(path), part_of(path)
+        self._layout, self._seed = layout, int(provenance.get("seed", -1))
+        self._steps, self._digest = 0, ContentDigest()
+        self._attachments = {MODEL: model_xml.encode()}
+        head = {"schema_version": str(VERSION), "uid": uid, "ctrl_size": str(layout.ctrl_size)}
+        self._metadata = {
+            EPISODE: {**head, "spec": json.dumps(layout.spec.to_dict(), allow_nan=False)},
+            PROVENANCE: {key: json.dumps(value, sort_keys=True) for key, value in provenance.items()},
+        }
+        with _storage(self.part):
+            self._file = _open_locked(self.part)
+            self._container = ContainerWriter(self._file, *schemas_and_channels(layout))
+            for name, entries in self._metadata.items():
+                self._container.metadata(name, entries)
+            self._container.attachment(MODEL, "application/xml", self._attachments[MODEL])
+            self._file.flush()
+
+    def append(self, block: Block, images: Images = {}) -> None:
+        """Append k steps as one chunk (images as a second one).
+
+        Args:
+            block: ``sim_time`` (k,), ``observation`` (k, Do) flat, ``reward`` (k,) and the fields of ``Step``.
+            images: for each camera field, k compressed images.
+
+        Raises:
+            SimulationDivergedError: a value is not finite.
+        """
+        self._require_finite(block)
+        count = len(block["sim_time"])
+        self._put(self._layout.steps(self._with_counters(block, count), self._steps), images)
+        self._steps += count
+
+    def finish(self, last: Block, images: Images = {}, *, success: bool, path: Path | None = None, note: str = "") -> Path:
+        """Append the terminal record and give the file its name.
+
+        Args:
+            last: a block of one step with ``sim_time``, ``observation`` and ``state`` after the last step.
+            images: for each camera field, one compressed image.
+            success: whether the task was solved.
+            path: where it goes instead of ``self.path``.
+            note: what is special about it, e.g. that it was salvaged.
+        """
+        self._require_finite(last)
+        self._put(self._layout.last(self._with_counters(last, 1), self._steps), images)
+        outcome = {"success": json.dumps(bool(success)), "steps": str(self._steps), "note": note}
+        digest = self._digest.hexdigest({**self._metadata, OUTCOME: outcome}, self._attachments)
+        path = Path(path or self.path)
+        with _storage(self.part):
+            self._container.metadata(OUTCOME, {**outcome, "digest": digest})
+            self._container.finish()
+            os.fsync(self._file.fileno())
+            path.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(self.part, path)
+            sync_folder(path.parent)
+            self._file.close()
+        return path
+
+    def discard(self) -> None:
+        """Forget the episode."""
+        self.part.unlink(missing_ok=True)
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Close the ``.part`` file and leave it for recovery."""
+        try:
+            self._file.close()
+        except OSError:  # a full disk was reported where it was met
+            pass
+
+    def _put(self, records: np.ndarray, images: Images) -> None:
+        topics = {t.name: t for t in self._layout.topics}
+        times = records["/observation"]["log_time"]
+        starts = np.arange(len(records)) * records.dtype.itemsize
+        index = {}
+        for name in records.dtype.names or ():
+            self._digest.update(name, records[name].tobytes())
+            offset = records.dtype.fields[name][1]
+            index[topics[name].channel] = np.stack([times, (starts + offset).astype(np.uint64)], axis=1)
+        with _storage(self.part):
+            self._container.chunk(records.tobytes(), index)
+            if self._layout.cameras:
+                self._put_images(times, images)
+
+    def _put_images(self, times: np.ndarray, images: Images) -> None:
+        content, index = b"", {}
+        for camera in self._layout.cameras:
+            entries = []
+            parts = [content]
+            offset = len(content)
+            for i, (time, data) in enumerate(zip(times.tolist(), images[camera.field], strict=True)):
+                record = image_record(camera, self._steps + i, time, data)
+                self._digest.update(camera.name, record)
+                entries.append((time, offset))
+                offset += len(record)
+                parts.append(record)
+            content = b"".join(parts)
+            index[camera.channel] = np.array(entries, np.uint64)
+        self._container.chunk(content, index, compress=False)
+
+    def _with_counters(self, block: Block, count: int) -> Block:
+        return {**block, "step": np.arange(self._steps, self._steps + count)}
+
+    def _require_finite(self, block: Block) -> None:
+        for name in ("observation", "state", "action", "executed_action", "ctrl", "reward", "sim_time"):
+            bad = ~np.isfinite(block[name]) if name in block else np.zeros(1, bool)
+            if bad.any():
+                where = tuple(int(i) for i in np.argwhere(bad)[0])
+                raise SimulationDivergedError(
+                    f"{name}{list(where[1:])} is not finite", seed=self._seed, step=self._steps + where[0]
+                )
+
+
+def part_of(path: str | os.PathLike[str]) -> Path:
+    """Return the name a file has while it is being written."""
+    path = Path(path)
+    return path.with_name(path.name + ".part")
+
+
+def schemas_and_channels(layout: Layout) -> tuple[list[Schema], list[Channel]]:
+    """Return the MCAP schema and channel records of a layout."""
+    types = sorted({t.type for t in layout.topics} | ({messages.COMPRESSED_IMAGE} if layout.cameras else set()))
+    ids = {name: i for i, name in enumerate(types, 1)}
+    schemas = [Schema(i, messages.definition(name).encode(), "ros2msg", name) for name, i in ids.items()]
+    channels = [Channel(t.channel, t.name, "cdr", {}, ids[t.type]) for t in layout.topics]
+    images = [Channel(c.channel, c.name, "cdr", {}, ids[messages.COMPRESSED_IMAGE]) for c in layout.cameras]
+    return schemas, channels + images
+
+
+def image_record(camera: Camera, sequence: int, time_ns: int, data: bytes) -> bytes:
+    """Return the MCAP message record of one compressed image."""
+    body = np.frombuffer(bytearray(camera.template.content), camera.template.dtype)
+    body["sec"], body["nanosec"], body["size"] = time_ns // 10**9, time_ns % 10**9, len(data)
+    length = MESSAGE_HEAD_SIZE + body.nbytes + len(data)
+    head = np.array([(MESSAGE_OPCODE, length, camera.channel, sequence, time_ns, time_ns)], RECORD_HEAD)
+    return head.tobytes() + body.tobytes() + data
+
+
+def _open_locked(part: Path) -> BinaryIO:
+    part.parent.mkdir(parents=True, exist_ok=True)
+    file = open(part, "ab")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not part.exists() or os.fstat(file.fileno()).st_ino != part.stat().st_ino:
+            raise BlockingIOError  # its owner finished and renamed it in between
+    except BlockingIOError:
+        file.close()
+        raise BusyError(f"{part} is being written by another process.") from None
+    file.truncate(0)
+    return file
+
+
+@contextmanager
+def _storage(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(path, error, FULL_DISK_HINT) from error
