@@ -1,0 +1,121 @@
+"""aerial_il: imitation learning on aerial manipulators, from demonstrations to policies that fly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from aerial_il.core.rendering import choose_backend
+
+if TYPE_CHECKING:
+    from aerial_il.core.policy import Policy
+    from aerial_il.data.dataset import Dataset
+    from aerial_il.experts.expert import Expert
+    from aerial_il.suite.batch import BatchEnvironment
+    from aerial_il.suite.environment import AerialEnvironment
+
+__version__ = "0.1.0"
+
+choose_backend()  # MuJoCo reads MUJOCO_GL when it is first imported
+
+
+def load(
+    robot: str,
+    task: str,
+    *,
+    tier: str = "calm",
+    action: str = "ee_pose",
+    cameras: Sequence[str] = (),
+    image_size: tuple[int, int] = (240, 320),
+    seed: int = 0,
+) -> AerialEnvironment:
+    """Return one world as a ``dm_control.rl.control.Environment``.
+
+    Args:
+        robot, task: registry names, see :func:`list_cells`.
+        tier: disturbance tier, e.g. ``calm`` or ``gusts``.
+        action: action level, e.g. ``ee_pose``, ``velocity``, ``ctbr`` or ``rotor``.
+        cameras: images among the observations: ``"wrist"``, ``"scene"``, ``"base"``, or ``"wrist:depth"`` and the like.
+        image_size: (height, width) of those images.
+        seed: seed of the first episode; each reset takes the next.
+
+    Raises:
+        UnknownNameError: a name no registry knows. CellError: the robot cannot do the task.
+    """
+    from aerial_il.suite.environment import AerialEnvironment
+    from aerial_il.suite.simulation import Scenario
+
+    return AerialEnvironment(Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size)), seed)
+
+
+def load_batch(
+    robot: str,
+    task: str,
+    *,
+    num_envs: int = 64,
+    tier: str = "calm",
+    action: str = "ee_pose",
+    cameras: Sequence[str] = (),
+    image_size: tuple[int, int] = (240, 320),
+    seed: int = 0,
+    num_threads: int = 0,
+) -> BatchEnvironment:
+    """Return ``num_envs`` worlds on MuJoCo's batch engine, started with seeds ``seed``, ``seed + 1``, ….
+
+    Args:
+        num_envs: number of worlds. num_threads: threads of the engine, 0 for all cores. The rest: see :func:`load`.
+    """
+    from aerial_il.suite.batch import BatchEnvironment
+    from aerial_il.suite.simulation import Scenario
+
+    scenario = Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size))
+    env = BatchEnvironment(scenario, num_envs, num_threads)
+    env.reset(seed)
+    return env
+
+
+def expert(robot: str, task: str, **options: Any) -> Expert:
+    """Return the scripted expert for a cell: a policy that sees the simulator's state.
+
+    Args:
+        robot, task: registry names.
+        options: ``noise`` (0 to 1, recoverable perturbation of its commands) and ``seed`` of that noise.
+    """
+    from aerial_il.experts import make
+
+    return make(robot, task, **options)
+
+
+def load_policy(path: str) -> Policy:
+    """Return the policy stored in a policy or run folder, ready to act."""
+    from aerial_il.policies import load_policy
+
+    return load_policy(path)
+
+
+def open_dataset(path: str) -> Dataset:
+    """Open an MCAP folder or file, or a LeRobot v3 folder."""
+    from aerial_il.data.dataset import open_dataset
+
+    return open_dataset(path)
+
+
+def list_robots() -> tuple[str, ...]:
+    """Names of all robots."""
+    from aerial_il import robots
+
+    return robots.names()
+
+
+def list_tasks() -> tuple[str, ...]:
+    """Names of all tasks."""
+    from aerial_il.suite import tasks
+
+    return tasks.names()
+
+
+def list_cells() -> tuple[tuple[str, str], ...]:
+    """All (robot, task) pairs that are claimed, and solved by their expert."""
+    from aerial_il.suite import tasks
+
+    return tasks.cells()

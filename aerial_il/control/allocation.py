@@ -1,0 +1,109 @@
+"""From a body wrench to rotor thrusts, and what to give up when the rotors cannot deliver it.
+
+The wrench of R rotors with thrusts f is ``B f`` with columns ``[n; p × n + κ n]`` (position p, axis n, drag-torque
+ratio κ). The mixer is the pseudo-inverse of the rows a vehicle can actuate. Under saturation thrust along z with roll
+and pitch torque come first, then sideways force, then yaw, as in PX4's prioritised mixer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.kernels import kernel
+
+FORCE_Z_AND_TORQUES = (2, 3, 4, 5)
+FULL_WRENCH = (0, 1, 2, 3, 4, 5)
+
+
+def wrench_matrix(rotor_pos: np.ndarray, rotor_axis: np.ndarray, rotor_drag_ratio: np.ndarray) -> np.ndarray:
+    """Body wrench per unit rotor thrust.
+
+    Args:
+        rotor_pos: (R, 3) m, rotor_axis: (R, 3) unit, rotor_drag_ratio: (R,) signed, m; all in the base frame.
+
+    Returns:
+        (6, R): rows force x, y, z and torque x, y, z about the base origin.
+    """
+    torque = np.cross(rotor_pos, rotor_axis) + rotor_drag_ratio[:, None] * rotor_axis
+    return np.concatenate([rotor_axis, torque], axis=1).T
+
+
+def mixer_matrix(wrench_from_thrust: np.ndarray) -> np.ndarray:
+    """Pseudo-inverse of the actuated rows; the columns of rows that cannot be actuated are zero.
+
+    Args:
+        wrench_from_thrust: (6, R).
+
+    Returns:
+        (R, 6) thrusts per unit wrench.
+
+    Raises:
+        InvalidValueError: the rotors cannot produce lift and all three torques independently.
+    """
+    rank = np.linalg.matrix_rank(wrench_from_thrust, tol=1e-6)
+    rows = list(FULL_WRENCH if rank == 6 else FORCE_Z_AND_TORQUES)
+    actuated = wrench_from_thrust[rows]
+    if np.linalg.matrix_rank(actuated, tol=1e-6) < len(rows):
+        raise InvalidValueError(
+            f"{wrench_from_thrust.shape[1]} rotors of rank {rank} cannot produce lift and three torques independently; "
+            "check rotor positions and the signs of the drag-torque ratios."
+        )
+    mixer = np.zeros((wrench_from_thrust.shape[1], 6))
+    mixer[:, rows] = np.linalg.pinv(actuated)
+    return mixer
+
+
+@kernel
+def room(base, extra, limit):
+    """Largest s in [0, 1] that keeps ``base + s·extra`` within [0, limit] for every rotor."""
+    s = 1.0
+    for i in range(base.size):
+        if extra[i] > 1e-12:
+            s = min(s, max(0.0, (limit[i] - base[i]) / extra[i]))
+        elif extra[i] < -1e-12:
+            s = min(s, max(0.0, base[i] / -extra[i]))
+    return s
+
+
+@kernel
+def allocate(mixer, rotor_max, force, torque, thrust):
+    """Distribute a body wrench over the rotors, within their limits.
+
+    Args:
+        mixer: (R, 6), rotor_max: (R,) N.
+        force: body-frame force, N. torque: body-frame torque about the base origin, N m.
+        thrust: (R,) written: thrust of every rotor in [0, rotor_max], N.
+    """
+    count = thrust.size
+    extra = np.empty(count)
+    for i in range(count):
+        thrust[i] = mixer[i, 2] * force[2]
+        extra[i] = mixer[i, 3] * torque[0] + mixer[i, 4] * torque[1]
+    _make_headroom(thrust, extra, rotor_max)
+    _add_within_limits(thrust, extra, rotor_max)
+    for i in range(count):
+        extra[i] = mixer[i, 0] * force[0] + mixer[i, 1] * force[1]
+    _add_within_limits(thrust, extra, rotor_max)
+    for i in range(count):
+        extra[i] = mixer[i, 5] * torque[2]
+    _add_within_limits(thrust, extra, rotor_max)
+
+
+@kernel
+def _add_within_limits(thrust, extra, limit):
+    s = room(thrust, extra, limit)
+    for i in range(thrust.size):
+        thrust[i] = min(max(thrust[i] + s * extra[i], 0.0), limit[i])
+
+
+@kernel
+def _make_headroom(thrust, extra, limit):
+    """Shift collective thrust so that roll and pitch torque fit: attitude before altitude."""
+    lowest, highest = 0.0, 0.0
+    for i in range(thrust.size):
+        lowest = min(lowest, thrust[i] + extra[i])
+        highest = max(highest, thrust[i] + extra[i] - limit[i])
+    shift = -lowest if highest <= 0.0 else (-highest if lowest >= 0.0 else 0.5 * (-lowest - highest))
+    for i in range(thrust.size):
+        thrust[i] = min(max(thrust[i] + shift, 0.0), limit[i])

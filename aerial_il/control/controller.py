@@ -1,0 +1,268 @@
+"""The low-level controller: one tick from a measured state and an action to rotor thrusts and servo set-points.
+
+It runs at the physics rate (250 Hz) on one vehicle; :mod:`aerial_il.suite` loops it over worlds inside compiled code,
+:class:`Controller` offers it to everyone else.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from aerial_il.control import memory as mem
+from aerial_il.control.actions import ActionLevel, action_spec
+from aerial_il.control.allocation import allocate
+from aerial_il.control.dynamics import (
+    FRAME_SIZE,
+    forward_kinematics,
+    inverse_dynamics,
+    momentum,
+    put,
+    rotational_inertia,
+    vec,
+)
+from aerial_il.control.flight import (
+    attitude_loop,
+    desired_attitude,
+    observe_disturbance,
+    position_loop,
+    rotor_wrench,
+)
+from aerial_il.control.reference import advance_position, advance_rotation, observe_target_rate
+from aerial_il.control.vehicle import GRAVITY, Gains, Vehicle
+from aerial_il.control.whole_body import seat_references, solve_arm, solve_reference
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import (
+    add,
+    clip,
+    cross,
+    limit_norm,
+    mat_from_quat,
+    orthonormalise,
+    rotate,
+    rotate_back,
+    scale,
+    sub,
+    wrap_angle,
+)
+
+EE_POSE, BASE_JOINT, VELOCITY = int(ActionLevel.EE_POSE), int(ActionLevel.BASE_JOINT), int(ActionLevel.VELOCITY)
+CTBR, ROTOR = int(ActionLevel.CTBR), int(ActionLevel.ROTOR)
+LEASH = 0.3  # m: how far a velocity command may run ahead of the base
+GRIP_RESPONSE = 10.0  # 1/s: how fast the observer takes the gripper for closed
+
+
+@kernel
+def receive_action(vehicle, gains, level, action, qpos, memory, interval):
+    """Take note of a new action; call once per action, before the ticks that fly it.
+
+    Args:
+        vehicle, gains: model and tuning. level: an :class:`ActionLevel`. action: (Da,).
+        qpos: base position, base quaternion and joint positions, at least 7 + J numbers.
+        memory: (MEMORY_SIZE,) controller memory. interval: seconds between actions.
+    """
+    if memory[mem.READY] == 0.0:
+        joints = qpos[7 : 7 + vehicle.link_mass.size]
+        rot = mat_from_quat((qpos[3], qpos[4], qpos[5], qpos[6]))
+        seat_references(vehicle, memory, vec(qpos, 0), rot, math.atan2(rot[3], rot[0]), joints)
+    if level == EE_POSE:
+        observe_target_rate(memory, vec(action, 0), gains, interval)
+
+
+@kernel
+def tick(vehicle, gains, level, action, qpos, qvel, thrust_now, memory, dt, thrust, servo):
+    """Compute rotor and servo commands for the next ``dt`` seconds.
+
+    Args:
+        vehicle, gains: nominal model and tuning.
+        level: an :class:`ActionLevel` as an integer. action: (Da,).
+        qpos: base position (m), base quaternion (w, x, y, z), joint positions (rad).
+        qvel: base velocity (world, m/s), base angular velocity (body, rad/s), joint velocities (rad/s).
+        thrust_now: (R,) measured rotor thrusts, N.
+        memory: (MEMORY_SIZE,) controller memory, advanced.
+        dt: s.
+        thrust: (R,) written: commanded thrusts, N.
+        servo: (J,) written: servo set-points, rad, shifted by the feed-forward torque over the servo's stiffness.
+    """
+    count = vehicle.link_mass.size
+    pos, vel = vec(qpos, 0), vec(qvel, 0)
+    rot = mat_from_quat((qpos[3], qpos[4], qpos[5], qpos[6]))
+    omega_body = vec(qvel, 3)
+    omega = rotate(rot, omega_body)
+    joints, joint_vel = qpos[7 : 7 + count], qvel[6 : 6 + count]
+    frames, zero_acc = np.empty((count, FRAME_SIZE)), np.zeros(count)
+    servo_vel, servo_torque = np.zeros(count), np.empty(count)
+    forward_kinematics(vehicle, pos, rot, joints, frames)
+    lever = _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, memory, dt)
+    feed_forward = _advance_references(vehicle, gains, level, action, pos, rot, memory, dt, servo_vel)
+    if level <= VELOCITY:
+        acc = position_loop(gains, memory, pos, vel, feed_forward)
+    else:
+        acc = (0.0, 0.0, 0.0)
+    force, torque = inverse_dynamics(
+        vehicle, frames, pos, rot, omega, joint_vel, acc, (0.0, 0.0, 0.0), zero_acc, servo_torque
+    )
+    if level == ROTOR:
+        for i in range(thrust.size):
+            thrust[i] = clip(action[i], 0.0, vehicle.rotor_max[i])
+    else:
+        disturbance = vec(memory, mem.FORCE)
+        torque = sub(sub(torque, vec(memory, mem.TORQUE)), cross(lever, disturbance))
+        if level == CTBR:
+            rate_error = sub(vec(action, 1), omega_body)
+            alpha = scale(gains.rate, rate_error)
+            body_force = (0.0, 0.0, action[0])
+        else:
+            force = sub(force, disturbance)
+            wanted = desired_attitude(force, memory[mem.BASE_YAW], vehicle.lateral_limit, gains.max_tilt)
+            alpha = attitude_loop(gains, rot, omega_body, wanted, memory[mem.BASE_YAW_RATE])
+            body_force = rotate_back(rot, force)
+        torque = add(torque, rotational_inertia(vehicle, frames, pos, rot, rotate(rot, alpha)))
+        body_force = _limit_lateral(body_force, vehicle.lateral_limit)
+        allocate(vehicle.mixer, vehicle.rotor_max, body_force, rotate_back(rot, torque), thrust)
+    for j in range(count):
+        wanted_torque = servo_torque[j] + vehicle.joint_damping[j] * servo_vel[j]
+        servo[j] = memory[mem.JOINT_CMD + j] + wanted_torque / vehicle.joint_stiffness[j]
+
+
+@kernel
+def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, memory, dt):
+    """Update the disturbance estimate; return centre of mass minus base origin, world frame, m."""
+    linear, angular, com, mass = momentum(vehicle, frames, pos, rot, vel, omega, joint_vel)
+    lever = sub(com, pos)
+    if memory[mem.READY] == 1.0:  # first tick: no rate of momentum yet
+        put(memory, mem.LINEAR, linear)
+        put(memory, mem.ANGULAR, angular)
+        memory[mem.READY] = 2.0
+        return lever
+    closing = 1.0 - clip(action[action.size - 1], 0.0, 1.0)
+    memory[mem.CLOSED] += min(1.0, GRIP_RESPONSE * dt) * (closing - memory[mem.CLOSED])
+    bandwidth = gains.observer + memory[mem.CLOSED] * (gains.observer_loaded - gains.observer)
+    force, torque = rotor_wrench(vehicle, thrust_now, rot, lever)
+    force = add(force, (0.0, 0.0, -GRAVITY * mass))
+    observe_disturbance(memory, linear, angular, force, torque, bandwidth, dt)
+    return lever
+
+
+@kernel
+def _advance_references(vehicle, gains, level, action, pos, rot, memory, dt, servo_vel):
+    """Move the base and joint references on; return the base acceleration to feed forward, m/s²."""
+    count = vehicle.link_mass.size
+    if level == EE_POSE:
+        feed_forward = advance_position(memory, vec(action, 0), gains, dt)
+        advance_rotation(memory, orthonormalise(vec(action, 3), vec(action, 6)), gains, dt)
+        solve_reference(vehicle, gains, memory, dt)
+        solve_arm(vehicle, gains, memory, pos, rot, dt, servo_vel)
+        return feed_forward
+    if level == VELOCITY:
+        _integrate_base(memory, vec(action, 0), action[3], pos, gains, dt)
+    elif level == BASE_JOINT:
+        _approach_base(memory, vec(action, 0), action[3], gains, dt)
+    first = vehicle.rotor_max.size if level == ROTOR else 4
+    for j in range(count):
+        old = memory[mem.JOINT_CMD + j]
+        wanted = old + dt * action[first + j] if level == VELOCITY else action[first + j]
+        reach = vehicle.joint_speed[j] * dt
+        new = clip(clip(wanted, old - reach, old + reach), vehicle.joint_low[j], vehicle.joint_high[j])
+        memory[mem.JOINT_CMD + j] = new
+        servo_vel[j] = (new - old) / dt
+    return (0.0, 0.0, 0.0)
+
+
+@kernel
+def _integrate_base(memory, velocity, yaw_rate, pos, gains, dt):
+    """Follow a velocity command, on a leash to the actual position."""
+    old = vec(memory, mem.BASE_VEL)
+    change = limit_norm(sub(velocity, old), 2.0 * gains.reference_acceleration * dt)
+    new = add(old, change)
+    put(memory, mem.BASE_VEL, new)
+    ahead = limit_norm(sub(add(vec(memory, mem.BASE_POS), scale(dt, new)), pos), LEASH)
+    put(memory, mem.BASE_POS, add(pos, ahead))
+    memory[mem.BASE_YAW] = wrap_angle(memory[mem.BASE_YAW] + dt * yaw_rate)
+    memory[mem.BASE_YAW_RATE] = yaw_rate
+
+
+@kernel
+def _approach_base(memory, target, yaw, gains, dt):
+    """Move the base reference towards an absolute target at the reference speed."""
+    step = limit_norm(sub(target, vec(memory, mem.BASE_POS)), gains.reference_speed * dt)
+    put(memory, mem.BASE_POS, add(vec(memory, mem.BASE_POS), step))
+    put(memory, mem.BASE_VEL, scale(1.0 / dt, step))
+    turn = clip(wrap_angle(yaw - memory[mem.BASE_YAW]), -gains.reference_turn * dt, gains.reference_turn * dt)
+    memory[mem.BASE_YAW] = wrap_angle(memory[mem.BASE_YAW] + turn)
+    memory[mem.BASE_YAW_RATE] = turn / dt
+
+
+@kernel
+def _limit_lateral(force, limit):
+    """Limit the sideways part of a body-frame force, N."""
+    sideways = limit_norm((force[0], force[1], 0.0), limit)
+    return (sideways[0], sideways[1], force[2])
+
+
+class Controller:
+    """Fly one vehicle from measured states: the public face of the compiled controller.
+
+    Args:
+        vehicle: nominal model, e.g. ``aerial_il.robots.get("ua_quad_arm4").vehicle``.
+        level: name of the action level.
+        gains: tuning.
+        dt: seconds between ticks.
+        ticks_per_action: ticks between two new actions.
+
+    Example:
+        >>> controller = Controller(vehicle)
+        >>> thrust, servo = controller.update(action, qpos, qvel, thrust_now)
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, *, level: str = "ee_pose", gains: Gains | None = None, dt: float = 0.004,
+        ticks_per_action: int = 5,
+    ) -> None:  # fmt: skip
+        self.vehicle, self.gains = vehicle, gains or Gains()
+        self.level = ActionLevel.parse(level)
+        self.spec = action_spec(self.level, vehicle)
+        self.dt, self.ticks_per_action = dt, ticks_per_action
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget references and disturbance estimate; the next update seats them at the state it is given."""
+        self.memory = np.zeros(mem.MEMORY_SIZE)
+        self._ticks = 0
+
+    @property
+    def disturbance(self) -> np.ndarray:
+        """(6,) estimated disturbance force (N) and torque about the centre of mass (N m), world frame."""
+        return np.concatenate([self.memory[mem.FORCE : mem.FORCE + 3], self.memory[mem.TORQUE : mem.TORQUE + 3]])
+
+    def update(
+        self, action: np.ndarray, qpos: np.ndarray, qvel: np.ndarray, thrust_now: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Compute one tick.
+
+        Args:
+            action: (Da,) in the units of ``self.spec``.
+            qpos: (7 + J,) base position, quaternion (w, x, y, z), joints.
+            qvel: (6 + J,) base velocity (world), angular velocity (body), joint velocities.
+            thrust_now: (R,) measured rotor thrusts, N.
+
+        Returns:
+            Rotor thrusts (R,) in N and servo set-points (J,) in rad.
+
+        Raises:
+            InvalidValueError: the action has the wrong size or is not finite.
+        """
+        action = np.asarray(action, float)
+        if action.shape != (self.spec.size,) or not np.isfinite(action).all():
+            raise InvalidValueError(f"{self.level.label} takes {self.spec.size} finite numbers, got {action!r}.")
+        if self._ticks % self.ticks_per_action == 0:
+            interval = self.dt * self.ticks_per_action
+            receive_action(self.vehicle, self.gains, int(self.level), action, qpos, self.memory, interval)
+        self._ticks += 1
+        thrust, servo = np.empty(len(self.vehicle.rotor_max)), np.empty(len(self.vehicle.link_mass))
+        tick(
+            self.vehicle, self.gains, int(self.level), action, qpos, qvel, thrust_now, self.memory, self.dt, thrust, servo
+        )  # fmt: skip
+        return thrust, servo

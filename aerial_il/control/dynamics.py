@@ -1,0 +1,216 @@
+"""Rigid-body dynamics of a floating base with a serial arm: kinematics, momentum, recursive Newton–Euler.
+
+Everything is expressed in the world frame about the base origin (Featherstone, *Rigid Body Dynamics Algorithms*,
+2008, ch. 5, with the spatial vectors written out). The state of a vehicle is the base pose (``pos``, ``rot`` = world from
+base), the base twist (``vel`` world, ``omega`` world), and joint positions and velocities.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import (
+    add,
+    cross,
+    dot,
+    mat_from_axis_angle,
+    matmul,
+    rotate,
+    rotate_back,
+    scale,
+    sub,
+)
+
+# Columns of a row of ``frames`` (J, 15): joint position, link rotation, joint axis; all in the world frame.
+POSITION, ROTATION, AXIS = 0, 3, 12
+FRAME_SIZE = 15
+
+
+@kernel
+def vec(array, start):
+    """Read three consecutive numbers as a vector."""
+    return (array[start], array[start + 1], array[start + 2])
+
+
+@kernel
+def put(array, start, value):
+    """Write a vector into three consecutive numbers."""
+    array[start], array[start + 1], array[start + 2] = value
+
+
+@kernel
+def link_rotation(frame):
+    """Rotation (world from link) stored in a row of ``frames``."""
+    return (frame[3], frame[4], frame[5], frame[6], frame[7], frame[8], frame[9], frame[10], frame[11])
+
+
+@kernel
+def forward_kinematics(vehicle, pos, rot, joints, frames):
+    """Place every link.
+
+    Args:
+        vehicle: the nominal model.
+        pos, rot: base position (m) and rotation, world from base.
+        joints: (J,) rad.
+        frames: (J, 15) written: joint position, link rotation, joint axis, world frame.
+    """
+    for j in range(vehicle.link_mass.size):
+        axis = vec(vehicle.link_axis[j], 0)
+        pos = add(pos, rotate(rot, vec(vehicle.link_offset[j], 0)))
+        put(frames[j], AXIS, rotate(rot, axis))
+        rot = matmul(rot, mat_from_axis_angle(axis, joints[j]))
+        put(frames[j], POSITION, pos)
+        for k in range(9):
+            frames[j, ROTATION + k] = rot[k]
+
+
+@kernel
+def tool_pose(vehicle, frames):
+    """Tool position (m) and rotation (world from tool) for placed links."""
+    last = frames[vehicle.link_mass.size - 1]
+    rot = link_rotation(last)
+    return add(vec(last, POSITION), rotate(rot, vec(vehicle.tool_offset, 0))), rot
+
+
+@kernel
+def tool_jacobian(vehicle, frames, pos, jacobian):
+    """Geometric Jacobian of the tool with respect to base translation, base yaw and joints.
+
+    Args:
+        vehicle: the nominal model.
+        frames: (J, 15) placed links.
+        pos: base position, m.
+        jacobian: (6, 4 + J) written: rows linear and angular velocity (world), columns base x, y, z, yaw, joints.
+    """
+    jacobian[:, :4] = 0.0
+    tool, _ = tool_pose(vehicle, frames)
+    for k in range(3):
+        jacobian[k, k] = 1.0
+    lever = sub(tool, pos)
+    jacobian[0, 3], jacobian[1, 3], jacobian[5, 3] = -lever[1], lever[0], 1.0
+    for j in range(vehicle.link_mass.size):
+        axis = vec(frames[j], AXIS)
+        linear = cross(axis, sub(tool, vec(frames[j], POSITION)))
+        for k in range(3):
+            jacobian[k, 4 + j] = linear[k]
+            jacobian[3 + k, 4 + j] = axis[k]
+
+
+@kernel
+def tool_velocity(vehicle, frames, pos, vel, omega, joint_vel):
+    """Linear (m/s) and angular (rad/s) velocity of the tool, world frame."""
+    tool, _ = tool_pose(vehicle, frames)
+    linear = add(vel, cross(omega, sub(tool, pos)))
+    for j in range(vehicle.link_mass.size):
+        spin = scale(joint_vel[j], vec(frames[j], AXIS))
+        linear = add(linear, cross(spin, sub(tool, vec(frames[j], POSITION))))
+        omega = add(omega, spin)
+    return linear, omega
+
+
+@kernel
+def momentum(vehicle, frames, pos, rot, vel, omega, joint_vel):
+    """Total momentum of base and arm.
+
+    Args:
+        vehicle: the nominal model.
+        frames: (J, 15) placed links.
+        pos, rot: base pose. vel, omega: base twist, world frame. joint_vel: (J,) rad/s.
+
+    Returns:
+        linear: kg m/s; angular: about the common centre of mass, kg m²/s; com: its position, m; mass: kg.
+    """
+    linear = scale(vehicle.base_mass, vel)
+    angular = _spin_momentum(vehicle.base_inertia, rot, omega)
+    moment = (0.0, 0.0, 0.0)  # Σ m (p - pos)
+    mass = vehicle.base_mass
+    origin, omega_base = pos, omega
+    link_vel = vel
+    for j in range(vehicle.link_mass.size):
+        joint, link = vec(frames[j], POSITION), link_rotation(frames[j])
+        link_vel = add(link_vel, cross(omega, sub(joint, pos)))
+        pos = joint
+        omega = add(omega, scale(joint_vel[j], vec(frames[j], AXIS)))
+        arm = rotate(link, vec(vehicle.link_com[j], 0))
+        m = vehicle.link_mass[j]
+        p = scale(m, add(link_vel, cross(omega, arm)))
+        lever = sub(add(joint, arm), origin)
+        linear = add(linear, p)
+        angular = add(angular, add(cross(lever, p), _spin_momentum(vehicle.link_inertia[j], link, omega)))
+        moment = add(moment, scale(m, lever))
+        mass += m
+    lever = scale(1.0 / mass, moment)
+    return linear, sub(angular, cross(lever, linear)), add(origin, lever), mass
+
+
+@kernel
+def inverse_dynamics(vehicle, frames, pos, rot, omega, joint_vel, acc, alpha, joint_acc, torque):
+    """Wrench on the base and joint torques that produce given accelerations against gravity.
+
+    Args:
+        vehicle: the nominal model.
+        frames: (J, 15) placed links.
+        pos, rot: base pose. omega: base angular velocity, world, rad/s. joint_vel: (J,) rad/s.
+        acc: base linear acceleration, world, m/s². alpha: base angular acceleration, world, rad/s².
+        joint_acc: (J,) rad/s².
+        torque: (J,) written: joint torques, N m.
+
+    Returns:
+        force (N) and torque (N m) on the base, world frame, about the base origin.
+    """
+    count = vehicle.link_mass.size
+    forces, moments = np.empty((count, 3)), np.empty((count, 3))
+    acc = add(acc, (0.0, 0.0, GRAVITY))
+    base_force = scale(vehicle.base_mass, acc)
+    base_moment = _spin_torque(vehicle.base_inertia, rot, omega, alpha)
+    origin = pos
+    for j in range(count):
+        joint, link, axis = vec(frames[j], POSITION), link_rotation(frames[j]), vec(frames[j], AXIS)
+        acc = add(acc, _point_acceleration(omega, alpha, sub(joint, pos)))
+        pos = joint
+        spin = scale(joint_vel[j], axis)
+        alpha = add(add(alpha, scale(joint_acc[j], axis)), cross(omega, spin))
+        omega = add(omega, spin)
+        arm = rotate(link, vec(vehicle.link_com[j], 0))
+        force = scale(vehicle.link_mass[j], add(acc, _point_acceleration(omega, alpha, arm)))
+        put(forces[j], 0, force)
+        moment = _spin_torque(vehicle.link_inertia[j], link, omega, alpha)
+        put(moments[j], 0, add(moment, cross(sub(add(joint, arm), origin), force)))
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for j in range(count - 1, -1, -1):
+        force, moment = add(force, vec(forces[j], 0)), add(moment, vec(moments[j], 0))
+        lever = sub(vec(frames[j], POSITION), origin)
+        torque[j] = dot(vec(frames[j], AXIS), sub(moment, cross(lever, force)))
+    return add(base_force, force), add(base_moment, moment)
+
+
+@kernel
+def rotational_inertia(vehicle, frames, pos, rot, alpha):
+    """Torque (N m) that the whole vehicle, joints locked, needs for angular acceleration ``alpha`` (both world)."""
+    torque = _spin_momentum(vehicle.base_inertia, rot, alpha)
+    for j in range(vehicle.link_mass.size):
+        link = link_rotation(frames[j])
+        lever = sub(add(vec(frames[j], POSITION), rotate(link, vec(vehicle.link_com[j], 0))), pos)
+        torque = add(torque, cross(lever, scale(vehicle.link_mass[j], cross(alpha, lever))))
+        torque = add(torque, _spin_momentum(vehicle.link_inertia[j], link, alpha))
+    return torque
+
+
+@kernel
+def _point_acceleration(omega, alpha, arm):
+    return add(cross(alpha, arm), cross(omega, cross(omega, arm)))
+
+
+@kernel
+def _spin_momentum(inertia, rot, omega):
+    """Angular momentum R I Rᵀ ω of a body about its own centre, I diagonal in the body frame."""
+    local = rotate_back(rot, omega)
+    return rotate(rot, (inertia[0] * local[0], inertia[1] * local[1], inertia[2] * local[2]))
+
+
+@kernel
+def _spin_torque(inertia, rot, omega, alpha):
+    """Euler's equation: R I Rᵀ α + ω × R I Rᵀ ω."""
+    return add(_spin_momentum(inertia, rot, alpha), cross(omega, _spin_momentum(inertia, rot, omega)))

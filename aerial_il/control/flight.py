@@ -1,0 +1,114 @@
+"""Geometric tracking of the base with arm feed-forward and a momentum-based disturbance observer.
+
+Position and attitude follow Lee, Leok & McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)" (CDC
+2010). The wrench comes from inverse dynamics of base and arm together, so that the arm's weight and its moving centre
+of mass are fed forward. A vehicle with tilted rotors uses its sideways force first and tilts only for the rest; an
+under-actuated one has none and always tilts: one law for both.
+"""
+
+from __future__ import annotations
+
+import math
+
+from aerial_il.control import memory as mem
+from aerial_il.control.dynamics import put, vec
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import (
+    add,
+    clip,
+    cross,
+    from_columns,
+    limit_norm,
+    matmul_back,
+    norm,
+    rotate,
+    rotate_back,
+    scale,
+    sub,
+)
+
+
+@kernel
+def position_loop(gains, memory, pos, vel, feed_forward):
+    """Base acceleration (world, m/s²) that brings the base to its reference."""
+    error = sub(vec(memory, mem.BASE_POS), pos)
+    error_rate = sub(vec(memory, mem.BASE_VEL), vel)
+    acc = add(feed_forward, add(scale(gains.position, error), scale(gains.velocity, error_rate)))
+    return limit_norm(acc, gains.max_acceleration)
+
+
+@kernel
+def desired_attitude(force, yaw, lateral_limit, max_tilt):
+    """Attitude that lets the vehicle exert a force.
+
+    Args:
+        force: wanted force on the vehicle, world frame, N.
+        yaw: wanted heading, rad.
+        lateral_limit: sideways force available without tilting, N.
+        max_tilt: rad.
+
+    Returns:
+        Rotation, world from base.
+    """
+    sideways = math.sqrt(force[0] * force[0] + force[1] * force[1])
+    excess = max(0.0, sideways - lateral_limit) / max(sideways, 1e-9)
+    up = max(force[2], 1e-3)
+    limit = math.tan(max_tilt) * up
+    tilt = limit_norm((excess * force[0], excess * force[1], 0.0), limit)
+    z = (tilt[0], tilt[1], up)
+    z = scale(1.0 / norm(z), z)
+    y = cross(z, (math.cos(yaw), math.sin(yaw), 0.0))
+    y = scale(1.0 / norm(y), y)
+    return from_columns(cross(y, z), y, z)
+
+
+@kernel
+def attitude_loop(gains, rot, omega_body, wanted, yaw_rate):
+    """Angular acceleration (body frame, rad/s²) that turns ``rot`` into ``wanted`` (Lee 2010, eq. 10 and 11)."""
+    d = matmul_back(wanted, rot)  # Rdᵀ R
+    error = (0.5 * (d[7] - d[5]), 0.5 * (d[2] - d[6]), 0.5 * (d[3] - d[1]))
+    rate_error = sub(omega_body, rotate_back(rot, (0.0, 0.0, yaw_rate)))
+    alpha = add(scale(-gains.attitude, error), scale(-gains.rate, rate_error))
+    return (clip(alpha[0], -60.0, 60.0), clip(alpha[1], -60.0, 60.0), clip(alpha[2], -20.0, 20.0))
+
+
+@kernel
+def rotor_wrench(vehicle, thrust, rot, com_lever):
+    """Force (N) and torque about the centre of mass (N m) of the rotors' actual thrusts, world frame.
+
+    Args:
+        vehicle: the nominal model. thrust: (R,) N. rot: world from base.
+        com_lever: centre of mass minus base origin, world frame, m.
+    """
+    force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(thrust.size):
+        push = scale(thrust[i], vec(vehicle.rotor_axis[i], 0))
+        force = add(force, push)
+        torque = add(torque, cross(vec(vehicle.rotor_pos[i], 0), push))
+        torque = add(torque, scale(vehicle.rotor_drag_ratio[i], push))
+    force, torque = rotate(rot, force), rotate(rot, torque)
+    return force, sub(torque, cross(com_lever, force))
+
+
+@kernel
+def observe_disturbance(memory, linear, angular, force, torque, bandwidth, dt):
+    """Advance the generalised-momentum observer (De Luca & Mattone 2003): first order, ``bandwidth`` in 1/s.
+
+    Args:
+        memory: controller memory; the estimate is stored in it.
+        linear, angular: momentum of the vehicle (kg m/s; about the centre of mass, kg m²/s), world frame.
+        force, torque: known external wrench about the centre of mass, gravity included.
+        dt: s.
+    """
+    gain = 1.0 - math.exp(-bandwidth * dt)
+    _low_pass_residual(memory, mem.FORCE, mem.LINEAR, linear, force, gain, dt)
+    _low_pass_residual(memory, mem.TORQUE, mem.ANGULAR, angular, torque, gain, dt)
+
+
+@kernel
+def _low_pass_residual(memory, estimate, last, momentum, known, gain, dt):
+    """Blend what the momentum's rate leaves unexplained into the estimate."""
+    rate = scale(1.0 / dt, sub(momentum, vec(memory, last)))
+    old = vec(memory, estimate)
+    put(memory, estimate, add(old, scale(gain, sub(sub(rate, known), old))))
+    put(memory, last, momentum)

@@ -1,0 +1,111 @@
+"""The end-effector reference: smooth, limited in speed and acceleration, without lag behind a steady motion.
+
+A policy may command anything inside the action bounds, fifty times a second. The reference follows the command with a
+second-order law whose speed and acceleration are limited; the command's own rate is fed forward, so that a target
+that moves steadily is tracked without delay and a jump is approached along a braking curve.
+"""
+
+from __future__ import annotations
+
+import math
+
+from aerial_il.control import memory as mem
+from aerial_il.control.dynamics import put, vec
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import (
+    add,
+    column,
+    limit_norm,
+    mat_from_rotvec,
+    matmul,
+    matmul_back,
+    norm,
+    orthonormalise,
+    rotate,
+    rotvec_from_mat,
+    scale,
+    sub,
+)
+
+APPROACH = 4.0  # 1/s: speed wanted per metre of error
+RESPONSE = 10.0  # 1/s: how fast the reference takes up the wanted speed
+TURN_APPROACH = 4.0  # 1/s: the same for orientation
+
+
+@kernel
+def read_rotation(memory, start):
+    """Read nine numbers as a rotation matrix."""
+    return (
+        memory[start],
+        memory[start + 1],
+        memory[start + 2],
+        memory[start + 3],
+        memory[start + 4],
+        memory[start + 5],
+        memory[start + 6],
+        memory[start + 7],
+        memory[start + 8],
+    )
+
+
+@kernel
+def write_rotation(memory, start, rot):
+    """Write a rotation matrix as nine numbers."""
+    for k in range(9):
+        memory[start + k] = rot[k]
+
+
+@kernel
+def observe_target_rate(memory, target, gains, interval):
+    """Estimate how fast the commanded position moves; a jump counts as standing still.
+
+    Call once per command. ``target``: position, world, m. ``interval``: seconds since the previous command.
+    """
+    rate = scale(1.0 / interval, sub(target, vec(memory, mem.TARGET_POS)))
+    if norm(rate) > 1.5 * gains.reference_speed:
+        rate = (0.0, 0.0, 0.0)
+    blended = add(scale(0.7, vec(memory, mem.TARGET_VEL)), scale(0.3, rate))
+    put(memory, mem.TARGET_VEL, blended)
+    put(memory, mem.TARGET_POS, target)
+
+
+@kernel
+def advance_position(memory, target, gains, dt):
+    """Move the reference position towards ``target`` (world, m) for ``dt`` seconds; return its acceleration."""
+    pos, vel = vec(memory, mem.TOOL_POS), vec(memory, mem.TOOL_VEL)
+    error = sub(target, pos)
+    distance = norm(error)
+    braking = math.sqrt(1.4 * gains.reference_acceleration * distance)
+    speed = min(APPROACH * distance, min(braking, gains.reference_speed))
+    wanted = add(vec(memory, mem.TARGET_VEL), scale(speed / max(distance, 1e-9), error))
+    wanted = limit_norm(wanted, gains.reference_speed)
+    acc = limit_norm(scale(RESPONSE, sub(wanted, vel)), gains.reference_acceleration)
+    put(memory, mem.TOOL_POS, add(pos, add(scale(dt, vel), scale(0.5 * dt * dt, acc))))
+    put(memory, mem.TOOL_VEL, add(vel, scale(dt, acc)))
+    return acc
+
+
+@kernel
+def advance_rotation(memory, target, gains, dt):
+    """Turn the reference rotation towards ``target`` (world from tool) for ``dt`` seconds."""
+    rot = read_rotation(memory, mem.TOOL_ROT)
+    error = rotate(rot, rotvec_from_mat(matmul_back(rot, target)))
+    wanted = limit_norm(scale(TURN_APPROACH, error), gains.reference_turn)
+    omega = vec(memory, mem.TOOL_OMEGA)
+    omega = add(omega, scale(min(1.0, RESPONSE * dt), sub(wanted, omega)))
+    put(memory, mem.TOOL_OMEGA, omega)
+    rot = matmul(mat_from_rotvec(scale(dt, omega)), rot)
+    write_rotation(memory, mem.TOOL_ROT, orthonormalise(column(rot, 0), column(rot, 1)))
+
+
+@kernel
+def yaw_and_pitch(rot):
+    """Heading and downward pitch (rad) of a tool, defined for a tool that points straight down too.
+
+    The heading is that of the tool's y axis less a quarter turn: it exists as long as the tool is not rolled on its
+    side. ``rot``: world from tool.
+    """
+    y = column(rot, 1)
+    yaw = math.atan2(-y[0], y[1])
+    x = column(rot, 0)
+    return yaw, math.atan2(-x[2], x[0] * math.cos(yaw) + x[1] * math.sin(yaw))

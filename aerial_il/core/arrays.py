@@ -1,0 +1,31 @@
+"""Element-wise array mathematics whose result for one row never depends on how many rows there are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def length(vectors: np.ndarray) -> np.ndarray:
+    """Euclidean length of vectors (..., 3) -> (...)."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.sqrt(x * x + y * y + z * z)
+
+
+def planar_length(vectors: np.ndarray) -> np.ndarray:
+    """Horizontal length of vectors (..., 2 or 3) -> (...)."""
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.sqrt(x * x + y * y)
+
+
+def rotation_cosine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cosine of the angle between rotations, ``(tr(Aᵀ B) - 1) / 2``, for matrices (..., 9) -> (...)."""
+    total = a[..., 0] * b[..., 0]
+    for k in range(1, 9):
+        total = total + a[..., k] * b[..., k]
+    return 0.5 * (total - 1.0)
+
+
+def closeness(distance: np.ndarray, scale: float) -> np.ndarray:
+    """Smooth reward for a distance: 1 at zero, 1/2 at ``scale``, never negative (a rational bell)."""
+    ratio = distance / scale
+    return 1.0 / (1.0 + ratio * ratio)

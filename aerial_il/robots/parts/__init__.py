@@ -1,0 +1,1 @@
+"""Parts that robots share: rotorcraft bases, arms, grippers."""

@@ -1,0 +1,1 @@
+"""Environments for aerial manipulation: tasks, disturbances, single and batch worlds."""

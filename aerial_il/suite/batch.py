@@ -1,0 +1,160 @@
+"""Many worlds at once: the environment that collection, training and evaluation run on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from aerial_il.control.vehicle import Gains
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
+from aerial_il.suite.simulation import Judgement, Scenario, Simulation
+from aerial_il.suite.worlds import BatchWorlds
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """What n worlds answer to an action.
+
+    Attributes:
+        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed. truncated: (n,) bool, time is up.
+        info: ``success``, ``crash``, ``sparse_reward``, ``ee_error_m``, ``effort``, ``contacts`` (each (n,)), ``subtasks``
+            (n, K), ``executed_action`` (n, Da).
+    """
+
+    obs: dict[str, np.ndarray]
+    reward: np.ndarray
+    terminated: np.ndarray
+    truncated: np.ndarray
+    info: dict[str, np.ndarray]
+
+
+class BatchEnvironment:
+    """n independent worlds of one scenario on MuJoCo's batch engine.
+
+    The environment does not end an episode on success and does not reset by itself: whoever runs it decides, per world.
+
+    Args:
+        scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
+    """
+
+    def __init__(self, scenario: Scenario, num_envs: int, num_threads: int = 0, gains: Gains | None = None) -> None:
+        if num_envs < 1:
+            raise InvalidValueError(f"num_envs must be at least 1, got {num_envs}.")
+        self.scenario, self.num_envs = scenario, num_envs
+        self.model = scenario.compile()
+        self.simulation = Simulation(scenario, BatchWorlds(self.model, num_envs, num_threads), gains)
+        self._cameramen: dict[tuple[int, int], Cameraman] = {}
+
+    @property
+    def spec(self) -> EnvSpec:
+        return self.scenario.spec
+
+    @property
+    def model_xml(self) -> str:
+        """The compiled scene as stand-alone MJCF."""
+        return self.scenario.xml
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        return CAMERAS
+
+    @property
+    def ctrl(self) -> np.ndarray:
+        """(n, nu) copy of the actuator commands: rotors (N), servos (rad), gripper (m)."""
+        return self.simulation.ctrl.copy()
+
+    @property
+    def sim_time(self) -> np.ndarray:
+        """(n,) seconds since the start of each episode."""
+        return self.simulation.steps * self.spec.control_dt_s
+
+    def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Start episodes in all worlds, or in those of ``mask`` (n,) bool.
+
+        Args:
+            seeds: (n,) integers, or one integer s for s, s + 1, …; entries outside ``mask`` are ignored.
+
+        Returns:
+            Observations of all worlds.
+        """
+        seeds = np.asarray(seeds)
+        seeds = seeds + np.arange(self.num_envs) if seeds.ndim == 0 else seeds
+        if seeds.shape != (self.num_envs,):
+            raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {seeds.shape}.")
+        self.simulation.reset(seeds, mask)
+        return self.observe()
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        """Fly one control step of 20 ms; worlds outside ``mask`` (n,) bool stand still.
+
+        Args:
+            actions: (n, Da) in the units of ``spec.action``; clipped to its bounds.
+        """
+        executed = self.simulation.advance(actions, mask)
+        judgement = self.simulation.judge()
+        return StepResult(
+            obs=self.observe(),
+            reward=judgement.reward,
+            terminated=judgement.crash,
+            truncated=judgement.truncated,
+            info=info_of(judgement, executed),
+        )
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """Observations of all worlds as they stand, ``name -> (n, ...)``."""
+        obs = self.simulation.observe()
+        requests, (height, width) = self.scenario.camera_requests, self.scenario.image_size
+        if requests:
+            frames = [[self.shoot(i, r, height, width) for r in requests] for i in range(self.num_envs)]
+            obs.update({r.key: np.stack([world[k] for world in frames]) for k, r in enumerate(requests)})
+        return obs
+
+    def get_state(self) -> np.ndarray:
+        """(n, S) copies of the full states: physics, controllers, gusts, timers."""
+        return self.simulation.worlds.get_state()
+
+    def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Continue from states (n, S) that :meth:`get_state` returned; return the observations."""
+        states = np.asarray(states, float)
+        if states.shape != (self.num_envs, self.spec.state_size):
+            raise InvalidValueError(
+                f"States have shape {(self.num_envs, self.spec.state_size)} for this scenario, got {states.shape}."
+            )
+        ids = None if mask is None else np.flatnonzero(mask).astype(np.int32)
+        self.simulation.worlds.set_state(states, ids)
+        return self.observe()
+
+    def render(
+        self, world: int = 0, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb"
+    ) -> np.ndarray:
+        """Image of one world: (H, W, 3) uint8 colour, (H, W) float32 depth in m, or (H, W) int32 geom ids."""
+        return self.shoot(world, CameraRequest(camera, modality), height, width)
+
+    def shoot(self, world: int, request: CameraRequest, height: int, width: int) -> np.ndarray:
+        """Render one request of one world."""
+        cameraman = self._cameramen.setdefault((height, width), Cameraman(self.model, height, width))
+        return cameraman.shoot(self.simulation.worlds.data(world), request)
+
+    def close(self) -> None:
+        """Free graphics contexts."""
+        for cameraman in self._cameramen.values():
+            cameraman.close()
+        self._cameramen.clear()
+
+
+def info_of(judgement: Judgement, executed: np.ndarray) -> dict[str, np.ndarray]:
+    """The measurements of a step by name, each (n, ...)."""
+    return {
+        "success": judgement.success,
+        "crash": judgement.crash,
+        "sparse_reward": judgement.success.astype(float),
+        "subtasks": judgement.subtasks,
+        "ee_error_m": judgement.ee_error,
+        "effort": judgement.effort,
+        "contacts": judgement.contacts,
+        "executed_action": executed,
+    }

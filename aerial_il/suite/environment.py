@@ -1,0 +1,145 @@
+"""One world as a dm_control environment: for teleoperation, inspection and other people's code."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+import dm_env
+import numpy as np
+from dm_control.rl import control
+from dm_env import specs
+
+from aerial_il.control.vehicle import Gains
+from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.batch import info_of
+from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
+from aerial_il.suite.scene import PHYSICS_DT_S, SUBSTEPS
+from aerial_il.suite.simulation import Judgement, Scenario, Simulation
+from aerial_il.suite.worlds import Physics, SingleWorlds
+
+
+class SuiteTask(control.Task):
+    """dm_control's view of a scenario: it hands every question to the :class:`Simulation` that the batch uses too.
+
+    Args:
+        simulation: the scenario's logic for one world. first_seed: seed of the first episode; each reset takes the next.
+    """
+
+    def __init__(self, simulation: Simulation, first_seed: int) -> None:
+        self.simulation, self.next_seed = simulation, first_seed
+        self.judgement: Judgement | None = None
+        self.executed: np.ndarray | None = None
+        self._cameramen: dict[tuple[int, int], Cameraman] = {}
+
+    def initialize_episode(self, physics: Physics) -> None:
+        self.simulation.reset(np.array([self.next_seed]))
+        self.next_seed += 1
+        self.judgement = None
+
+    def before_step(self, action: np.ndarray, physics: Physics) -> None:
+        self.executed = self.simulation.receive(np.asarray(action)[None])
+
+    def after_step(self, physics: Physics) -> None:
+        self.simulation.settle()
+        self.judgement = self.simulation.judge()
+
+    def action_spec(self, physics: Physics) -> specs.BoundedArray:
+        action = self.simulation.spec.action
+        return specs.BoundedArray((action.size,), float, action.low, action.high, name=" ".join(action.labels))
+
+    def observation_spec(self, physics: Physics) -> OrderedDict[str, specs.Array]:
+        fields = self.simulation.spec.observation.fields
+        return OrderedDict((f.name, specs.Array(f.shape, np.dtype(f.dtype), name=f.name)) for f in fields)
+
+    def get_observation(self, physics: Physics) -> OrderedDict[str, np.ndarray]:
+        obs = OrderedDict((k, v[0].copy()) for k, v in self.simulation.observe().items())
+        scenario = self.simulation.scenario
+        obs.update((r.key, self.shoot(physics, r, *scenario.image_size)) for r in scenario.camera_requests)
+        return obs
+
+    def shoot(self, physics: Physics, request: CameraRequest, height: int, width: int) -> np.ndarray:
+        """Render one image of the world."""
+        cameraman = self._cameramen.setdefault((height, width), Cameraman(physics.model.ptr, height, width))
+        return cameraman.shoot(physics.data.ptr, request)
+
+    def close(self) -> None:
+        """Free graphics contexts."""
+        for cameraman in self._cameramen.values():
+            cameraman.close()
+        self._cameramen.clear()
+
+    def get_reward(self, physics: Physics) -> float:
+        return float(self._judged().reward[0])
+
+    def get_termination(self, physics: Physics) -> float | None:
+        return 0.0 if self._judged().crash[0] else None
+
+    def _judged(self) -> Judgement:
+        if self.judgement is None:
+            self.judgement = self.simulation.judge()
+        return self.judgement
+
+
+class AerialEnvironment(control.Environment):
+    """A real ``dm_control.rl.control.Environment`` over one world.
+
+    Each ``reset`` starts the next seed; ``reset(seed=…)`` chooses one.
+
+    Args:
+        scenario: what is flown. seed: seed of the first episode. gains: controller tuning.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int = 0, gains: Gains | None = None) -> None:
+        self.scenario = scenario
+        physics = Physics.from_mujoco(scenario.compile())
+        self.simulation = Simulation(scenario, SingleWorlds(physics), gains)
+        physics.before_step = self.simulation.control
+        self._suite_task = SuiteTask(self.simulation, seed)
+        super().__init__(physics, self._suite_task, time_limit=scenario.task.time_limit_s, n_sub_steps=SUBSTEPS)
+
+    @property
+    def spec(self) -> EnvSpec:
+        """Specification of observations and actions."""
+        return self.scenario.spec
+
+    @property
+    def model_xml(self) -> str:
+        """The compiled scene as stand-alone MJCF."""
+        return self.scenario.xml
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        return CAMERAS
+
+    @property
+    def info(self) -> dict[str, np.ndarray]:
+        """Measurements of the last step by name, as in the batch's ``StepResult.info``, without the world axis."""
+        task = self._suite_task
+        judgement = task.judgement or self.simulation.judge()
+        executed = np.zeros((1, self.spec.action.size)) if task.executed is None else task.executed
+        return {name: value[0] for name, value in info_of(judgement, executed).items()}
+
+    def reset(self, seed: int | None = None) -> dm_env.TimeStep:
+        """Start the next episode, or the one of ``seed``."""
+        if seed is not None:
+            self._suite_task.next_seed = seed
+        return super().reset()
+
+    def get_state(self) -> np.ndarray:
+        """(1, S) copy of the full state: physics, controller, gusts, timers."""
+        return self.simulation.worlds.get_state()
+
+    def set_state(self, states: np.ndarray) -> None:
+        """Continue from a state (1, S) that :meth:`get_state` returned, here or in a batch."""
+        self.simulation.worlds.set_state(np.asarray(states, float).reshape(1, -1), None)
+        self._suite_task.judgement = None
+        self._reset_next_step = False
+
+    def render(self, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb") -> np.ndarray:
+        """Image (H, W, 3) uint8, depth (H, W) float32 in m, or geom ids (H, W) int32."""
+        return self._suite_task.shoot(self.physics, CameraRequest(camera, modality), height, width)
+
+    def close(self) -> None:
+        """Free graphics contexts."""
+        self._suite_task.close()
+        super().close()

@@ -1,0 +1,97 @@
+"""Cameras: colour, depth and segmentation images of one world at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+CAMERAS = ("scene", "wrist", "base")
+MODALITIES = ("rgb", "depth", "segmentation")
+_DTYPES = {"rgb": "uint8", "depth": "float32", "segmentation": "int32"}
+
+
+@dataclass(frozen=True)
+class CameraRequest:
+    """A camera and what it should see: ``rgb`` (H, W, 3), ``depth`` in m (H, W) or geom ids (H, W), -1 for the sky."""
+
+    camera: str
+    modality: str = "rgb"
+
+    def __post_init__(self) -> None:
+        if self.camera not in CAMERAS:
+            raise UnknownNameError("camera", self.camera, CAMERAS)
+        if self.modality not in MODALITIES:
+            raise UnknownNameError("image modality", self.modality, MODALITIES)
+
+    @property
+    def key(self) -> str:
+        """Name of the image among the observations."""
+        return f"{self.camera}_{self.modality}"
+
+    @property
+    def dtype(self) -> str:
+        return _DTYPES[self.modality]
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        return (3,) if self.modality == "rgb" else ()
+
+
+def parse_cameras(cameras: tuple[str, ...]) -> tuple[CameraRequest, ...]:
+    """Read camera requests written as ``"wrist"`` or ``"wrist:depth"``.
+
+    Raises:
+        UnknownNameError: unknown camera or modality. InvalidValueError: one camera image asked for twice.
+    """
+    if isinstance(cameras, str):
+        raise InvalidValueError(f"cameras is a list of names, got the text {cameras!r}; write cameras=({cameras!r},).")
+    requests = tuple(CameraRequest(*text.split(":", 1)) for text in cameras)
+    if len(set(requests)) < len(requests):
+        raise InvalidValueError(f"Each camera image can be asked for once, got {', '.join(cameras)}.")
+    return requests
+
+
+class Cameraman:
+    """Renders worlds of one model off screen, on the thread that made it.
+
+    Args:
+        model: compiled scene. height, width: pixels.
+    """
+
+    def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
+        self._model, self._size = model, (height, width)
+
+    @cached_property
+    def _renderer(self) -> mujoco.Renderer:
+        renderer = mujoco.Renderer(self._model, *self._size)
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        return renderer
+
+    def shoot(self, data: mujoco.MjData, request: CameraRequest) -> np.ndarray:
+        """Return one image of ``data`` as the request describes it."""
+        renderer = self._renderer
+        renderer.disable_depth_rendering()
+        renderer.disable_segmentation_rendering()
+        if request.modality == "depth":
+            renderer.enable_depth_rendering()
+        elif request.modality == "segmentation":
+            renderer.enable_segmentation_rendering()
+        renderer.update_scene(data, camera=request.camera)
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+        image = renderer.render()
+        if request.modality == "segmentation":
+            is_geom = image[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM)
+            return np.where(is_geom, image[..., 0], -1).astype(np.int32)
+        return image.astype(request.dtype)
+
+    def close(self) -> None:
+        """Free the graphics context."""
+        if "_renderer" in self.__dict__:
+            self._renderer.close()
+            del self.__dict__["_renderer"]

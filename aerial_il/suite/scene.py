@@ -1,0 +1,81 @@
+"""Assemble one scene: physics settings, arena, robot, the task's props, contact sensors."""
+
+from __future__ import annotations
+
+import mujoco
+
+from aerial_il.robots.parts.collision import WORLD
+from aerial_il.robots.robot import Robot
+from aerial_il.suite.contact_sensors import add_contact_sensor
+from aerial_il.suite.memory import USERDATA_SIZE
+from aerial_il.suite.tasks.task import Task
+
+PHYSICS_DT_S = 0.004
+SUBSTEPS = 5
+CONTROL_DT_S = PHYSICS_DT_S * SUBSTEPS
+ARENA_BYTES = 1 << 20
+
+
+def build_xml(robot: Robot, task: Task) -> str:
+    """Return the scene as stand-alone MJCF, the one text from which every environment compiles its model."""
+    spec = mujoco.MjSpec()
+    spec.modelname = f"{robot.name}-{task.name}"
+    spec.compiler.degree = False
+    spec.nuserdata = USERDATA_SIZE
+    spec.memory = ARENA_BYTES
+    _set_physics(spec)
+    _set_visuals(spec)
+    _add_arena(spec)
+    robot.add_to(spec)
+    task.add_props(spec, robot)
+    _add_contact_sensors(spec, robot)
+    spec.compile()
+    return spec.to_xml()
+
+
+def _set_physics(spec: mujoco.MjSpec) -> None:
+    option = spec.option
+    option.timestep = PHYSICS_DT_S
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 10.0
+    option.iterations, option.ls_iterations = 50, 50
+
+
+def _set_visuals(spec: mujoco.MjSpec) -> None:
+    visual = spec.visual
+    visual.quality.offsamples = 0
+    visual.quality.shadowsize = 0
+    visual.global_.offwidth, visual.global_.offheight = 1280, 960
+    visual.headlight.ambient = [0.45, 0.45, 0.45]
+    visual.headlight.diffuse = [0.45, 0.45, 0.45]
+    visual.map.znear = 0.01
+
+
+def _add_arena(spec: mujoco.MjSpec) -> None:
+    """Ground plane at z = 0, sky, one light and the fixed camera ``scene``."""
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.80, 0.87, 0.94], rgb2=[0.95, 0.97, 0.99], width=64, height=64,
+    )  # fmt: skip
+    spec.add_texture(
+        name="grid", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.80, 0.82, 0.84], rgb2=[0.86, 0.87, 0.89], width=128, height=128,
+    )  # fmt: skip
+    material = spec.add_material(name="grid", texrepeat=[4, 4], texuniform=True, reflectance=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(name="ground", type=plane, size=[6, 6, 0.1], material="grid", **WORLD)
+    spec.worldbody.add_light(name="sun", pos=[-1, -1.5, 4], dir=[0.25, 0.35, -1], diffuse=[0.5, 0.5, 0.5], castshadow=False)
+    spec.worldbody.add_camera(name="scene", pos=[-1.25, -1.35, 1.55], xyaxes=[0.72, -0.69, 0, 0.29, 0.30, 0.91], fovy=55)
+
+
+def _add_contact_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Count contacts of the base (hub and rotor discs) and of the links that should touch nothing."""
+    add_contact_sensor(spec, "contact_base", body="base")
+    for i in range(robot.num_joints - 1):
+        add_contact_sensor(spec, f"contact_link_{i}", body=f"link_{i}")
+
+

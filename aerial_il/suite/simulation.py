@@ -1,0 +1,299 @@
+"""One episode's logic for n worlds: start, fly, observe, judge. Both environments are thin faces of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from aerial_il import robots
+from aerial_il.control.actions import ActionLevel, action_spec
+from aerial_il.control.vehicle import GRAVITY, Gains
+from aerial_il.core.arrays import length
+from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
+from aerial_il.core.seeding import episode_rng
+from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.robots.robot import Robot
+from aerial_il.suite import memory as mem
+from aerial_il.suite import tasks, tiers
+from aerial_il.suite.aerodynamics import Air
+from aerial_il.suite.flight_loop import fly, receive_actions
+from aerial_il.suite.observations import observe_robot, robot_fields
+from aerial_il.suite.rendering import CameraRequest, parse_cameras
+from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS, build_xml
+from aerial_il.suite.tasks.task import Task
+from aerial_il.suite.view import View
+from aerial_il.suite.worlds import STATE, Worlds
+
+FENCE_M = 4.0  # a base farther than this from the origin has flown away
+LARGEST_SEED = 2**53
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is flown: one cell, one tier, one action level, some cameras.
+
+    Raises:
+        UnknownNameError: unknown robot, task, tier, action level or camera.
+        CellError: the robot cannot do the task.
+    """
+
+    robot_name: str
+    task_name: str
+    tier_name: str = "calm"
+    action: str = "ee_pose"
+    cameras: tuple[str, ...] = ()
+    image_size: tuple[int, int] = (240, 320)
+
+    def __post_init__(self) -> None:
+        tasks.check_cell(self.robot_name, self.task_name)
+        tiers.get(self.tier_name)
+        ActionLevel.parse(self.action)
+        parse_cameras(self.cameras)
+        if min(self.image_size) < 1 or self.image_size[0] > 960 or self.image_size[1] > 1280:
+            raise InvalidValueError(f"image_size is (height, width) up to (960, 1280), got {self.image_size}.")
+
+    @property
+    def robot(self) -> Robot:
+        return robots.get(self.robot_name)
+
+    @property
+    def task(self) -> Task:
+        return tasks.get(self.task_name)
+
+    @property
+    def level(self) -> ActionLevel:
+        return ActionLevel.parse(self.action)
+
+    @property
+    def camera_requests(self) -> tuple[CameraRequest, ...]:
+        return parse_cameras(self.cameras)
+
+    @property
+    def air(self) -> Air:
+        """The tier's gusts on this robot, in newtons and newton metres."""
+        tier, weight = tiers.get(self.tier_name), self.robot.vehicle.mass * GRAVITY
+        force, limit = tier.gust_force * weight, tier.gust_limit * weight
+        return Air(force, limit, force * tier.gust_arm_m, limit * tier.gust_arm_m, tier.gust_time_s)
+
+    @cached_property
+    def xml(self) -> str:
+        """The scene as stand-alone MJCF."""
+        return build_xml(self.robot, self.task)
+
+    def compile(self) -> mujoco.MjModel:
+        """Compile the scene from its XML, so that a stored XML gives the same model bit for bit."""
+        return mujoco.MjModel.from_xml_string(self.xml)
+
+    @cached_property
+    def spec(self) -> EnvSpec:
+        """Specification of observations and actions."""
+        images = tuple(
+            Field(c.key, (*self.image_size, *c.channels), "image", dtype=c.dtype) for c in self.camera_requests
+        )
+        state = (*robot_fields(self.robot), *self.task.fields())
+        return EnvSpec(
+            robot=self.robot_name,
+            task=self.task_name,
+            tier=self.tier_name,
+            observation=ObservationSpec((*state, *images)),
+            action=action_spec(self.level, self.robot.vehicle),
+            control_dt_s=CONTROL_DT_S,
+            max_steps=round(self.task.time_limit_s / CONTROL_DT_S),
+            instruction=self.task.instruction,
+            subtasks=self.task.subtasks,
+            state_size=mujoco.mj_stateSize(self.compile(), STATE),
+        )
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How n worlds stand after a step. Each array is (n,), ``subtasks`` is (n, K).
+
+    Attributes:
+        reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something, turned
+            over or flew away. truncated: the time is up. subtasks: flags at this instant. ee_error: distance between
+            commanded and actual tool position, m (NaN where the action level commands none). effort: mean squared rotor
+            use, in [0, 1]. contacts: robot parts, gripper aside, that touch something.
+    """
+
+    reward: np.ndarray
+    success: np.ndarray
+    crash: np.ndarray
+    truncated: np.ndarray
+    subtasks: np.ndarray
+    ee_error: np.ndarray
+    effort: np.ndarray
+    contacts: np.ndarray
+
+
+class Simulation:
+    """Fly n worlds of one scenario.
+
+    Args:
+        scenario: what is flown. worlds: the simulator. gains: controller tuning.
+    """
+
+    def __init__(self, scenario: Scenario, worlds: Worlds, gains: Gains | None = None) -> None:
+        self.scenario, self.worlds = scenario, worlds
+        self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
+        self.view = View(worlds, self.robot)
+        self.gains = gains or Gains()
+        self._vehicle, self._air, self._level = self.robot.vehicle, scenario.air, int(scenario.level)
+        self._act, self._ctrl, self._xfrc = (worlds.bind(k) for k in ("act", "ctrl", "xfrc_applied"))
+        self._userdata = worlds.bind("userdata")
+        self._dwell_steps = max(1, round(self.task.dwell_s / CONTROL_DT_S))
+        self._everyone = np.ones(worlds.n, bool)
+        self._mask, self._ids = self._everyone, None
+        self._actions = np.zeros((worlds.n, self.spec.action.size))
+        self._commanded = np.full((worlds.n, 3), np.nan)
+
+    @property
+    def n(self) -> int:
+        return self.worlds.n
+
+    def reset(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Start episodes.
+
+        Args:
+            seeds: (n,) non-negative integers below 2**53. mask: (n,) bool, the worlds to start; None: all.
+
+        Raises:
+            InvalidValueError: a seed outside its range.
+        """
+        mask, ids = self._select(mask)
+        for i in np.flatnonzero(mask):
+            if not 0 <= int(seeds[i]) < LARGEST_SEED:
+                raise InvalidValueError(f"Seeds are integers from 0 to 2**53 - 1, got {seeds[i]}.")
+        self.worlds.clear(ids)
+        for i in np.flatnonzero(mask):
+            seed = int(seeds[i])
+            self._userdata[i, mem.SEED] = seed
+            rng = episode_rng(self.spec.robot, self.spec.task, self.spec.tier, seed)
+            if self._air.gust_force > 0.0:
+                self._userdata[i, mem.GUST] = np.tile(rng.standard_normal(6), 2)
+            self.task.start(self.view, i, rng)
+        self.worlds.forward(ids)
+        self._commanded[mask] = np.nan
+
+    def advance(self, actions: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
+        """Fly one control step (five physics steps).
+
+        Args:
+            actions: (n, Da); values outside the bounds are clipped. mask: (n,) bool, the worlds that move.
+
+        Returns:
+            (n, Da) actions as executed.
+
+        Raises:
+            InvalidValueError: wrong shape.
+            SimulationDivergedError: a non-finite action or state.
+        """
+        executed = self.receive(actions, mask)
+        for _ in range(SUBSTEPS):
+            self.control()
+            self.worlds.step(self._ids)
+        self.settle()
+        return executed
+
+    def receive(self, actions: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
+        """First part of :meth:`advance`: take the actions and hand them to the controllers."""
+        self._mask, self._ids = self._select(mask)
+        self._actions = self._checked(actions, self._mask)
+        receive_actions(
+            self._vehicle, self.gains, self._level, self._actions, self._mask, self.view.qpos, self._userdata, CONTROL_DT_S
+        )
+        return self._actions
+
+    def control(self) -> None:
+        """Before each physics step: run the controllers and the air of the moving worlds."""
+        fly(
+            self._vehicle, self.gains, self._air, self._level, self._actions, self._mask, self.view.qpos, self.view.qvel,
+            self._act, self._ctrl, self._xfrc, self._userdata, self.robot.gripper.stroke, PHYSICS_DT_S,
+        )  # fmt: skip
+
+    def settle(self) -> None:
+        """Last part of :meth:`advance`: count the step, check the state, update dwell and crash flags."""
+        mask = self._mask
+        self._check_finite(mask)
+        self._userdata[mask, mem.STEP] += 1.0
+        if self._level == ActionLevel.EE_POSE:
+            self._commanded[mask] = self._actions[mask, :3]
+        self._update_flags(mask)
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """State observations of all worlds, ``name -> (n, ...)``."""
+        return {**observe_robot(self.view), **self.task.observe(self.view)}
+
+    def judge(self) -> Judgement:
+        """Rewards, flags and measurements of all worlds at this instant."""
+        userdata, view = self._userdata, self.view
+        success = userdata[:, mem.DWELL] >= self._dwell_steps
+        use = self._act[:, : self.robot.num_rotors] / self._vehicle.rotor_max
+        return Judgement(
+            reward=np.where(success, 1.0, self.task.reward(view)),
+            success=success,
+            crash=userdata[:, mem.CRASHED] > 0.0,
+            truncated=userdata[:, mem.STEP] >= self.spec.max_steps,
+            subtasks=self.task.progress(view),
+            ee_error=length(self._commanded - view.tool_pos),
+            effort=np.mean(use * use, axis=1),
+            contacts=view.unwanted_contacts,
+        )
+
+    @property
+    def steps(self) -> np.ndarray:
+        """(n,) control steps since the start of each episode."""
+        return self._userdata[:, mem.STEP].astype(int)
+
+    @property
+    def seeds(self) -> np.ndarray:
+        """(n,) seeds of the episodes."""
+        return self._userdata[:, mem.SEED].astype(int)
+
+    @property
+    def ctrl(self) -> np.ndarray:
+        """(n, nu) actuator commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
+        return self._ctrl
+
+    def _select(self, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+        if mask is None:
+            return self._everyone, None
+        mask = np.asarray(mask, bool)
+        if mask.shape != (self.n,):
+            raise InvalidValueError(f"mask has one entry per world, ({self.n},), got {mask.shape}.")
+        return mask, (None if mask.all() else np.flatnonzero(mask).astype(np.int32))
+
+    def _checked(self, actions: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        actions = np.array(actions, float, ndmin=2)
+        if actions.shape != (self.n, self.spec.action.size):
+            raise InvalidValueError(
+                f"{self.spec.action.level} on {self.spec.robot} takes actions of shape "
+                f"{(self.n, self.spec.action.size)} ({', '.join(self.spec.action.labels)}), got {actions.shape}."
+            )
+        bad = mask & ~np.isfinite(actions).all(axis=1)
+        if bad.any():
+            self._diverged(bad, "Action is not finite")
+        actions[~mask] = 0.0
+        return self.spec.action.clip(actions)
+
+    def _check_finite(self, mask: np.ndarray) -> None:
+        bad = mask & ~(np.isfinite(self.view.qpos).all(axis=1) & np.isfinite(self.view.qvel).all(axis=1))
+        if bad.any():
+            self._diverged(bad, "Simulation state is not finite")
+
+    def _diverged(self, bad: np.ndarray, what: str) -> None:
+        i = int(np.flatnonzero(bad)[0])
+        raise SimulationDivergedError(what, seed=int(self.seeds[i]), step=int(self.steps[i]))
+
+    def _update_flags(self, mask: np.ndarray) -> None:
+        """Count how long the task has been solved and notice crashes; both live in the simulator's state."""
+        view, userdata = self.view, self._userdata
+        upside_down = view.base_mat[:, 8] < 0.17  # tilted beyond 80°
+        away = length(view.base_pos) > FENCE_M
+        crash = mask & (view.base_touched | upside_down | away)
+        userdata[crash, mem.CRASHED] = 1.0
+        held = self.task.solved(view) & (userdata[:, mem.CRASHED] == 0.0)
+        userdata[mask, mem.DWELL] = np.where(held, userdata[:, mem.DWELL] + 1.0, 0.0)[mask]

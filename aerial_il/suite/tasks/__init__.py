@@ -1,0 +1,54 @@
+"""Tasks, one file each. A module in this folder that defines ``TASK`` is registered by being there."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+
+from aerial_il import robots
+from aerial_il.core.errors import AerialError, UnknownNameError
+from aerial_il.suite.tasks.task import Task
+
+_INFRASTRUCTURE = {"task"}
+
+
+class CellError(AerialError, ValueError):
+    """A robot asked to do a task it cannot do."""
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """Names of all tasks, in alphabetical order."""
+    return tuple(sorted(m.name for m in iter_modules(__path__) if m.name not in _INFRASTRUCTURE))
+
+
+@cache
+def get(name: str) -> Task:
+    """Return the task called ``name``.
+
+    Raises:
+        UnknownNameError: no task has that name.
+    """
+    if name not in names():
+        raise UnknownNameError("task", name, names(), "Run `aerial-il list` to see which robot can do which.")
+    return import_module(f"{__name__}.{name}").TASK
+
+
+@cache
+def cells() -> tuple[tuple[str, str], ...]:
+    """All (robot, task) pairs that are claimed."""
+    return tuple((r, t) for r in robots.names() for t in names() if get(t).obstacle_to(robots.get(r)) is None)
+
+
+def check_cell(robot: str, task: str) -> None:
+    """Refuse a pair that is not claimed.
+
+    Raises:
+        UnknownNameError: no such robot or task.
+        CellError: the robot cannot do the task; the message says why and which robots can.
+    """
+    obstacle = get(task).obstacle_to(robots.get(robot))
+    if obstacle is not None:
+        able = ", ".join(r for r, t in cells() if t == task)
+        raise CellError(f"{robot} cannot do {task}: {obstacle}. Robots that can: {able}.")

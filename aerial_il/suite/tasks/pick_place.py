@@ -1,0 +1,126 @@
+"""Pick and place: take a cube off the table and let go of it inside the bowl."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.core.specs import Field
+from aerial_il.robots.robot import Robot
+from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
+from aerial_il.suite.contact_sensors import add_contact_sensor
+from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.view import View
+
+IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
+AT_REST_M_S = 0.05
+CLEAR_OF_CUBE_M = 0.10
+LIFTED_M = 0.06
+AREA_LOW, AREA_HIGH = np.array([-0.25, -0.35]), np.array([0.25, 0.35])
+APART_M = 0.22
+START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.4])
+
+
+class PickPlace(Task):
+    """Cube released in the bowl within 5 cm, slower than 5 cm/s, gripper at least 10 cm away, for 0.5 s."""
+
+    name = "pick_place"
+    grade = "medium"
+    instruction = "Pick up the orange cube and place it in the blue bowl."
+    time_limit_s = 30.0
+    dwell_s = 0.5
+    subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
+
+    def obstacle_to(self, robot: Robot) -> str | None:
+        opening = 2.0 * robot.gripper.stroke
+        if opening < 2.4 * CUBE_HALF_M:
+            return f"its gripper opens {100 * opening:.1f} cm, the cube needs {240 * CUBE_HALF_M:.1f} cm"
+        return None
+
+    def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
+        add_table(spec)
+        add_cube(spec)
+        add_bowl(spec)
+        for side in ("left", "right"):
+            add_contact_sensor(spec, f"grip_{side}", geoms=(f"pad_{side}", "cube"))
+
+    def start(self, view: View, world: int, rng: np.random.Generator) -> None:
+        hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
+        cube, bowl = _two_places(rng)
+        yaw = rng.uniform(-np.pi, np.pi)
+        pose, _ = view.free_joint("cube")
+        view.qpos[world, pose] = [*cube, TABLE_HEIGHT_M + CUBE_HALF_M, np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)]
+        view.mocap_pos[world, view.mocap_id("bowl")] = [*bowl, TABLE_HEIGHT_M]
+
+    def fields(self) -> tuple[Field, ...]:
+        xyz = ("x", "y", "z")
+        return (
+            Field("cube_pos", (3,), "task", unit="m", labels=xyz),
+            Field("cube_heading", (2,), "task", labels=("cos4", "sin4")),
+            Field("bowl_pos", (3,), "task", unit="m", labels=xyz),
+            Field("tool_to_cube", (3,), "task", unit="m", labels=xyz),
+            Field("cube_to_bowl", (3,), "task", unit="m", labels=xyz),
+        )
+
+    def observe(self, view: View) -> dict[str, np.ndarray]:
+        cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
+        return {
+            "cube_pos": cube.copy(),
+            "cube_heading": cube_heading(view),
+            "bowl_pos": bowl.copy(),
+            "tool_to_cube": cube - view.tool_pos,
+            "cube_to_bowl": bowl - cube,
+        }
+
+    def solved(self, view: View) -> np.ndarray:
+        _, speed = view.free_joint("cube")
+        slow = length(view.qvel[:, speed][:, :3]) <= AT_REST_M_S
+        clear = length(view.site_pos("cube") - view.tool_pos) >= CLEAR_OF_CUBE_M
+        return _in_bowl(view) & slow & clear & (view.unwanted_contacts == 0)
+
+    def progress(self, view: View) -> np.ndarray:
+        cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
+        grasped = self.grasped(view)
+        lifted = grasped & (cube[:, 2] >= TABLE_HEIGHT_M + CUBE_HALF_M + LIFTED_M)
+        over = lifted & (planar_length(cube - bowl) <= IN_BOWL_M)
+        return np.stack([length(cube - view.tool_pos) <= 0.03, grasped, lifted, over, _in_bowl(view)], axis=1)
+
+    def reward(self, view: View) -> np.ndarray:
+        cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
+        near = closeness(length(cube - view.tool_pos), 0.2)
+        home = closeness(planar_length(cube - bowl), 0.15)
+        carrying = 0.4 + 0.15 * home + 0.15 * np.clip((cube[:, 2] - TABLE_HEIGHT_M - CUBE_HALF_M) / LIFTED_M, 0.0, 1.0)
+        clear = np.clip(length(cube - view.tool_pos) / CLEAR_OF_CUBE_M, 0.0, 1.0)
+        reward = np.where(self.grasped(view), carrying, 0.3 * near)
+        return np.where(_in_bowl(view), 0.75 + 0.25 * clear, reward)
+
+    def grasped(self, view: View) -> np.ndarray:
+        """(n,) bool: both pads touch the cube."""
+        return view.touching("grip_left") & view.touching("grip_right")
+
+
+def cube_heading(view: View) -> np.ndarray:
+    """(n, 2) cosine and sine of four times the cube's yaw: the same for every face that could be gripped."""
+    mat = view.site_mat("cube")
+    c, s = mat[:, 0], mat[:, 3]
+    norm = np.sqrt(c * c + s * s) + 1e-9
+    c, s = c / norm, s / norm
+    c2, s2 = c * c - s * s, 2.0 * c * s
+    return np.stack([c2 * c2 - s2 * s2, 2.0 * c2 * s2], axis=1)
+
+
+def _in_bowl(view: View) -> np.ndarray:
+    cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
+    return (planar_length(cube - bowl) <= IN_BOWL_M) & (cube[:, 2] - bowl[:, 2] <= 0.05)
+
+
+def _two_places(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Two points on the table at least ``APART_M`` apart."""
+    while True:
+        a, b = rng.uniform(AREA_LOW, AREA_HIGH), rng.uniform(AREA_LOW, AREA_HIGH)
+        if np.hypot(*(a - b)) >= APART_M:
+            return a, b
+
+
+TASK = PickPlace()

@@ -1,0 +1,112 @@
+"""Named ``(n, ...)`` measurements of the worlds: what tasks, observations and experts read.
+
+Everything is a live view or derived from one; nothing here writes to the simulator.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from aerial_il.core.rotations import rot6d_from_mat
+from aerial_il.robots.robot import Robot
+from aerial_il.suite.worlds import Worlds
+
+
+class View:
+    """Read the robot and the props of n worlds.
+
+    Args:
+        worlds: the simulator. robot: what flies in it.
+    """
+
+    def __init__(self, worlds: Worlds, robot: Robot) -> None:
+        self.worlds, self.robot, self.model = worlds, robot, worlds.model
+        self.n = worlds.n
+        self.qpos, self.qvel = worlds.bind("qpos"), worlds.bind("qvel")
+        self.userdata = worlds.bind("userdata")
+        self._site_pos, self._site_mat = worlds.bind("site_xpos"), worlds.bind("site_xmat")
+        self._sensors, self.mocap_pos = worlds.bind("sensordata"), worlds.bind("mocap_pos")
+        self.mocap_quat = worlds.bind("mocap_quat")
+        self._tool, self._base = self._site("tool"), self._site("imu")
+        self._ids: dict[str, int] = {}
+        joints = slice(7, 7 + robot.num_joints), slice(6, 6 + robot.num_joints)
+        self.joint_pos, self.joint_vel = self.qpos[:, joints[0]], self.qvel[:, joints[1]]
+        self.base_pos, self.base_vel = self.qpos[:, :3], self.qvel[:, :3]
+        self.base_angvel = self.qvel[:, 3:6]
+        self._finger = 7 + robot.num_joints
+        contacts = ["contact_base", *(f"contact_link_{i}" for i in range(robot.num_joints - 1))]
+        self._contact_ids = [self._sensor(name) for name in contacts]
+
+    @property
+    def tool_pos(self) -> np.ndarray:
+        """(n, 3) tool position, world, m."""
+        return self._site_pos[:, self._tool]
+
+    @property
+    def tool_mat(self) -> np.ndarray:
+        """(n, 9) rotation, world from tool, row by row."""
+        return self._site_mat[:, self._tool].reshape(self.n, 9)
+
+    @property
+    def base_mat(self) -> np.ndarray:
+        """(n, 9) rotation, world from base, row by row."""
+        return self._site_mat[:, self._base].reshape(self.n, 9)
+
+    @property
+    def base_rot6d(self) -> np.ndarray:
+        """(n, 6)."""
+        return rot6d_from_mat(self.base_mat)
+
+    @property
+    def tool_rot6d(self) -> np.ndarray:
+        """(n, 6)."""
+        return rot6d_from_mat(self.tool_mat)
+
+    @property
+    def gripper(self) -> np.ndarray:
+        """(n, 1) opening of the gripper: 0 closed, 1 open."""
+        stroke = self.robot.gripper.stroke
+        return 0.5 * (self.qpos[:, self._finger : self._finger + 1] + self.qpos[:, self._finger + 1 : self._finger + 2]) / stroke  # fmt: skip
+
+    @property
+    def base_touched(self) -> np.ndarray:
+        """(n,) bool: hub or a rotor disc touches something."""
+        return self._sensors[:, self._contact_ids[0]] > 0.0
+
+    @property
+    def unwanted_contacts(self) -> np.ndarray:
+        """(n,) number of robot parts, fingers and last link aside, that touch something."""
+        return sum((self._sensors[:, i] > 0.0).astype(float) for i in self._contact_ids)
+
+    def site_pos(self, name: str) -> np.ndarray:
+        """(n, 3) position of a site, world, m."""
+        return self._site_pos[:, self._cached("site", name)]
+
+    def site_mat(self, name: str) -> np.ndarray:
+        """(n, 9) rotation of a site, world, row by row."""
+        return self._site_mat[:, self._cached("site", name)].reshape(self.n, 9)
+
+    def touching(self, sensor: str) -> np.ndarray:
+        """(n,) bool: a contact sensor sees at least one contact."""
+        return self._sensors[:, self._cached("sensor", sensor)] > 0.0
+
+    def free_joint(self, name: str) -> tuple[slice, slice]:
+        """Slices of a free joint in qpos (7) and qvel (6)."""
+        joint = self.model.joint(name)
+        return slice(joint.qposadr[0], joint.qposadr[0] + 7), slice(joint.dofadr[0], joint.dofadr[0] + 6)
+
+    def mocap_id(self, body: str) -> int:
+        """Index of a mocap body."""
+        return int(self.model.body(body).mocapid[0])
+
+    def _cached(self, kind: str, name: str) -> int:
+        if name not in self._ids:
+            self._ids[name] = self._site(name) if kind == "site" else self._sensor(name)
+        return self._ids[name]
+
+    def _site(self, name: str) -> int:
+        return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, name)
+
+    def _sensor(self, name: str) -> int:
+        return int(self.model.sensor(name).adr[0])
