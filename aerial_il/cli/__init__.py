@@ -1,0 +1,1 @@
+"""The command line: ``aerial-il COMMAND key=value ...``, the only room that knows Hydra."""

@@ -1,0 +1,48 @@
+"""One file per command: a docstring, a ``Config`` dataclass of its keys and ``run(config)``. A new file is a new command.
+
+At the top of these files only light imports stand, so that help and completion answer at once.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aerial_il.core.errors import UnknownNameError
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command as its module declares it.
+
+    Attributes:
+        name: what is typed after ``aerial-il``.
+        doc: the module's docstring; its first line is the summary.
+        config: dataclass of the keys.
+        run: does the work; what it returns is printed by nobody.
+    """
+
+    name: str
+    doc: str
+    config: type
+    run: Callable[[Any], None]
+
+    @property
+    def summary(self) -> str:
+        return self.doc.splitlines()[0]
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all commands."""
+    return tuple(sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py")))
+
+
+def find(name: str) -> Command:
+    """Import one command by its name."""
+    if name not in names():
+        raise UnknownNameError("command", name, names(), "See: aerial-il --help")
+    module = importlib.import_module(f"aerial_il.cli.commands.{name}")
+    return Command(name, (module.__doc__ or "").strip(), module.Config, module.run)

@@ -1,0 +1,77 @@
+"""Let the expert fly and record every flight; killed at any moment, the same command continues.
+
+Each seed is one episode. Successes go to demos/, the others, labelled so, to failures/.
+
+Example: aerial-il collect robot=fa_hexa_arm4 task=reach episodes=100 out=datasets/reach
+Example: aerial-il collect task=pick_place episodes=50 cameras=[wrist,scene] lerobot=true out=datasets/pick_seen
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aerial_il.cli.keys import MISSING, Named, at_least, group, key, output
+
+
+@dataclass
+class Expert:
+    """How the expert flies."""
+
+    noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        at_least(self, noise=0.0)
+
+
+@dataclass
+class Config:
+    robot: Named = group("which vehicle")
+    task: Named = group("what it does")
+    tier: Named = group("how rough the air is")
+    expert: Expert = group("how the demonstrator flies")
+    out: str = output(MISSING, "folder of the dataset")
+    action: str = key("ee_pose", "action level that is recorded")
+    episodes: int = key(100, "how many seeds are flown")
+    seed: int = key(0, "the first of them; evaluations start at 10000")
+    cameras: list[str] = key([], "cameras to record: scene, wrist, base")
+    image_size: list[int] = key([240, 320], "height and width of their pictures")
+    lerobot: bool = key(False, "derive a LeRobot dataset too, in derived/lerobot of the folder")
+    num_envs: int = key(64, "worlds flown at once")
+    threads: int = key(0, "simulation threads; 0 for all cores")
+    progress: bool = key(True, "show a progress bar")
+
+    def __post_init__(self) -> None:
+        at_least(self, episodes=1, seed=0, num_envs=1, threads=0)
+
+
+def run(config: Config) -> None:
+    """Record, and say what came of it."""
+    import aerial_il
+    from aerial_il.collection.collect import collect
+    from aerial_il.core.rendering import require_rendering
+
+    if config.cameras:
+        require_rendering(f"cameras=[{','.join(config.cameras)}]")
+    robot, task = config.robot.name, config.task.name
+    env = aerial_il.load_batch(
+        robot,
+        task,
+        num_envs=min(config.num_envs, config.episodes),
+        tier=config.tier.name,
+        action=config.action,
+        cameras=tuple(config.cameras),
+        image_size=(config.image_size[0], config.image_size[1]),
+        num_threads=config.threads,
+    )
+    try:
+        collection = collect(
+            env,
+            aerial_il.expert(robot, task, noise=config.expert.noise, seed=config.seed),
+            range(config.seed, config.seed + config.episodes),
+            config.out,
+            settings={"noise": config.expert.noise},
+            progress=config.progress,
+        )
+    finally:
+        env.close()
+    print(f"{config.out}: {collection.summary()}")

@@ -1,0 +1,61 @@
+"""Fly a policy or an expert over fixed seeds and write evaluation.json, videos and a report.
+
+The result does not depend on num_envs. Robot, task and action level are the policy's own unless they are given.
+
+Example: aerial-il evaluate policy=runs/pick_bc tier=gusts out=runs/pick_bc/gusts
+Example: aerial-il evaluate policy=expert robot=fa_hexa_arm4 task=reach out=evaluations/expert_reach
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aerial_il.cli.keys import MISSING, Located, Named, at_least, group, key, output, path
+
+
+@dataclass
+class Config:
+    policy: Located = path("folder of a run or a policy, or: expert")
+    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
+    task: Named | None = group("what it does (null: the task that the policy was trained on)")
+    tier: Named = group("how rough the air is")
+    out: str = output(MISSING, "folder for evaluation.json, videos/ and report.html")
+    action: str | None = key(None, "action level (null: the policy's own, ee_pose for experts)")
+    episodes: int = key(200, "how many seeds are flown")
+    seed: int = key(10000, "the first of them")
+    num_envs: int = key(64, "worlds flown at once")
+    threads: int = key(0, "simulation threads; 0 for all cores")
+    videos: int = key(2, "films of successes, and as many of failures")
+    progress: bool = key(True, "show a progress bar")
+
+    def __post_init__(self) -> None:
+        at_least(self, episodes=1, seed=0, num_envs=1, threads=0, videos=0)
+
+
+def run(config: Config) -> None:
+    """Evaluate, write the results, print the headline."""
+    from aerial_il.cli import flying, results
+    from aerial_il.evaluation.rollouts import evaluate
+
+    pilot = flying.pilot(
+        config.policy.path,
+        robot=config.robot.name if config.robot else None,
+        task=config.task.name if config.task else None,
+        action=config.action,
+    )
+    seeds = range(config.seed, config.seed + config.episodes)
+    env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, len(seeds)), threads=config.threads)
+    try:
+        command = f"aerial-il evaluate {pilot.words} tier={config.tier.name} episodes={config.episodes} seed={config.seed}"
+        result = evaluate(
+            env,
+            pilot.policy,
+            seeds,
+            policy_name=config.policy.path,
+            origin={"command": f"{command} out={config.out}"},
+            progress=config.progress,
+        )
+        results.save(result, config.out, env=env, videos=config.videos)
+    finally:
+        env.close()
+    print(f"{pilot.robot} {pilot.task} {config.tier.name}: success {result.headline()}")

@@ -1,0 +1,91 @@
+"""The console script ``aerial-il``: finds the command, runs it, turns errors into one paragraph and an exit status."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+from aerial_il.cli import commands
+from aerial_il.core.errors import AerialError
+
+OK, FAILED, BAD_USAGE = 0, 1, 2
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command line.
+
+    Args:
+        argv: words after ``aerial-il``, those of the process if left out.
+
+    Returns:
+        0 only if the work was done; 2 for a mistake of the user's or bad data; 1 for a failure of the machine;
+        130 and 143 after an interrupt (Ctrl-C) and a termination signal.
+    """
+    words = sys.argv[1:] if argv is None else argv
+    try:
+        signal.signal(signal.SIGTERM, _terminate)
+        return _dispatch(words)
+    except AerialError as error:
+        _complain(f"aerial-il: {error}")
+        return BAD_USAGE
+    except KeyboardInterrupt:
+        _complain("\naerial-il: interrupted. The same command continues where this one stopped.")
+        return 128 + signal.SIGINT
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
+            raise
+        _complain(f"aerial-il: {error}. What was finished is whole; make room and run the same command again.")
+        return FAILED
+
+
+def _dispatch(words: list[str]) -> int:
+    from aerial_il.cli import completion, help
+
+    name, rest = (words[0], words[1:]) if words else ("--help", [])
+    if name in ("-h", "--help"):
+        print(help.overview())
+    elif name == "help":
+        print(help.reference())
+    elif name in ("-V", "--version"):
+        print(help.version())
+    elif name == "completion":
+        print(completion.script(rest[0] if rest else "bash"))
+    elif name == "_complete":
+        print("\n".join(completion.candidates(rest)))
+    elif {"-h", "--help"} & set(rest):
+        print(help.of_command(commands.find(name)))
+    else:
+        _run(name, rest)
+    return OK
+
+
+def _run(name: str, rest: list[str]) -> None:
+    command = commands.find(name)
+    _log_to_stderr()
+    from aerial_il.cli.compose import run_command
+
+    run_command(command, rest)
+
+
+def _log_to_stderr() -> None:
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+    logger = logging.getLogger("aerial_il")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+
+
+def _complain(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)

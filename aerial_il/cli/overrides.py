@@ -1,0 +1,133 @@
+"""Check what was typed before Hydra sees it, so that a wrong name is answered with the right one."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import Field, fields, is_dataclass
+from typing import Any, get_type_hints
+
+from aerial_il.cli import conf, keys
+from aerial_il.cli.commands import Command
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
+_TAKES_VALUE = ("--cfg",)
+_PLAIN = re.compile(r"[\w.\-]+")
+_SWEEP = re.compile(r"(choice|range|glob|interval|shuffle|sort|tag)\(")
+
+
+def prepare(command: Command, words: list[str]) -> list[str]:
+    """Return the words for Hydra, paths put where they belong and sweeps given their folders.
+
+    Args:
+        command: the command that they follow.
+        words: flags, ``key=value`` overrides and bare values of positional keys, as typed.
+
+    Raises:
+        UnknownNameError: an unknown flag, key or group value.
+        InvalidValueError: a word that is neither of them.
+    """
+    words = _named(command, words)
+    chosen = dict(conf.default_choices(command.name))
+    chosen |= {k: v for k, _, v in (w.partition("=") for w in words) if k in chosen}
+    prepared = [_prepared(command, word, chosen) for word in words]
+    return prepared + _sweep_folders(command, prepared)
+
+
+def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ...]:
+    """Return every key that the command takes, given the chosen file of each group."""
+    found = []
+    hints = get_type_hints(command.config)
+    for field in fields(command.config):
+        found.append(field.name)
+        if is_dataclass(hints[field.name]):
+            found += [f"{field.name}.{inner.name}" for inner in fields(hints[field.name])]
+    for group, option in chosen.items():
+        found.append(group)
+        if option in conf.options(group):
+            content = conf.read_option(group, str(option))
+            prefix = f"{group}." if group in hints else ""
+            found += [prefix + leaf for leaf in conf.leaf_keys(content) if leaf != "defaults"]
+    return tuple(dict.fromkeys(found))
+
+
+def _named(command: Command, words: list[str]) -> list[str]:
+    """Turn bare words into ``key=value`` by their position, and ``--json`` into ``json=true``."""
+    places = iter(keys.positional(command.config))
+    known = {f.name for f in fields(command.config)}
+    named, previous = [], ""
+    for word in words:
+        bare = "=" not in word and not word.startswith(("-", "+", "~")) and previous not in _TAKES_VALUE
+        name = next(places, None) if bare else None
+        if bare and name is None:
+            raise InvalidValueError(f"{word!r} is not KEY=VALUE. See: aerial-il {command.name} --help")
+        if word.startswith("--") and word[2:] in known:
+            word = f"{word[2:]}=true"
+        named.append(f"{name}={word}" if bare else word)
+        previous = word
+    return named
+
+
+def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str:
+    if word.startswith("-"):
+        if word not in FLAGS:
+            raise UnknownNameError("option", word, FLAGS, f"See: aerial-il {command.name} --help")
+        return word
+    name, equals, value = word.partition("=")
+    sign = name[: len(name) - len(name.lstrip("+~"))]
+    plain_name = name.lstrip("+~").split("@")[0]
+    if (not equals and not sign) or re.split(r"[./]", plain_name)[0] == "hydra":
+        return word
+    if sign in ("", "++"):
+        _check_key(command, plain_name, chosen)
+    field = {f.name: f for f in fields(command.config)}.get(plain_name)
+    if field is not None and keys.takes_path(field) and not _all_options(plain_name, value, chosen):
+        return f"{sign}{plain_name}.path={value}"
+    if plain_name in chosen and equals:
+        _check_choice(plain_name, value, field)
+    return word
+
+
+def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> None:
+    known = known_keys(command, chosen)
+    inside_known = any(name.startswith(f"{k}.") and k not in chosen and k.count(".") for k in known)
+    if name not in known and not inside_known and not any(k.startswith(f"{name}.") for k in known):
+        raise UnknownNameError("key", name, _siblings(name, known), f"See: aerial-il {command.name} --help")
+
+
+def _siblings(name: str, known: tuple[str, ...]) -> list[str]:
+    """Return the keys that ``name`` may have been meant for: those of its group, else those of its depth."""
+    group = name.rpartition(".")[0]
+    inside = [k for k in known if k.rpartition(".")[0] == group]
+    return inside or [k for k in known if "." not in k]
+
+
+def _check_choice(group: str, value: str, field: Field[Any] | None) -> None:
+    if _SWEEP.match(value) or "$" in value or (value == "null" and field is None):
+        return
+    for part in value.split(","):
+        if _PLAIN.fullmatch(part) and part not in conf.options(group):
+            raise UnknownNameError(group, part, conf.options(group))
+
+
+def _all_options(group: str, value: str, chosen: dict[str, str | None]) -> bool:
+    return group in chosen and all(part in conf.options(group) for part in value.split(","))
+
+
+def _sweep_folders(command: Command, words: list[str]) -> list[str]:
+    """Name each job's folder by what is swept: ``run/seed=0``, ``run/seed=1``, ..."""
+    if not {"-m", "--multirun"} & set(words):
+        return []
+    swept = [name for name, _, value in (w.partition("=") for w in words) if _is_sweep(value)]
+    target = keys.output_key(command.config)
+    if target in swept:
+        raise InvalidValueError(f"{target} cannot be swept: each job gets a folder of its own below {target}=FOLDER.")
+    groups = conf.default_choices(command.name)
+    parts = [f"{k}=" + (f"${{hydra:runtime.choices.{k}}}" if k in groups else f"${{{k}}}") for k in swept]
+    folder = ",".join(parts).replace("'", "")
+    return [f"hydra.sweep.subdir='{folder or '.'}'"]
+
+
+def _is_sweep(value: str) -> bool:
+    outside = re.sub(r"\[[^\]]*\]|\{[^}]*\}|\([^)]*\)|'[^']*'|\"[^\"]*\"", "", value)
+    return "," in outside or bool(_SWEEP.match(value))
