@@ -26,11 +26,11 @@ def run(*, tiers: Sequence[str], episodes: int, seed: int, num_envs: int, thread
     rows = []
     for robot, task in aerial_il.list_cells():
         for tier in tiers:
-            env = aerial_il.load_batch(
-                robot, task, num_envs=min(num_envs, episodes), tier=tier, num_threads=threads
-            )
+            env = aerial_il.load_batch(robot, task, num_envs=min(num_envs, episodes), tier=tier, num_threads=threads)
             try:
-                result = evaluate(env, aerial_il.expert(robot, task), range(seed, seed + episodes), policy_name="expert")
+                result = evaluate(
+                    env, aerial_il.expert(robot, task), range(seed, seed + episodes), policy_name="expert"
+                )
             finally:
                 env.close()
             rows.append(_row(result))
@@ -48,5 +48,5 @@ def _row(result: EvaluationResult) -> dict[str, Any]:
         "percent": round(100 * result.success["rate"], 1),
         "ci95_low": round(100 * low, 1),
         "ci95_high": round(100 * high, 1),
-        "crashes": sum(episode.crash for episode in result.episodes),
+        "crashes": sum(episode.end == "crash" for episode in result.episodes),
     }

@@ -1,4 +1,4 @@
-"""Build objects from ``_target_`` and values. ``_target_`` is code, so only our own and torch's optimisers are allowed."""
+"""Build objects from ``_target_`` and values: our own and torch's optimisers only, for ``_target_`` is code."""
 
 from __future__ import annotations
 
@@ -71,7 +71,8 @@ def _targets(value: Any) -> list[str]:
 
 def _check_allowed(target: str) -> None:
     if not _is_allowed(target):
-        raise InvalidValueError(f"_target_={target} is refused: only {' and '.join(f'{a}.*' for a in ALLOWED)} may be named.")
+        allowed = " and ".join(f"{prefix}.*" for prefix in ALLOWED)
+        raise InvalidValueError(f"_target_={target} is refused: only {allowed} may be named.")
 
 
 def _is_allowed(target: str) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
+from aerial_il.policies import load_policy
 
 EXPERT = "expert"
 DEFAULT_ACTION = "ee_pose"
@@ -43,7 +44,7 @@ def pilot(source: str, *, robot: str | None, task: str | None, action: str | Non
         policy = aerial_il.expert(robot, task)
         words = f"policy=expert robot={robot} task={task}"
         return Pilot(policy, robot, task, action or DEFAULT_ACTION, words)
-    policy = aerial_il.load_policy(source)
+    policy = load_policy(source)
     spec = policy.spec
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
     return Pilot(policy, robot, task, action, f"policy={source} robot={robot} task={task} action={action}")

@@ -9,7 +9,19 @@ from typing import get_type_hints
 from aerial_il.cli import commands, conf, keys
 from aerial_il.cli.commands import Command
 
-_ORDER = ("demo", "list", "collect", "train", "evaluate", "compare", "report", "replay", "validate", "recover", "convert")
+_ORDER = (
+    "demo",
+    "list",
+    "collect",
+    "train",
+    "evaluate",
+    "report",
+    "compare",
+    "replay",
+    "validate",
+    "recover",
+    "convert",
+)
 
 
 def version() -> str:

@@ -29,21 +29,22 @@ def key(default: Any, help: str, *, choices: tuple[str, ...] = (), position: int
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def group(help: str, *, path: bool = False, position: int | None = None) -> Any:
+def group(help: str, *, path: bool = False, optional: bool = False, position: int | None = None) -> Any:
     """Declare a key that a file of ``conf/<key>/`` fills.
 
     Args:
         help: what it chooses.
         path: whether ``key=some/folder`` is short for ``key.path=some/folder``.
+        optional: whether ``key=null`` is a valid choice, and the default.
         position: see :func:`key`.
     """
     metadata = {"help": help, "group": True, "path": path, "position": position}
-    return dataclasses.field(default=MISSING, metadata=metadata)
+    return dataclasses.field(default=None if optional else MISSING, metadata=metadata)
 
 
-def path(help: str, *, default: Any = MISSING, position: int | None = None) -> Any:
-    """Declare a :class:`Located` key: its value is a path, although ``conf/`` has a group of that name."""
-    return dataclasses.field(default=default, metadata={"help": help, "path": True, "position": position})
+def path(kind: type[Located] | type[MaybeLocated], help: str, *, position: int | None = None) -> Any:
+    """Declare a key whose value is a path although ``conf/`` has a group of that name."""
+    return dataclasses.field(default_factory=kind, metadata={"help": help, "path": True, "position": position})
 
 
 def output(default: Any, help: str) -> Any:
@@ -70,6 +71,13 @@ class Located:
     path: str = MISSING
 
 
+@dataclass
+class MaybeLocated:
+    """The same, where nothing need be given."""
+
+    path: str | None = None
+
+
 def is_group(field: Field[Any]) -> bool:
     return bool(field.metadata.get("group"))
 
@@ -87,7 +95,9 @@ def positional(config: type) -> list[str]:
 def default_text(field: Field[Any]) -> str:
     """Return the default as it would be typed, empty if the user must say."""
     value = field.default_factory() if field.default_factory is not NO_DEFAULT else field.default
-    if value is MISSING or value == MISSING:
+    if isinstance(value, (Located, MaybeLocated)):
+        value = value.path
+    if value == MISSING:
         return ""
     if isinstance(value, bool):
         return str(value).lower()

@@ -77,10 +77,18 @@ def _run(name: str, rest: list[str]) -> None:
 
 def _log_to_stderr() -> None:
     handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+    handler.setFormatter(_PlainFormatter())
     logger = logging.getLogger("aerial_il")
-    logger.addHandler(handler)
+    logger.handlers, logger.propagate = [handler], False  # absl's root handler would say everything twice
     logger.setLevel(logging.INFO)
+
+
+class _PlainFormatter(logging.Formatter):
+    """Only what is not routine carries its level."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = record.getMessage()
+        return text if record.levelno <= logging.INFO else f"{record.levelname.capitalize()}: {text}"
 
 
 def _complain(text: str) -> None:

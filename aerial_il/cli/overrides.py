@@ -91,6 +91,8 @@ def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str
 def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> None:
     known = known_keys(command, chosen)
     inside_known = any(name.startswith(f"{k}.") and k not in chosen and k.count(".") for k in known)
+    if name.endswith("._target_"):
+        return
     if name not in known and not inside_known and not any(k.startswith(f"{name}.") for k in known):
         raise UnknownNameError("key", name, _siblings(name, known), f"See: aerial-il {command.name} --help")
 
@@ -103,7 +105,7 @@ def _siblings(name: str, known: tuple[str, ...]) -> list[str]:
 
 
 def _check_choice(group: str, value: str, field: Field[Any] | None) -> None:
-    if _SWEEP.match(value) or "$" in value or (value == "null" and field is None):
+    if _SWEEP.match(value) or "$" in value or (value == "null" and (field is None or field.default is None)):
         return
     for part in value.split(","):
         if _PLAIN.fullmatch(part) and part not in conf.options(group):

@@ -1,6 +1,7 @@
-"""One file per command: a docstring, a ``Config`` dataclass of its keys and ``run(config)``. A new file is a new command.
+"""One file per command: a docstring, a ``Config`` dataclass of its keys and ``run(config)``.
 
-At the top of these files only light imports stand, so that help and completion answer at once.
+A new file, with its ``conf/<command>.yaml``, is a new command. At the top of these files only light imports
+stand, so that help and completion answer at once.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from aerial_il.cli.tables import table
 
 @dataclass
 class Config:
-    bench: dict[str, Any] | None = group("which benchmark (null: all, one after the other)", position=0)
+    bench: dict[str, Any] | None = group("which benchmark (null: all, one after the other)", optional=True, position=0)
     json: bool = key(False, "print one JSON object (also: --json)")
 
 

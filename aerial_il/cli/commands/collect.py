@@ -45,7 +45,7 @@ class Config:
 
 
 def run(config: Config) -> None:
-    """Record, and say what came of it."""
+    """Record, and say what comes next."""
     import aerial_il
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
@@ -64,9 +64,9 @@ def run(config: Config) -> None:
         num_threads=config.threads,
     )
     try:
-        collection = collect(
+        collect(
             env,
-            aerial_il.expert(robot, task, noise=config.expert.noise, seed=config.seed),
+            aerial_il.expert(robot, task, noise=config.expert.noise),
             range(config.seed, config.seed + config.episodes),
             config.out,
             settings={"noise": config.expert.noise},
@@ -74,4 +74,4 @@ def run(config: Config) -> None:
         )
     finally:
         env.close()
-    print(f"{config.out}: {collection.summary()}")
+    print(f"Next: aerial-il train dataset={config.out} run=runs/{task}")

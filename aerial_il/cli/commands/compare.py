@@ -1,6 +1,6 @@
 """Compare two evaluations: the difference in success with its interval and p-value, paired by seed where possible.
 
-Example: aerial-il compare a=runs/one/evaluation b=runs/two/evaluation
+Example: aerial-il compare runs/one/evaluation runs/two/evaluation
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from aerial_il.cli.keys import MISSING, key
 
 @dataclass
 class Config:
-    a: str = key(MISSING, "evaluation.json, or the folder that holds it")
-    b: str = key(MISSING, "the other one")
+    a: str = key(MISSING, "evaluation.json, or the folder that holds it", position=0)
+    b: str = key(MISSING, "the other one", position=1)
     json: bool = key(False, "print one JSON object (also: --json)")
 
 

@@ -45,5 +45,5 @@ def _as_text(found: dict[str, Any]) -> str:
         inner = value if isinstance(value, dict) else {"": value}
         lines += [f"{' '.join(filter(None, (name, key))):<24} {text}" for key, text in inner.items()]
     if not can_render():
-        lines.append(f"Cameras and videos are off. To draw without a screen: sudo apt-get install -y {PACKAGES}; make setup")
+        lines.append(f"Cameras and videos are off. To have them: sudo apt-get install -y {PACKAGES}; make setup")
     return "\n".join(lines)

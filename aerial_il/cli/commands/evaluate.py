@@ -15,9 +15,9 @@ from aerial_il.cli.keys import MISSING, Located, Named, at_least, group, key, ou
 
 @dataclass
 class Config:
-    policy: Located = path("folder of a run or a policy, or: expert")
-    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
-    task: Named | None = group("what it does (null: the task that the policy was trained on)")
+    policy: Located = path(Located, "folder of a run or a policy, or: expert")
+    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
+    task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
     tier: Named = group("how rough the air is")
     out: str = output(MISSING, "folder for evaluation.json, videos/ and report.html")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for experts)")
@@ -46,16 +46,20 @@ def run(config: Config) -> None:
     seeds = range(config.seed, config.seed + config.episodes)
     env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, len(seeds)), threads=config.threads)
     try:
-        command = f"aerial-il evaluate {pilot.words} tier={config.tier.name} episodes={config.episodes} seed={config.seed}"
         result = evaluate(
             env,
             pilot.policy,
             seeds,
             policy_name=config.policy.path,
-            origin={"command": f"{command} out={config.out}"},
+            origin={"command": _command(config, pilot.words)},
             progress=config.progress,
         )
         results.save(result, config.out, env=env, videos=config.videos)
     finally:
         env.close()
     print(f"{pilot.robot} {pilot.task} {config.tier.name}: success {result.headline()}")
+
+
+def _command(config: Config, pilot: str) -> str:
+    where = f"tier={config.tier.name} episodes={config.episodes} seed={config.seed}"
+    return f"aerial-il evaluate {pilot} {where} out={config.out}"

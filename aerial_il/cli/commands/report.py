@@ -8,14 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerial_il.cli.keys import MISSING, Located, key, path
+from aerial_il.cli.keys import MISSING, MaybeLocated, key, path
 
 
 @dataclass
 class Config:
     result: str = key(MISSING, "folder that holds evaluation.json", position=0)
     run: str | None = key(None, "training run whose curves are shown")
-    dataset: Located | None = path("demonstrations to sum up", default=None)
+    dataset: MaybeLocated = path(MaybeLocated, "demonstrations to sum up")
     learning_curve: dict[str, str] = key({}, "number of demonstrations -> evaluation: {10:runs/a,25:runs/b}")
     out: str | None = key(None, "the page; report.html beside the evaluation by default")
 
@@ -35,7 +35,7 @@ def run(config: Config) -> None:
         result,
         footage=results.footage_of(folder, result),
         run=config.run,
-        dataset=results.summary_of(config.dataset.path) if config.dataset else None,
+        dataset=results.summary_of(config.dataset.path) if config.dataset.path else None,
         learning_curve=[LearningPoint(int(n), load_result(place)) for n, place in config.learning_curve.items()],
         command=str(result.provenance.get("command", "")),
     )

@@ -42,8 +42,6 @@ def run(config: Config) -> None:
 
     algorithm, policy = build(config.algorithm), build(config.policy)
     episodes = data.demonstrations(config.dataset.path, limit=config.dataset.episodes)
-    algorithm.train(
-        episodes, policy, run=config.run, seed=config.seed, resume=config.resume, progress=config.progress
-    )
+    algorithm.train(episodes, policy, run=config.run, seed=config.seed, resume=config.resume, progress=config.progress)
     print(f"Policy: {config.run}/policy")
     print(f"Next:   aerial-il evaluate policy={config.run} out={config.run}/evaluation")

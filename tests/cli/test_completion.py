@@ -1,0 +1,52 @@
+"""Tab completion offers what can be typed next, in a real shell too."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli import commands, completion, conf
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        (["aerial-il", "trai"], ["train"]),
+        (["aerial-il", "train", "policy="], [f"policy={name}" for name in conf.options("policy")]),
+        (["aerial-il", "train", "policy.hid"], ["policy.hidden="]),
+        (["aerial-il", "evaluate", "robot=ua"], ["robot=ua_quad_arm4"]),
+        (["aerial-il", "list", "json="], ["json=true", "json=false"]),
+        (["aerial-il", "train", "--mul"], ["--multirun"]),
+        (["aerial-il", "nonsense", "a"], []),
+    ],
+)
+def test_candidates(line: list[str], offered: list[str]) -> None:
+    assert completion.candidates(line) == offered
+
+
+def test_every_command_is_offered_first_and_a_given_key_is_not_offered_twice() -> None:
+    assert set(commands.names()) <= set(completion.candidates(["aerial-il", "''"]))
+    assert "seed=" not in completion.candidates(["aerial-il", "train", "seed=1", "''"])
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+@pytest.mark.parametrize(
+    ("line", "reply"),
+    [("aerial-il eval", "evaluate"), ("aerial-il evaluate tier=c", "calm"), ("aerial-il train pol", "policy=")],
+)
+def test_in_bash(line: str, reply: str) -> None:
+    setup = f'eval "$(aerial-il completion bash)"; COMP_LINE={line!r}; COMP_POINT=${{#COMP_LINE}}; _aerial_il'
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", setup + '; echo "${COMPREPLY[*]}"'],
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == reply

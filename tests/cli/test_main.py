@@ -1,0 +1,103 @@
+"""The console script as a user meets it: quick help, one-paragraph errors, exit statuses."""
+
+from __future__ import annotations
+
+import errno
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli import commands, help, main
+
+SCRIPT = Path(sys.executable).with_name("aerial-il")
+
+
+def aerial_il(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([SCRIPT, *words], capture_output=True, text=True, check=False, cwd=cwd)
+
+
+@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in commands.names())])
+def test_help_is_quick_and_imports_nothing_heavy(words: list[str]) -> None:
+    code = (
+        "import sys; from aerial_il.cli.main import main; status = main(sys.argv[1:]);"
+        "heavy = {'torch', 'mujoco', 'lerobot', 'hydra', 'matplotlib', 'rerun', 'numba'} & set(sys.modules);"
+        "sys.exit(f'imported {heavy}' if heavy else status)"
+    )
+    start = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert time.perf_counter() - start < 2.0
+    assert "key=value" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["trian"], "Did you mean 'train'"),
+        (["train", "polcy=mlp"], "Did you mean 'policy'"),
+        (["evaluate", "robot=ua_quad_arm5"], "Did you mean 'ua_quad_arm4'"),
+        (["train", "seed=abc", "dataset=x", "run=y"], "could not be converted to Integer"),
+        (["train", "policy={a"], "aerial-il train --help"),
+        (["train", "dataset=x", "run=y", "policy._target_=os.system"], "refused"),
+        (["evaluate"], "evaluate needs out=... policy=..."),
+    ],
+)
+def test_a_mistake_is_answered_in_one_paragraph_with_status_2(words: list[str], said: str, tmp_path: Path) -> None:
+    done = aerial_il(*words, cwd=tmp_path)
+    assert done.returncode == main.BAD_USAGE
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir()), "a mistake leaves nothing behind"
+
+
+def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:
+    done = aerial_il("list", "--json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(tmp_path: Path) -> None:
+    done = aerial_il("train", "-m", "dataset=nowhere", "run=sweep", "seed=0,1", cwd=tmp_path)
+    assert done.returncode == main.BAD_USAGE
+    assert "2 jobs failed" in done.stderr
+    assert sorted(p.name for p in (tmp_path / "sweep").iterdir()) == ["multirun.yaml", "seed=0", "seed=1"]
+
+
+@pytest.mark.parametrize(
+    ("raised", "status"),
+    [
+        (KeyboardInterrupt(), 130),
+        (OSError(errno.ENOSPC, "No space left on device", "demo.mcap"), main.FAILED),
+    ],
+)
+def test_what_ends_a_command_decides_its_status(
+    raised: BaseException, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(words: list[str]) -> int:
+        raise raised
+
+    monkeypatch.setattr(main, "_dispatch", fail)
+    assert main.main([]) == status
+    assert capsys.readouterr().err
+
+
+def test_a_termination_signal_ends_with_143() -> None:
+    code = """
+import os, signal
+from aerial_il.cli import main
+main._dispatch = lambda words: os.kill(os.getpid(), signal.SIGTERM) or 0
+raise SystemExit(main.main([]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=False)
+    assert done.returncode == 128 + signal.SIGTERM
+
+
+def test_the_reference_names_every_command_and_every_key() -> None:
+    page = help.reference()
+    for name in commands.names():
+        assert f"## aerial-il {name}" in page
