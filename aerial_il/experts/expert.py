@@ -1,0 +1,128 @@
+"""A phase machine over end-effector targets: how every expert works, whatever the task and the robot.
+
+An expert sees the simulator's state and acts through the ``ee_pose`` interface like any policy. In every step it first
+moves on to the next phase where that is due, then commands a target that depends on the present state alone. It can
+take over from any state: the phase to start with is read off the state.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.simulation import Simulation
+from aerial_il.suite.view import View
+
+UNDECIDED = -1
+NOISE_M = 0.03  # standard deviation of the position command at noise = 1
+NOISE_TIME_STEPS = 25.0  # its correlation time
+
+
+class HasSimulation(Protocol):
+    """The batch or the single environment."""
+
+    simulation: Simulation
+
+    @property
+    def spec(self) -> EnvSpec: ...
+
+
+class Expert(ABC):
+    """Scripted expert for one task.
+
+    Attributes:
+        phase_names: names of the phases. phase: (n,) index of each world's present phase.
+
+    Args:
+        noise: strength of the perturbation added to commanded positions, 0 to 1. seed: of the perturbation.
+    """
+
+    phase_names: ClassVar[tuple[str, ...]]
+
+    def __init__(self, *, noise: float = 0.0, seed: int = 0) -> None:
+        if not 0.0 <= noise <= 1.0:
+            raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
+        self.noise, self.seed = noise, seed
+        self._env: HasSimulation | None = None
+
+    def attach(self, env: HasSimulation) -> None:
+        """Bind to the environment to act in, with phases yet to be read off its state.
+
+        Raises:
+            InvalidValueError: the environment is not flown at the ``ee_pose`` level.
+        """
+        if env.spec.action.level != "ee_pose":
+            raise InvalidValueError(f"Experts act at level 'ee_pose', the environment takes {env.spec.action.level!r}.")
+        self._env = env
+        self.phase = np.full(env.simulation.n, UNDECIDED)
+        self.timer = np.zeros(env.simulation.n, int)
+        self._wander = np.zeros((env.simulation.n, 3))
+        self._rngs: list[np.random.Generator | None] = [None] * env.simulation.n
+
+    @property
+    def view(self) -> View:
+        """The worlds it sees."""
+        return self._attached.simulation.view
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the phases of the worlds in ``mask`` (n,) bool, or of all."""
+        mask = np.ones(self.view.n, bool) if mask is None else np.asarray(mask, bool)
+        self.phase[mask] = UNDECIDED
+        self.timer[mask] = 0
+        self._wander[mask] = 0.0
+        for i in np.flatnonzero(mask):
+            self._rngs[i] = None
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return ``ee_pose`` actions (n, 10); the observation is ignored in favour of the simulator's state."""
+        fresh = self.phase == UNDECIDED
+        old = self.phase.copy()
+        self.phase = np.where(fresh, self.first_phase(), self.phase)
+        self.phase = self.next_phase()
+        self.timer = np.where(self.phase == old, self.timer + 1, 0)
+        position, rot6d, gripper = self.command()
+        if self.noise > 0.0:
+            position = position + self._perturbation()
+        action = np.concatenate([position, rot6d, gripper[:, None]], axis=1)
+        return self._attached.spec.action.clip(action)
+
+    @abstractmethod
+    def first_phase(self) -> np.ndarray:
+        """(n,) phase to start with, read off the present state."""
+
+    @abstractmethod
+    def next_phase(self) -> np.ndarray:
+        """(n,) phase to be in now, given :attr:`phase`, :attr:`timer` (steps in it) and the state."""
+
+    @abstractmethod
+    def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Target position (n, 3), rot6d (n, 6) and gripper opening (n,) for the present phases."""
+
+    @property
+    def _attached(self) -> HasSimulation:
+        if self._env is None:
+            raise InvalidValueError("The expert is not attached to an environment; call expert.attach(env) first.")
+        return self._env
+
+    def _perturbation(self) -> np.ndarray:
+        """(n, 3) slowly wandering offset, a stream of its own for every episode."""
+        seeds = self._attached.simulation.seeds
+        decay = np.exp(-1.0 / NOISE_TIME_STEPS)
+        kick = np.sqrt(1.0 - decay**2) * NOISE_M * self.noise
+        for i, rng in enumerate(self._rngs):
+            rng = rng or named_rng(int(seeds[i]), "expert noise", str(self.seed))
+            self._rngs[i] = rng
+            self._wander[i] = decay * self._wander[i] + kick * rng.standard_normal(3)
+        return self._wander
+
+
+def pointing_down(yaw: np.ndarray) -> np.ndarray:
+    """rot6d (n, 6) of a tool that points straight down with heading ``yaw`` (n,) rad."""
+    zero, one = np.zeros_like(yaw), np.ones_like(yaw)
+    return np.stack([zero, zero, -one, -np.sin(yaw), np.cos(yaw), zero], axis=1)

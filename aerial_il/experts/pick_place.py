@@ -1,0 +1,105 @@
+"""Expert for pick and place: hover over the cube, descend, close, lift, carry, lower, let go, back off; retry on a miss."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerial_il.core.arrays import planar_length
+from aerial_il.experts.expert import Expert, pointing_down
+from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
+from aerial_il.suite.tasks.pick_place import IN_BOWL_M, cube_heading
+
+HOVER, DESCEND, CLOSE, LIFT, CARRY, LOWER, RELEASE, RETREAT = range(8)
+
+CRUISE_M = 0.15  # tool above the cube's or bowl's resting height while travelling
+ALIGNED_M = 0.02  # sideways error at which the tool may descend
+LOST_ALIGNMENT_M = 0.05  # and at which it goes back up
+AT_HEIGHT_M = 0.012
+GRIP_STEPS = 10  # contact on both pads before lifting
+GRIP_PATIENCE_STEPS = 60  # closing for longer than this is a miss
+DROP_HEIGHT_M = 0.045  # cube above the bowl's underside when let go
+OPEN_ENOUGH = 0.8
+
+
+class PickPlaceExpert(Expert):
+    """Object-centred way-points, a regrasp whenever the cube is not where it should be."""
+
+    phase_names = ("hover", "descend", "close", "lift", "carry", "lower", "release", "retreat")
+
+    def first_phase(self) -> np.ndarray:
+        return np.where(self._held(), LIFT, HOVER)
+
+    def next_phase(self) -> np.ndarray:
+        view, phase = self.view, self.phase
+        cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
+        beside_cube, beside_bowl = planar_length(cube - tool), planar_length(bowl - cube)
+        over_cube = (beside_cube <= ALIGNED_M) & self._facing_cube()
+        at_cube = over_cube & (np.abs(tool[:, 2] - cube[:, 2]) <= AT_HEIGHT_M)
+        held = self._held()
+        lifted = tool[:, 2] >= TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M - 0.03
+        low = cube[:, 2] - bowl[:, 2] <= DROP_HEIGHT_M + 0.01
+        lost = (self.timer > 5) & ~held
+        inside = planar_length(cube - bowl) <= IN_BOWL_M
+        gone_up = tool[:, 2] >= bowl[:, 2] + CRUISE_M
+        rules = (
+            (HOVER, over_cube & (tool[:, 2] <= cube[:, 2] + CRUISE_M + 0.05), DESCEND),
+            (DESCEND, beside_cube > LOST_ALIGNMENT_M, HOVER),
+            (DESCEND, at_cube, CLOSE),
+            (CLOSE, held & (self.timer >= GRIP_STEPS), LIFT),
+            (CLOSE, self.timer > GRIP_PATIENCE_STEPS, HOVER),
+            (LIFT, lost, HOVER),
+            (LIFT, lifted, CARRY),
+            (CARRY, lost, HOVER),
+            (CARRY, beside_bowl <= ALIGNED_M, LOWER),
+            (LOWER, lost & ~inside, HOVER),
+            (LOWER, beside_bowl > LOST_ALIGNMENT_M, CARRY),
+            (LOWER, low | (lost & inside), RELEASE),
+            (RELEASE, view.gripper[:, 0] >= OPEN_ENOUGH, RETREAT),
+            (RETREAT, gone_up & ~inside, HOVER),
+        )
+        following = phase.copy()
+        for here, due, there in reversed(rules):
+            following = np.where((phase == here) & due, there, following)
+        return following
+
+    def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        view, phase = self.view, self.phase
+        cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
+        to_cube = (phase == HOVER) | (phase == DESCEND) | (phase == CLOSE)
+        height = np.select(
+            [phase == p for p in range(8)],
+            [
+                cube[:, 2] + CRUISE_M,
+                cube[:, 2],
+                cube[:, 2],
+                np.full(view.n, TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M),
+                bowl[:, 2] + CUBE_HALF_M + CRUISE_M,
+                bowl[:, 2] + DROP_HEIGHT_M + tool[:, 2] - cube[:, 2],
+                bowl[:, 2] + DROP_HEIGHT_M,
+                bowl[:, 2] + CRUISE_M + 0.1,
+            ],
+        )
+        over_bowl = bowl[:, :2] + np.where((phase <= LOWER)[:, None], tool[:, :2] - cube[:, :2], 0.0)
+        sideways = np.where(to_cube[:, None], cube[:, :2], over_bowl)
+        sideways = np.where((phase == LIFT)[:, None], tool[:, :2], sideways)
+        yaw = np.where(to_cube, self._cube_yaw(), 0.0)
+        gripper = np.where((phase >= CLOSE) & (phase <= LOWER), 0.0, 1.0)
+        return np.concatenate([sideways, height[:, None]], axis=1), pointing_down(yaw), gripper
+
+    def _held(self) -> np.ndarray:
+        view = self.view
+        return view.touching("grip_left") & view.touching("grip_right")
+
+    def _cube_yaw(self) -> np.ndarray:
+        """(n,) heading in ±45° at which the fingers meet two faces of the cube."""
+        heading = cube_heading(self.view)
+        return 0.25 * np.arctan2(heading[:, 1], heading[:, 0])
+
+    def _facing_cube(self) -> np.ndarray:
+        """(n,) bool: the fingers are within 8° of two of the cube's faces."""
+        mat, yaw = self.view.tool_mat, self._cube_yaw()
+        y_axis = mat[:, [1, 4]]  # first two entries of the tool's y axis
+        return -np.sin(yaw) * y_axis[:, 0] + np.cos(yaw) * y_axis[:, 1] >= np.cos(np.deg2rad(8.0))
+
+
+EXPERT = PickPlaceExpert
