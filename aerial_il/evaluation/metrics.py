@@ -106,7 +106,7 @@ def metrics_of(episodes: Sequence[EpisodeRecord]) -> tuple[Metric, ...]:
 
 
 def _jerk_metric(unit: str) -> Metric:
-    label = f"Action jerk, root mean square ({unit})"
+    label = f"Action jerk ({unit.replace('^3', '³').replace('^4', '⁴')})"
     return Metric(f"action_jerk_rms[{unit}]", label, unit, lambda e: e.action_jerk_rms.get(unit), "lower")
 
 

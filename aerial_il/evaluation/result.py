@@ -108,7 +108,8 @@ class EvaluationResult:
         """Write ``evaluation.json`` and the thinned end-effector paths into ``folder``; return the JSON's path."""
         folder = Path(folder)
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, **{str(seed): flight.ee_path for seed, flight in self.flights.items()})
+        paths: dict[str, Any] = {str(seed): flight.ee_path for seed, flight in self.flights.items()}
+        np.savez_compressed(buffer, **paths)
         write_atomic(folder / PATHS_NAME, buffer.getvalue())
         return write_json(folder / FILE_NAME, self.to_dict())
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
-from aerial_il.core.policy import Policy, attach
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
+from aerial_il.core.policy import Observation, Policy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 from aerial_il.evaluation.metrics import measure
@@ -82,8 +82,7 @@ def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
     obs = env.reset(current)
     policy.reset()
     while flying.any():
-        actions = policy.act(obs)
-        _check_actions(actions, env.spec, current, buffer.steps, flying)
+        actions = _act(policy, obs, env.spec, current, buffer.steps, flying)
         result = env.step(actions, flying)
         obs = result.obs
         buffer.add(actions, result, getattr(policy, "phase", None), flying)
@@ -121,20 +120,26 @@ def _checked(seeds: Iterable[int]) -> list[int]:
     return order
 
 
-def _check_actions(
-    actions: np.ndarray, spec: EnvSpec, seeds: np.ndarray, steps: np.ndarray, flying: np.ndarray
-) -> None:
-    expected = (len(seeds), spec.action.size)
-    if np.shape(actions) != expected:
-        raise InvalidValueError(
-            f"The policy's actions have shape {np.shape(actions)}; the environment takes {expected}."
-        )
+def _act(
+    policy: Policy, obs: Observation, spec: EnvSpec, seeds: np.ndarray, steps: np.ndarray, flying: np.ndarray
+) -> np.ndarray:
+    """Return the policy's actions (n, Da), finite wherever a world flies; errors name seed and step."""
+    try:
+        actions = policy.act(obs)
+    except NonFiniteActionError as error:
+        world = error.worlds[0]
+        what = f"The policy met a non-finite {error.what}"
+        raise SimulationDivergedError(what, seed=int(seeds[world]), step=int(steps[world])) from error
+    shape, expected = np.shape(actions), (len(seeds), spec.action.size)
+    if shape != expected:
+        raise InvalidValueError(f"The policy's actions have shape {shape}; the environment takes {expected}.")
     broken = flying & ~np.isfinite(actions).all(axis=1)
     if broken.any():
         world = int(np.argmax(broken))
         label = spec.action.labels[int(np.argmin(np.isfinite(actions[world])))]
         what = f"Action {label!r} of the policy became non-finite"
         raise SimulationDivergedError(what, seed=int(seeds[world]), step=int(steps[world]))
+    return actions
 
 
 def _provenance(env: Any, wall_time_s: float) -> dict[str, Any]:

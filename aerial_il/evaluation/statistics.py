@@ -72,7 +72,8 @@ def bootstrap_mean(
     values = _finite(values)
     if values.size == 0:
         return NO_INTERVAL
-    means = [values[rng.integers(values.size, size=values.size)].mean() for _ in range(resamples)]
+    shapes = _blocks(resamples, values.size)
+    means = np.concatenate([values[rng.integers(values.size, size=shape)].mean(axis=1) for shape in shapes])
     tail = (1 - level) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
     return Interval(float(lo), float(hi))
@@ -126,7 +127,8 @@ def mcnemar(only_a: int, only_b: int) -> float:
 def fisher(count_a: int, total_a: int, count_b: int, total_b: int) -> float:
     """Return the two-sided exact p-value that two independent proportions are equal (Fisher 1922)."""
     table = [[count_a, total_a - count_a], [count_b, total_b - count_b]]
-    return float(stats.fisher_exact(table).pvalue)
+    _, p_value = stats.fisher_exact(table)
+    return float(p_value)
 
 
 def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, resamples: int = 9999) -> float:
@@ -142,11 +144,12 @@ def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
         return math.nan
     pooled = np.concatenate([a, b])
 
-    def difference(values: np.ndarray) -> float:
-        return abs(values[: a.size].mean() - values[a.size :].mean())
+    def difference(values: np.ndarray) -> np.ndarray:
+        return np.abs(values[..., : a.size].mean(axis=-1) - values[..., a.size :].mean(axis=-1))
 
-    drawn = np.array([difference(rng.permutation(pooled)) for _ in range(resamples)])
-    return _p_value(drawn, difference(pooled))
+    shapes = _blocks(resamples, pooled.size)
+    drawn = [difference(rng.permuted(np.broadcast_to(pooled, shape), axis=1)) for shape in shapes]
+    return _p_value(np.concatenate(drawn), float(difference(pooled)))
 
 
 def paired_permutation_test(differences: np.ndarray, *, rng: np.random.Generator, resamples: int = 9999) -> float:
@@ -154,13 +157,20 @@ def paired_permutation_test(differences: np.ndarray, *, rng: np.random.Generator
     differences = _finite(differences)
     if differences.size == 0:
         return math.nan
-    signs = 2.0 * rng.integers(0, 2, (resamples, differences.size), dtype=np.int8) - 1
-    return _p_value(np.abs(signs @ differences), abs(differences.sum()))
+    shapes = _blocks(resamples, differences.size)
+    drawn = [np.abs((2.0 * rng.integers(0, 2, shape, dtype=np.int8) - 1) @ differences) for shape in shapes]
+    return _p_value(np.concatenate(drawn), abs(differences.sum()))
 
 
 def _p_value(drawn: np.ndarray, observed: float) -> float:
     extreme = int(np.count_nonzero(drawn >= observed * (1 - 1e-12)))
     return (1 + extreme) / (1 + drawn.size)
+
+
+def _blocks(rows: int, columns: int) -> list[tuple[int, int]]:
+    """Cut a (rows, columns) array of random draws into parts of about a million entries, to bound memory."""
+    height = max(1, 1_000_000 // columns)
+    return [(min(height, rows - start), columns) for start in range(0, rows, height)]
 
 
 def _finite(values: np.ndarray) -> np.ndarray:

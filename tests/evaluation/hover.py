@@ -21,7 +21,7 @@ DT_S, SUBSTEPS, DWELL_STEPS, TOLERANCE_M, LEAD_M = 0.02, 5, 10, 0.02, 0.12
 SCENE = """
 <mujoco model="hover">
   <option timestep="0.004" integrator="implicitfast"/>
-  <visual><headlight ambient=".5 .5 .5" diffuse=".3 .3 .3"/></visual>
+  <visual><quality offsamples="0" shadowsize="0"/><headlight ambient=".5 .5 .5" diffuse=".3 .3 .3"/></visual>
   <asset>
     <texture name="floor" type="2d" builtin="checker" rgb1=".86 .88 .9" rgb2=".8 .82 .85" width="64" height="64"/>
     <material name="floor" texture="floor" texrepeat="8 8"/>

@@ -17,19 +17,8 @@ from tests.evaluation.hover import GoThere, HoverBatch
 
 
 def fly(seeds: Any, *, dive: bool = False, **origin: Any) -> EvaluationResult:
-    policy = GoThere(dive=dive)
     name = "diver" if dive else "expert"
-    return evaluate(HoverBatch(16), policy, seeds, policy_name=name, origin=origin, progress=False)
-
-
-@pytest.fixture(scope="module")
-def diver() -> EvaluationResult:
-    return fly(range(100, 140), dive=True, command="aerial-il evaluate")
-
-
-@pytest.fixture(scope="module")
-def expert() -> EvaluationResult:
-    return fly(range(100, 140))
+    return evaluate(HoverBatch(16), GoThere(dive=dive), seeds, policy_name=name, origin=origin, progress=False)
 
 
 def test_json_has_the_keys_that_others_rely_on(diver: EvaluationResult, tmp_path: Path) -> None:
@@ -41,7 +30,7 @@ def test_json_has_the_keys_that_others_rely_on(diver: EvaluationResult, tmp_path
     assert (raw["schema"], raw["episodes"], raw["seeds"]) == (SCHEMA, 40, [100, 139])
     assert list(raw["success"]) == ["count", "rate", "ci95"]
     assert len(raw["per_episode"]) == 40
-    assert raw["provenance"]["command"] == "aerial-il evaluate"
+    assert raw["provenance"]["command"] == "aerial-il evaluate policy=diver"
     assert raw["provenance"]["environment"]["control_dt_s"] == HoverBatch.spec.control_dt_s
 
 
@@ -54,7 +43,7 @@ def test_a_result_survives_its_file(diver: EvaluationResult, tmp_path: Path) -> 
 
 
 def test_equal_evaluations_give_equal_files_but_for_the_clock(diver: EvaluationResult) -> None:
-    again = fly(range(100, 140), dive=True, command="aerial-il evaluate")
+    again = fly(range(100, 140), dive=True, command="aerial-il evaluate policy=diver")
     one, two = (json.loads(json.dumps(r.to_dict())) for r in (diver, again))
     assert one["provenance"].pop("wall_time_s") > 0
     assert two["provenance"].pop("wall_time_s") > 0

@@ -1,0 +1,132 @@
+"""The charts of a report, each drawn from an evaluation, a training run or a learning curve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerial_il.evaluation.background import Curve, LearningPoint
+from aerial_il.evaluation.charts import WIDE, Figure, Plot, equal_height, histogram, tick_label
+from aerial_il.evaluation.metrics import EpisodeRecord, Metric, metrics_of
+from aerial_il.evaluation.result import EvaluationResult, Flight
+
+KINDS = {"success": "good", "failure": "bad"}
+MOST_PATHS = 60  # of each outcome, so that the drawing stays readable and small
+POINTS_PER_PATH = 40
+CENTIMETRES = 100.0
+MOST_CURVES = 8
+SPREAD_OUT = ("ee_error_mean_m", "ee_error_max_m", "effort_mean", "action_jerk_rms")
+
+
+def display(metric: Metric) -> tuple[str, str, float]:
+    """Return label, unit and factor with which people read a metric: centimetres for metres, raised powers."""
+    if metric.unit == "m":
+        return metric.label, "cm", CENTIMETRES
+    return metric.label, metric.unit.replace("^3", "³").replace("^4", "⁴"), 1.0
+
+
+def distributions(result: EvaluationResult) -> list[Figure]:
+    """Draw the time to success, then error, effort and smoothness over all episodes, split by outcome."""
+    metrics = {metric.key: metric for metric in metrics_of(result.episodes)}
+    keys = [key for key in metrics if key.startswith(SPREAD_OUT)]
+    figures = [_distribution(metrics[key], result.episodes) for key in ("time_to_success_s", *keys)]
+    return [figure for figure in figures if figure is not None]
+
+
+def _distribution(metric: Metric, episodes: Sequence[EpisodeRecord]) -> Figure | None:
+    label, unit, factor = display(metric)
+    groups: dict[str, list[float]] = {}
+    for episode in episodes:
+        value = metric.value(episode)
+        if value is not None:
+            groups.setdefault("success" if episode.success else "failure", []).append(factor * value)
+    if not groups:
+        return None
+    ordered = {name: groups[name] for name in KINDS if name in groups}
+    return histogram(label, ordered, x_label=unit, kinds=KINDS)
+
+
+def paths(result: EvaluationResult) -> list[Figure]:
+    """Draw the end effector's paths from above and from the side; empty where none was observed."""
+    flights = [(e, flight) for e in result.episodes if (flight := _drawn(result, e)) is not None]
+    chosen = [pair for won in (True, False) for pair in [p for p in flights if p[0].success is won][:MOST_PATHS]]
+    if not chosen:
+        return []
+    left_out = len(flights) - len(chosen)
+    note = f"The first {MOST_PATHS} of each outcome; {left_out} more are not drawn." if left_out else ""
+    views = (
+        ("End effector from above", 0, 1, "x (m)", "y (m)"),
+        ("End effector from the side", 0, 2, "x (m)", "z (m)"),
+    )
+    return [_path_view(*view, chosen, note) for view in views]
+
+
+def _drawn(result: EvaluationResult, episode: EpisodeRecord) -> Flight | None:
+    flight = result.flights.get(episode.seed)
+    return flight if flight is not None and len(flight.ee_path) > 1 else None
+
+
+def _path_view(
+    title: str, u: int, v: int, x_label: str, y_label: str, chosen: list[tuple[EpisodeRecord, Flight]], note: str
+) -> Figure:
+    points = np.concatenate([flight.ee_path for _, flight in chosen])
+    x, y = ((float(points[:, k].min()), float(points[:, k].max())) for k in (u, v))
+    alt = (
+        f"{title}: {len(chosen)} paths within x {x[0]:.2f} to {x[1]:.2f} m and {y_label[0]} {y[0]:.2f} to {y[1]:.2f} m"
+    )
+    height = equal_height(x, y, width=WIDE)
+    plot = Plot(x=x, y=y, x_label=x_label, y_label=y_label, alt=alt, width=WIDE, height=height)
+    for episode, flight in chosen:
+        kind = "good" if episode.success else "bad"
+        path = flight.ee_path[_thinned(len(flight.ee_path))]
+        plot.line(path[:, u], path[:, v], f"path {kind}", title=f"seed {episode.seed}: {episode.end}")
+        mark = plot.dot if episode.success else plot.cross
+        mark(path[-1, u], path[-1, v], f"end {kind}", title=f"seed {episode.seed}: {episode.end}")
+    return Figure(title, plot.svg(), note)
+
+
+def _thinned(length: int) -> np.ndarray:
+    return np.unique(np.linspace(0, length - 1, min(POINTS_PER_PATH, length)).astype(int))
+
+
+def training(curves: Sequence[Curve]) -> list[Figure]:
+    """Draw the logged numbers of a training run: those that say how well it learns come first."""
+    ranked = sorted(curves, key=lambda c: (not any(word in c.name for word in ("success", "loss")), "/" in c.name))
+    return [_training_curve(curve) for curve in ranked[:MOST_CURVES]]
+
+
+def _training_curve(curve: Curve) -> Figure:
+    lo, hi = float(curve.values.min()), float(curve.values.max())
+    log = "loss" in curve.name and lo > 0 and hi > 20 * lo
+    last = tick_label(float(curve.values[-1]))
+    alt = f"{curve.name} over {curve.steps[-1]:g} training steps; last value {last}"
+    x = float(curve.steps[0]), float(curve.steps[-1])
+    plot = Plot(x=x, y=(lo if log else min(lo, 0.0), hi), x_label="training step", y_label="", alt=alt, log_y=log)
+    plot.line(curve.steps, curve.values, "curve")
+    return Figure(curve.name, plot.svg(), f"Last value {last}")
+
+
+def learning_curve(points: Sequence[LearningPoint]) -> Figure:
+    """Draw success over the number of demonstrations with 95 % intervals."""
+    ordered = sorted(points, key=lambda p: p.demonstrations)
+    numbers = [float(p.demonstrations) for p in ordered]
+    rates = [p.result.success["rate"] for p in ordered]
+    said = ", ".join(f"{100 * r:.0f} % at {n:g}" for n, r in zip(numbers, rates, strict=True))
+    plot = Plot(
+        x=(numbers[0], numbers[-1]),
+        y=(0.0, 1.0),
+        x_label="demonstrations",
+        y_label="",
+        alt=f"Success over demonstrations: {said}",
+        width=WIDE,
+        log_x=True,
+        x_ticks=numbers,
+        percent=True,
+    )
+    plot.line(numbers, rates, "curve")
+    for number, point in zip(numbers, ordered, strict=True):
+        lo, hi = point.result.success["ci95"]
+        plot.whisker(number, lo, hi, "whisker")
+        plot.dot(number, point.result.success["rate"], "knot", radius=3.5, title=point.result.headline())
+    return Figure("Success over demonstrations", plot.svg(), "Bars: 95 % Wilson intervals.")

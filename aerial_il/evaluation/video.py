@@ -1,0 +1,187 @@
+"""Films of chosen episodes: each is flown again from its seed and recorded actions, bit for bit, and rendered.
+
+H.264 in MP4 through PyAV, without a system ffmpeg. On a machine that cannot render, there are no films and a sentence
+says why; everything else goes on.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation.metrics import EpisodeRecord
+from aerial_il.evaluation.overlay import Caption, compose
+from aerial_il.evaluation.result import EvaluationResult, Flight
+
+FPS = 25
+HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
+LONGEST_CLIP_S = 12.0  # longer episodes play faster
+MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
+VIEW_SIZE = (324, 432)  # height, width of one camera view
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A film on disk of one episode."""
+
+    path: Path
+    episode: EpisodeRecord
+    speed: int = 1
+
+
+@dataclass(frozen=True)
+class Footage:
+    """The films of an evaluation, or a sentence saying why there are none."""
+
+    clips: tuple[Clip, ...] = ()
+    note: str = ""
+
+
+def film(
+    env: Any,
+    result: EvaluationResult,
+    folder: str | os.PathLike[str],
+    *,
+    successes: int = 2,
+    failures: int = 2,
+    cameras: Sequence[str] = ("scene", "wrist"),
+) -> Footage:
+    """Film the first successes and the first failures in the order of the seeds: a sample, not a selection.
+
+    Args:
+        env: a batch environment of the cell and tier of ``result``; its world 0 is used.
+        result: an evaluation whose flights still hold their actions.
+        folder: where the MP4 files go, named ``seed_<seed>_<end>.mp4``.
+        successes, failures: how many of each, at most.
+        cameras: views from left to right; those that the environment lacks are left out.
+
+    Returns:
+        The clips in the order of their seeds, or the reason why nothing can be rendered.
+    """
+    views = [name for name in cameras if name in env.camera_names]
+    problem = rendering_problem(env, views)
+    if problem:
+        return Footage(note=f"No video: {problem}")
+    chosen = _first(result, True, successes) + _first(result, False, failures)
+    clips = []
+    for episode in sorted(chosen, key=lambda e: result.seeds.index(e.seed)):
+        path = Path(folder) / f"seed_{episode.seed}_{episode.end}.mp4"
+        clips.append(film_episode(env, result, episode, path, cameras=views))
+    return Footage(tuple(clips))
+
+
+def rendering_problem(env: Any, cameras: Sequence[str]) -> str:
+    """Return why ``env`` cannot be filmed, or an empty string. The reason comes from OpenGL itself, in its words."""
+    if not cameras:
+        return f"the environment has none of the cameras asked for; it has {', '.join(env.camera_names) or 'none'}."
+    try:
+        env.render(0, cameras[0], *VIEW_SIZE)
+    except Exception as error:  # the renderer, its bindings and the driver each raise their own kind
+        return f"this machine cannot render ({type(error).__name__}: {error}). `aerial-il doctor` says what is missing."
+    return ""
+
+
+def film_episode(
+    env: Any, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str]
+) -> Clip:
+    """Fly one episode again in world 0 of ``env`` and write its film.
+
+    Raises:
+        InvalidValueError: the actions of the episode were not kept (results read from disk have none).
+    """
+    flight = result.flights.get(episode.seed)
+    if flight is None or flight.actions is None:
+        raise InvalidValueError(f"The actions of seed {episode.seed} were not kept; evaluate it again to film it.")
+    dt, speed = env.spec.control_dt_s, math.ceil(episode.duration_s / LONGEST_CLIP_S)
+    stride = speed * max(1, round(1 / (dt * FPS)))
+    rate = Fraction(speed / (dt * stride)).limit_denominator(1000)
+    title = " · ".join((result.task, result.robot, result.tier, f"seed {episode.seed}"))
+    title += f" · {speed}x" if speed > 1 else ""
+    frames = _frames(env, episode, flight, title=title, cameras=cameras, stride=stride)
+    write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    return Clip(path, episode, speed)
+
+
+def _frames(
+    env: Any, episode: EpisodeRecord, flight: Flight, *, title: str, cameras: Sequence[str], stride: int
+) -> Iterator[np.ndarray]:
+    assert flight.actions is not None
+    length, done = len(flight.actions), np.zeros(len(env.spec.subtasks), dtype=bool)
+    for step, info in enumerate(_fly_again(env, episode.seed, flight.actions)):
+        done |= info["subtasks"][0]
+        last = step == length - 1
+        if step % stride and not last:
+            continue
+        caption = Caption(
+            title=title,
+            time_s=(step + 1) * env.spec.control_dt_s,
+            progress=(step + 1) / length,
+            phase=_phase_name(flight, step),
+            subtasks=dict(zip(env.spec.subtasks, done.tolist(), strict=True)),
+            end=episode.end if last else "",
+        )
+        yield compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, caption)
+
+
+def _fly_again(env: Any, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
+    """Step world 0 through recorded actions (T, Da) from its seed; yield the step infos."""
+    only_first = np.arange(env.num_envs) == 0
+    env.reset(np.full(env.num_envs, seed), only_first)
+    batch = np.tile(actions[0], (env.num_envs, 1))
+    for action in actions:
+        batch[0] = action
+        yield env.step(batch, only_first).info
+
+
+def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_frames: int = 0) -> None:
+    """Encode (H, W, 3) uint8 frames of even size as H.264 that browsers play, whole or not at all.
+
+    Args:
+        path: destination; missing parent folders are made.
+        frames: the pictures.
+        rate: frames per second.
+        hold_frames: how often the last picture is shown again.
+    """
+    import av
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    options = {"crf": "26", "preset": "medium", "maxrate": str(MAX_RATE), "bufsize": str(MAX_RATE)}
+    try:
+        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            stream = container.add_stream("libx264", rate=rate, options=options)
+            stream.pix_fmt = "yuv420p"
+            for picture in _held(frames, hold_frames):
+                stream.height, stream.width = picture.shape[:2]
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+            container.mux(stream.encode(None))
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _held(frames: Iterator[np.ndarray], times: int) -> Iterator[np.ndarray]:
+    last = None
+    for last in frames:
+        yield last
+    if last is not None:
+        yield from repeat(last, times)
+
+
+def _phase_name(flight: Flight, step: int) -> str:
+    if flight.phase is None or not flight.phase_names or flight.phase[step] < 0:
+        return ""
+    return flight.phase_names[flight.phase[step]]
+
+
+def _first(result: EvaluationResult, success: bool, number: int) -> list[EpisodeRecord]:
+    return [episode for episode in result.episodes if episode.success is success][:number]

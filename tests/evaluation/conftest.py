@@ -1,0 +1,30 @@
+"""One evaluation with all three ends, flown once and shared."""
+
+from __future__ import annotations
+
+import pytest
+
+from aerial_il.core.rendering import can_render
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.rollouts import evaluate
+from tests.evaluation.hover import GoThere, HoverBatch
+
+
+@pytest.fixture(autouse=True)
+def _skip_without_rendering(request: pytest.FixtureRequest) -> None:
+    if request.node.get_closest_marker("render") and not can_render():
+        pytest.skip("no rendering back end on this machine")
+
+
+@pytest.fixture(scope="session")
+def diver() -> EvaluationResult:
+    """40 seeds of a policy that succeeds, crashes and runs out of time."""
+    origin = {"command": "aerial-il evaluate policy=diver"}
+    policy = GoThere(dive=True)
+    return evaluate(HoverBatch(16), policy, range(100, 140), policy_name="diver", origin=origin, progress=False)
+
+
+@pytest.fixture(scope="session")
+def expert() -> EvaluationResult:
+    """The same seeds, flown without diving."""
+    return evaluate(HoverBatch(16), GoThere(), range(100, 140), policy_name="expert", progress=False)
