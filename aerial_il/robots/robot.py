@@ -12,6 +12,7 @@ import numpy as np
 from aerial_il.control.allocation import mixer_matrix, wrench_matrix
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.robots.parts.arm import Arm
+from aerial_il.robots.parts.camera import look_along
 from aerial_il.robots.parts.gripper import Gripper
 from aerial_il.robots.parts.rotorcraft import Rotorcraft
 
@@ -109,8 +110,8 @@ class Robot:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Add bodies, joints, actuators, sensors and cameras to a scene, free-floating at the origin.
 
-        The base's free joint comes first, then the arm's joints, then the gripper's; actuators are ordered rotors, joints,
-        gripper.
+        The base's free joint comes first, then the arm's joints, then the gripper's; actuators are ordered rotors,
+        joints, gripper.
         """
         base = self.base.add_to(spec)
         last = self.arm.add_to(spec, base)
@@ -119,13 +120,15 @@ class Robot:
         self._add_cameras(base, last)
 
     def _add_cameras(self, base: mujoco.MjsBody, last: mujoco.MjsBody) -> None:
-        """``wrist`` looks out along the tool from behind the gripper, ``base`` looks down and forward."""
+        """``wrist`` looks past the fingers at what they grasp, ``base`` from the base's left at the whole arm."""
         reach = self.tool_offset[0]
-        wrist = [-0.2 * reach, 0.0, 0.55 * self.arm.links[-1].length]
-        forward = np.array([reach, 0.0, 0.0]) - wrist
-        last.add_camera(name="wrist", pos=wrist, quat=_look_along(forward, up=(0.0, 0.0, 1.0)), fovy=75)
-        pos = [0.6 * self.base.hub_size[0], 0.0, -self.base.hub_size[2]]
-        base.add_camera(name="base", pos=pos, quat=_look_along((0.5, 0.0, -1.0), up=(1.0, 0.0, 0.0)), fovy=80)
+        wrist = np.array([0.1 * reach, 0.0, 0.75 * reach])
+        ahead = np.array([1.3 * reach, 0.0, 0.1 * reach]) - wrist
+        last.add_camera(name="wrist", pos=wrist, quat=look_along(ahead), fovy=75)
+        span = self.arm.reach
+        pos = np.array([0.25 * span, 0.4 * span, -self.base.hub_size[2]])
+        centre = np.array([0.45 * span, 0.0, -0.7 * span])
+        base.add_camera(name="base", pos=pos, quat=look_along(centre - pos, up=(1.0, 0.0, 0.0)), fovy=75)
 
     def _wrench_matrix(self) -> np.ndarray:
         return wrench_matrix(self.base.rotor_pos, self.base.rotor_axis, self.base.rotor_drag_ratio)
@@ -141,13 +144,3 @@ class Robot:
             d = where - com
             inertia = inertia + part * (d @ d - d * d)
         return mass, tuple(com), tuple(inertia)
-
-
-def _look_along(forward: np.ndarray | tuple[float, ...], up: tuple[float, float, float]) -> np.ndarray:
-    """Quaternion of a MuJoCo camera (it looks along its -z) towards ``forward``, image top towards ``up``."""
-    z = -np.asarray(forward, float) / np.linalg.norm(forward)
-    x = np.cross(up, z)
-    x /= np.linalg.norm(x)
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, np.stack([x, np.cross(z, x), z], axis=1).ravel())
-    return quat

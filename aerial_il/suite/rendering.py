@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from weakref import WeakSet
 
 import mujoco
 import numpy as np
@@ -69,6 +71,8 @@ class Cameraman:
     @cached_property
     def _renderer(self) -> mujoco.Renderer:
         renderer = mujoco.Renderer(self._model, *self._size)
+        _open.add(self)
+        _close_all_at_exit()
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         return renderer
@@ -95,3 +99,12 @@ class Cameraman:
         if "_renderer" in self.__dict__:
             self._renderer.close()
             del self.__dict__["_renderer"]
+
+
+_open: WeakSet[Cameraman] = WeakSet()
+
+
+@cache
+def _close_all_at_exit() -> None:
+    """Free what is still open when Python exits: called after MuJoCo set up its graphics, it runs before that ends."""
+    atexit.register(lambda: [cameraman.close() for cameraman in list(_open)])

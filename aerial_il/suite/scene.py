@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
+from aerial_il.robots.parts.camera import look_along
 from aerial_il.robots.parts.collision import WORLD
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.contact_sensors import add_contact_sensor
@@ -14,6 +16,7 @@ PHYSICS_DT_S = 0.004
 SUBSTEPS = 5
 CONTROL_DT_S = PHYSICS_DT_S * SUBSTEPS
 ARENA_BYTES = 1 << 20
+SCENE_CAMERA, SCENE_CENTRE = np.array([1.55, -1.75, 1.40]), np.array([0.0, 0.0, 0.9])  # m
 
 
 def build_xml(robot: Robot, task: Task) -> str:
@@ -50,7 +53,8 @@ def _set_visuals(spec: mujoco.MjSpec) -> None:
     visual.quality.shadowsize = 0
     visual.global_.offwidth, visual.global_.offheight = 1280, 960
     visual.headlight.ambient = [0.45, 0.45, 0.45]
-    visual.headlight.diffuse = [0.45, 0.45, 0.45]
+    visual.headlight.diffuse = [0.25, 0.25, 0.25]
+    visual.headlight.specular = [0.0, 0.0, 0.0]
     visual.map.znear = 0.01
 
 
@@ -67,9 +71,10 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
     material = spec.add_material(name="grid", texrepeat=[4, 4], texuniform=True, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     plane = mujoco.mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(name="ground", type=plane, size=[6, 6, 0.1], material="grid", **WORLD)
-    spec.worldbody.add_light(name="sun", pos=[-1, -1.5, 4], dir=[0.25, 0.35, -1], diffuse=[0.5, 0.5, 0.5], castshadow=False)
-    spec.worldbody.add_camera(name="scene", pos=[-1.25, -1.35, 1.55], xyaxes=[0.72, -0.69, 0, 0.29, 0.30, 0.91], fovy=55)
+    spec.worldbody.add_geom(name="ground", type=plane, size=[0, 0, 0.1], material="grid", **WORLD)
+    sun = spec.worldbody.add_light(name="sun", pos=[1, -2, 4], dir=[-0.3, 0.5, -1], castshadow=False)
+    sun.type, sun.diffuse, sun.specular = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, [0.45] * 3, [0.1] * 3
+    spec.worldbody.add_camera(name="scene", pos=SCENE_CAMERA, quat=look_along(SCENE_CENTRE - SCENE_CAMERA), fovy=42)
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
@@ -77,5 +82,3 @@ def _add_contact_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     add_contact_sensor(spec, "contact_base", body="base")
     for i in range(robot.num_joints - 1):
         add_contact_sensor(spec, f"contact_link_{i}", body=f"link_{i}")
-
-

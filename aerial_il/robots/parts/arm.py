@@ -52,6 +52,11 @@ class Arm:
 
     links: tuple[Link, ...]
 
+    @property
+    def reach(self) -> float:
+        """Length of the outstretched arm, m."""
+        return sum(link.length for link in self.links)
+
     def add_to(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> mujoco.MjsBody:
         """Hang the arm from ``base`` as bodies ``link_0`` … with joints and servos ``joint_0`` …; return the last body."""
         body = base
