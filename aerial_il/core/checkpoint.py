@@ -92,6 +92,11 @@ def is_sealed(folder: str | os.PathLike[str]) -> bool:
     return (Path(folder) / MANIFEST).is_file()
 
 
+def digest(checkpoint: Checkpoint) -> str:
+    """Return the SHA-256 of what :func:`save` would seal: equal contents have equal digests, wherever they lie."""
+    return _sha256(_sealed(_encode(checkpoint))[MANIFEST])
+
+
 def step_folder(run: str | os.PathLike[str], step: int) -> Path:
     """Return the folder of the checkpoint that a run takes after ``step`` steps."""
     return Path(run) / FOLDER / f"{step:08d}"

@@ -13,7 +13,7 @@ from aerial_il.evaluation.result import EvaluationResult, Flight
 
 KINDS = {"success": "good", "failure": "bad"}
 MOST_PATHS = 60  # of each outcome, so that the drawing stays readable and small
-POINTS_PER_PATH = 40
+POINTS_PER_PATH = 70
 CENTIMETRES = 100.0
 MOST_CURVES = 8
 SPREAD_OUT = ("ee_error_mean_m", "ee_error_max_m", "effort_mean", "action_jerk_rms")
@@ -71,7 +71,7 @@ def _path_view(
     title: str, u: int, v: int, x_label: str, y_label: str, chosen: list[tuple[EpisodeRecord, Flight]], note: str
 ) -> Figure:
     points = np.concatenate([flight.ee_path for _, flight in chosen])
-    x, y = ((float(points[:, k].min()), float(points[:, k].max())) for k in (u, v))
+    x, y = (_padded(points[:, k]) for k in (u, v))
     alt = (
         f"{title}: {len(chosen)} paths within x {x[0]:.2f} to {x[1]:.2f} m and {y_label[0]} {y[0]:.2f} to {y[1]:.2f} m"
     )
@@ -84,6 +84,11 @@ def _path_view(
         mark = plot.dot if episode.success else plot.cross
         mark(path[-1, u], path[-1, v], f"end {kind}", title=f"seed {episode.seed}: {episode.end}")
     return Figure(title, plot.svg(), note)
+
+
+def _padded(values: np.ndarray) -> tuple[float, float]:
+    lo, hi = float(values.min()), float(values.max())
+    return lo - 0.03 * (hi - lo), hi + 0.03 * (hi - lo)
 
 
 def _thinned(length: int) -> np.ndarray:

@@ -29,7 +29,8 @@ class EpisodeRecord:
         time_to_success_s: simulated time to the first success.
         return_: sum of the rewards.
         mean_reward: mean of the rewards, in [0, 1].
-        ee_error_mean_m, ee_error_max_m: distance between commanded and actual end effector over the steps.
+        ee_error_mean_m, ee_error_max_m: distance between commanded and actual end effector over the steps; policies
+            that command far-away targets fly with a large one.
         effort_mean: mean squared rotor use in [0, 1].
         action_jerk_rms: unit -> root mean square of the executed action's third derivative, e.g. ``m/s^3``.
         contact_events: times that the robot's body, rotors or arm came to touch the world.
@@ -91,9 +92,9 @@ METRICS = (
     Metric("time_to_success_s", "Time to success", "s", lambda e: e.time_to_success_s, "lower"),
     Metric("mean_reward", "Mean reward", "", lambda e: e.mean_reward, "higher"),
     Metric("steps", "Control steps", "", lambda e: e.steps, "lower"),
-    Metric("ee_error_mean_m", "End-effector error, mean over the episode", "m", lambda e: e.ee_error_mean_m, "lower"),
-    Metric("ee_error_max_m", "End-effector error, largest", "m", lambda e: e.ee_error_max_m, "lower"),
-    Metric("effort_mean", "Control effort, mean squared rotor use", "", lambda e: e.effort_mean, "lower"),
+    Metric("ee_error_mean_m", "End-effector tracking error, mean", "m", lambda e: e.ee_error_mean_m, "lower"),
+    Metric("ee_error_max_m", "End-effector tracking error, largest", "m", lambda e: e.ee_error_max_m, "lower"),
+    Metric("effort_mean", "Control effort, squared rotor use", "", lambda e: e.effort_mean, "lower"),
     Metric("contact_events", "Unwanted contacts", "", lambda e: e.contact_events, "lower"),
     Metric("contact_time_s", "Time in unwanted contact", "s", lambda e: e.contact_time_s, "lower"),
 )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
 from aerial_il.core.policy import Observation, Policy, attach
 from aerial_il.core.provenance import provenance
@@ -39,7 +40,7 @@ def evaluate(
         policy: what acts; experts are attached to ``env``.
         seeds: distinct non-negative episode seeds.
         policy_name: how the result names the policy, e.g. ``expert`` or a run folder.
-        origin: plain values to keep in the result's provenance, e.g. the command and the policy's digest.
+        origin: plain values to keep in the result's provenance, e.g. the command.
         progress: show a progress bar.
 
     Returns:
@@ -63,7 +64,7 @@ def evaluate(
         tier=env.spec.tier,
         policy=policy_name,
         episodes=tuple(records[seed] for seed in order),
-        provenance=_provenance(env, time.perf_counter() - started) | dict(origin or {}),
+        provenance=_provenance(env, policy, time.perf_counter() - started) | dict(origin or {}),
         flights=flights,
     )
 
@@ -142,8 +143,9 @@ def _act(
     return actions
 
 
-def _provenance(env: Any, wall_time_s: float) -> dict[str, Any]:
+def _provenance(env: Any, policy: Policy, wall_time_s: float) -> dict[str, Any]:
     spec, torch = env.spec, sys.modules.get("torch")
+    saved = getattr(policy, "to_checkpoint", None)
     return {
         **provenance(),
         "environment": {
@@ -153,6 +155,7 @@ def _provenance(env: Any, wall_time_s: float) -> dict[str, Any]:
             "max_steps": spec.max_steps,
             "num_envs": env.num_envs,
         },
+        "policy_sha256": checkpoint.digest(saved()) if saved else None,
         "torch_threads": torch.get_num_threads() if torch else None,
         "wall_time_s": round(wall_time_s, 3),
     }

@@ -7,7 +7,7 @@ permutation tests, which assume no distribution. Everything random takes a gener
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -127,8 +127,8 @@ def mcnemar(only_a: int, only_b: int) -> float:
 def fisher(count_a: int, total_a: int, count_b: int, total_b: int) -> float:
     """Return the two-sided exact p-value that two independent proportions are equal (Fisher 1922)."""
     table = [[count_a, total_a - count_a], [count_b, total_b - count_b]]
-    _, p_value = stats.fisher_exact(table)
-    return float(p_value)
+    result: Any = stats.fisher_exact(table)
+    return float(result.pvalue)
 
 
 def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, resamples: int = 9999) -> float:

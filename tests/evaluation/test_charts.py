@@ -98,7 +98,7 @@ def test_equal_height_makes_a_metre_equally_long_both_ways() -> None:
 
 def test_figures_of_an_evaluation_are_well_formed(diver: EvaluationResult) -> None:
     figures = [*distributions(diver), *paths(diver)]
-    assert [f.title for f in figures[:2]] == ["Time to success", "End-effector error, mean over the episode"]
+    assert [f.title for f in figures[:2]] == ["Time to success", "End-effector tracking error, mean"]
     assert [f.title for f in figures[-2:]] == ["End effector from above", "End effector from the side"]
     assert len({f.title for f in figures}) == len(figures)
     for figure in figures:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
 from aerial_il.evaluation.rollouts import evaluate, rollouts
 from tests.evaluation.hover import GoThere, HoverBatch
 
@@ -72,6 +73,31 @@ def test_phases_of_a_scripted_policy_are_kept() -> None:
     assert flight.phase_names == GoThere.phase_names
     assert flight.phase is not None
     assert set(flight.phase.tolist()) == {0, 1}
+
+
+def test_a_trained_policy_is_known_by_its_digest() -> None:
+    def digest_of(weight: float) -> str:
+        policy = GoThere()
+        policy.to_checkpoint = lambda: Checkpoint({"weight": np.array([weight])}, {}, {"policy": "test"})
+        return fly(1, [100], policy=policy).provenance["policy_sha256"]
+
+    assert len(digest_of(1.0)) == 64
+    assert digest_of(1.0) == digest_of(1.0) != digest_of(2.0)
+    assert fly(1, [100]).provenance["policy_sha256"] is None
+
+
+def test_a_policy_that_refuses_what_it_sees_is_told_with_seed_and_step() -> None:
+    policy = GoThere()
+    original = policy.act
+
+    def act(obs: Any) -> np.ndarray:
+        if 3 in policy.env.steps:
+            raise NonFiniteActionError("network output", [1])
+        return original(obs)
+
+    policy.act = act
+    with pytest.raises(SimulationDivergedError, match=r"network output at step 3 .* seed 101"):
+        fly(2, [100, 101], policy=policy)
 
 
 class BreaksAt(GoThere):
