@@ -77,28 +77,30 @@ class ContainerWriter:
         self._indexes[Opcode.ATTACHMENT_INDEX].append(index)
         self._put(raw)
 
-    def chunk(self, content: bytes, index: dict[int, np.ndarray], *, compress: bool = True) -> None:
+    def chunk(
+        self, content: bytes, channels: Sequence[int], times: np.ndarray, offsets: np.ndarray, *, compress: bool = True
+    ) -> None:
         """Append one chunk of message records and hand it to the operating system.
 
         Args:
             content: the records, one after the other.
-            index: for each channel, (k, 2) log times and offsets of its records in ``content``.
+            channels: ids of the c channels that have messages in it.
+            times: (k,) log times, ascending, in nanoseconds; each channel has one message at each of them.
+            offsets: (c, k) where the records begin in ``content``.
             compress: False for content that is compressed already, such as images.
         """
-        times = np.concatenate([entries[:, 0] for entries in index.values()])
-        first, last = int(times.min()), int(times.max())
+        first, last = int(times[0]), int(times[-1])
         data, name = (self._compressor.compress(content), "zstd") if compress else (content, "")
         raw = record_bytes(Chunk(name, data, last, first, zlib.crc32(content), len(content)))
-        offsets, tail = {}, b""
-        for channel, entries in index.items():
-            offsets[channel] = self._offset + len(raw) + len(tail)
-            body = struct.pack("<HI", channel, 16 * len(entries)) + entries.astype("<u8").tobytes()
-            tail += struct.pack("<BQ", Opcode.MESSAGE_INDEX, len(body)) + body
-            self._counts[channel] += len(entries)
-        entry = ChunkIndex(len(raw), self._offset, name, len(data), last, len(tail), offsets, first, len(content))
+        index = _message_index(channels, times, offsets)
+        starts = self._offset + len(raw) + np.arange(len(index)) * index.itemsize
+        places = dict(zip(channels, starts.tolist(), strict=True))
+        entry = ChunkIndex(len(raw), self._offset, name, len(data), last, index.nbytes, places, first, len(content))
         self._indexes[Opcode.CHUNK_INDEX].append(entry)
+        for channel in channels:
+            self._counts[channel] += len(times)
         self._times += [first, last]
-        self._put(raw + tail)
+        self._put(raw + index.tobytes())
         self._file.flush()
 
     def finish(self) -> None:
@@ -140,3 +142,14 @@ class ContainerWriter:
         self._file.write(raw)
         self._crc = zlib.crc32(raw, self._crc)
         self._offset += len(raw)
+
+
+def _message_index(channels: Sequence[int], times: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Return the message index records of a chunk as a structured array (c,)."""
+    entries = ("entries", "<u8", (len(times), 2))
+    head = [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("size", "<u4")]
+    index = np.zeros(len(channels), np.dtype([*head, entries]))
+    index["opcode"], index["channel"] = Opcode.MESSAGE_INDEX, channels
+    index["size"], index["length"] = 16 * len(times), 16 * len(times) + 6
+    index["entries"][..., 0], index["entries"][..., 1] = times, offsets
+    return index

@@ -33,6 +33,15 @@ class Head:
     model_xml: str
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What a file says about itself after its last message."""
+
+    success: bool
+    steps: int
+    note: str
+
+
 def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> Episode:
     """Read and check the demonstration file at ``path``.
 
@@ -46,14 +55,13 @@ def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> 
     path = Path(path)
     contents = scan(path)
     head = read_head(path, contents)
-    outcome = _outcome(path, contents)
+    outcome = read_outcome(path, contents)
     check_channels(path, contents, head.layout)
     report = Report(path)
-    steps = int(outcome["steps"])
-    block, last, compressed = read_messages(report, contents, head.layout, steps)
+    block, last, compressed = read_messages(report, contents, head.layout, outcome.steps)
     _check_digest(path, contents, head.layout)
     wanted = [c for c in head.layout.cameras if cameras is True or (cameras and c.field in cameras)]
-    episode = build_episode(head, block, last, json.loads(outcome["success"]), note=outcome["note"])
+    episode = build_episode(head, block, last, outcome)
     check_episode(report, episode)
     pictures = {c.field: _decode(report, c, compressed[c.field]) for c in wanted}
     return replace(episode, obs={**episode.obs, **pictures})
@@ -111,34 +119,45 @@ Arrays = dict[str, np.ndarray]
 def read_messages(
     report: Report, contents: Contents, layout: Layout, steps: int
 ) -> tuple[Arrays, Arrays, dict[str, list[bytes]]]:
-    """Decode the messages of ``steps`` whole steps.
+    """Decode the messages of a whole episode of ``steps`` steps.
 
     Returns:
         the fields of all steps, those of the terminal record, and the compressed images of each camera field. The
         observation has ``steps`` rows in the first and one in the second.
     """
-    records = {topic.name: _records(report, topic, contents, layout, steps) for topic in layout.topics}
+    records = {topic.name: _records(report, topic, contents, steps + 1) for topic in layout.observed}
+    records |= {topic.name: _records(report, topic, contents, steps) for topic in layout.acted}
+    records["/terminal"] = _records(report, layout.terminal, contents, 1, first=steps)
     times = records["/observation"]["log_time"]
-    for topic in layout.topics:
-        expected = times[:-1] if topic in layout.acted else times[-1:] if topic is layout.terminal else times
-        report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], expected)
-    compressed = {c.field: _images(report, c, contents, times) for c in layout.cameras}
+    report.check_equal("/terminal", "log_time", records["/terminal"]["log_time"], times[-1:])
     observation = records["/observation"]["body"]["position"]
     block = {"observation": observation[:-1], **_fields(records["/step"]["body"])}
     last = {"observation": observation[-1:], **_fields(records["/terminal"]["body"])}
-    sim_time = np.concatenate([block["sim_time"], last["sim_time"]])
-    report.check_equal("/step", "sim_time", nanoseconds(sim_time), times)
-    _check_views(report, layout, records, block)
-    return block, last, compressed
+    report.check_equal("/terminal", "sim_time", nanoseconds(last["sim_time"]), times[-1:])
+    _check_views(report, layout, records, block, times)
+    return block, last, {c.field: _images(report, c, contents, times) for c in layout.cameras}
 
 
-def build_episode(head: Head, block: Arrays, last: Arrays, success: bool, *, note: str = "") -> Episode:
+def read_whole_steps(report: Report, contents: Contents, layout: Layout, steps: int) -> tuple[Arrays, dict[str, list[bytes]]]:
+    """Decode the first ``steps`` whole steps of an episode that may lack its end.
+
+    Returns:
+        the fields of the steps, observation included, and the compressed images of each camera field.
+    """
+    records = {topic.name: _records(report, topic, contents, steps) for topic in (*layout.observed, *layout.acted)}
+    times = records["/observation"]["log_time"]
+    block = {"observation": records["/observation"]["body"]["position"], **_fields(records["/step"]["body"])}
+    _check_views(report, layout, records, block, times)
+    return block, {c.field: _images(report, c, contents, times) for c in layout.cameras}
+
+
+def build_episode(head: Head, block: Arrays, last: Arrays, outcome: Outcome) -> Episode:
     """Assemble decoded messages."""
     flat = np.concatenate([block["observation"], last["observation"]])
     return Episode(
         uid=head.uid,
         spec=head.layout.spec,
-        provenance={**head.provenance, **({"note": note} if note else {})},
+        provenance={**head.provenance, **({"note": outcome.note} if outcome.note else {})},
         obs={name: head.layout.field_of(flat, name) for name in head.layout.spec.observation.state_names},
         actions=block["action"],
         executed_actions=block["executed_action"],
@@ -151,24 +170,24 @@ def build_episode(head: Head, block: Arrays, last: Arrays, success: bool, *, not
         states=np.concatenate([block["state"], last["state"]]),
         ctrl=block["ctrl"],
         sim_time=np.concatenate([block["sim_time"], last["sim_time"]]),
-        success=success,
+        success=outcome.success,
         model_xml=head.model_xml,
     )
 
 
-def _outcome(path: Path, contents: Contents) -> dict[str, str]:
-    outcome = contents.metadata.get(OUTCOME, {})
-    if outcome.keys() != {"success", "steps", "note", "digest"}:
-        raise DemoError(path, f"has no complete metadata {OUTCOME!r}.", got=sorted(outcome))
-    if outcome["success"] not in ("true", "false") or not outcome["steps"].isdecimal():
-        raise DemoError(path, f"has malformed metadata {OUTCOME!r}.", got=outcome)
-    return outcome
+def read_outcome(path: Path, contents: Contents) -> Outcome:
+    """Read the metadata that follow the messages."""
+    raw = contents.metadata.get(OUTCOME, {})
+    if raw.keys() != {"success", "steps", "note", "digest"}:
+        raise DemoError(path, f"has no complete metadata {OUTCOME!r}.", got=sorted(raw))
+    if raw["success"] not in ("true", "false") or not (raw["steps"].isdecimal() and len(raw["steps"]) < 10):
+        raise DemoError(path, f"has malformed metadata {OUTCOME!r}.", got=raw)
+    return Outcome(raw["success"] == "true", int(raw["steps"]), raw["note"])
 
 
-def _records(report: Report, topic: Topic, contents: Contents, layout: Layout, steps: int) -> np.ndarray:
-    """Return the message records of one topic (k,), equal to its template outside the slots."""
+def _records(report: Report, topic: Topic, contents: Contents, count: int, *, first: int = 0) -> np.ndarray:
+    """Return the message records of one topic (count,), equal to its template outside the slots."""
     messages = contents.messages.get(topic.channel, [])
-    count = steps if topic in layout.acted else 1 if topic is layout.terminal else steps + 1
     if len(messages) != count:
         report.fail("has another number of messages than steps.", topic.name, expected=count, got=len(messages))
     size = len(topic.record_template)
@@ -182,32 +201,39 @@ def _records(report: Report, topic: Topic, contents: Contents, layout: Layout, s
         step, byte = np.argwhere(wrong)[0].tolist()
         report.fail("differs from its specification.", topic.name, step=step, field=f"byte {byte - RECORD_HEAD_SIZE}")
     records = raw.view(topic.dtype)[:, 0]
-    first = steps if topic is layout.terminal else 0
-    report.check_equal(topic.name, "sequence", records["sequence"], np.arange(first, first + count))
-    report.check_equal(topic.name, "publish_time", records["publish_time"], records["log_time"])
-    for slot in topic.template.dtype.names or ():
-        if slot.startswith(("sec", "nanosec")):
-            parts = np.divmod(records["log_time"], np.uint64(10**9))
-            report.check_equal(topic.name, slot, records["body"][slot], parts[slot.startswith("nano")])
+    _check_stamps(report, topic, records, np.arange(first, first + count))
     return records
+
+
+def _check_stamps(report: Report, topic: Topic, records: np.ndarray, steps: np.ndarray) -> None:
+    """Require that sequence numbers and the different time stamps of a topic agree."""
+    report.check_equal(topic.name, "sequence", records["sequence"], steps)
+    report.check_equal(topic.name, "publish_time", records["publish_time"], records["log_time"])
+    for slots, part in zip(topic.stamps, np.divmod(records["log_time"], np.uint64(10**9)), strict=True):
+        for slot in slots:
+            report.check_equal(topic.name, slot, records["body"][slot], part)
 
 
 def _fields(body: np.ndarray) -> Arrays:
     return {name: np.ascontiguousarray(body[name]) for name in body.dtype.names or ()}
 
 
-def _check_views(report: Report, layout: Layout, records: Mapping[str, np.ndarray], block: Arrays) -> None:
-    """Require that what people look at shows what is recorded exactly."""
-    observed = {"observation": records["/observation"]["body"]["position"]}
-    report.check_finite("/observation", "position", observed["observation"])
-    for topic in (*layout.observed[1:], *layout.acted[1:]):
+def _check_views(
+    report: Report, layout: Layout, records: Mapping[str, np.ndarray], block: Arrays, times: np.ndarray
+) -> None:
+    """Require that what people look at shows what is recorded exactly, at the same times."""
+    report.check_finite("/observation", "position", records["/observation"]["body"]["position"])
+    report.check_equal("/step", "sim_time", nanoseconds(block["sim_time"]), times[: len(block["sim_time"])])
+    observed = layout.with_quats({"observation": records["/observation"]["body"]["position"]})
+    for topic in (*layout.observed, *layout.acted):
         body = records[topic.name]["body"]
-        mine = np.zeros_like(body)
+        report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], times[: len(body)])
+        mine = body.copy()
         topic.fill(mine, block if topic in layout.acted else observed)
         for slot in body.dtype.names or ():
             if slot == "orientation" or slot.startswith("rotation"):
                 report.check_unit(topic.name, slot, body[slot])
-            elif not slot.startswith(("sec", "nanosec")):
+            else:
                 report.check_equal(topic.name, slot, body[slot], mine[slot])
 
 

@@ -25,10 +25,10 @@ from functools import cached_property
 
 import numpy as np
 
-from aerial_il.core.rotations import mat_from_rot6d
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data import messages
 from aerial_il.data.cdr import CdrTemplate
+from aerial_il.data.poses import quat_xyzw
 
 VERSION = 1
 RECORD_HEAD = [
@@ -70,16 +70,20 @@ class Topic:
         """Structured dtype of one MCAP message record: its head, then the ``body``."""
         return np.dtype([*RECORD_HEAD, ("body", self.template.dtype)])
 
+    @cached_property
+    def stamps(self) -> tuple[list[str], list[str]]:
+        """Slots that hold seconds and nanoseconds."""
+        names = self.template.dtype.names or ()
+        return [n for n in names if n.startswith("sec")], [n for n in names if n.startswith("nanosec")]
+
     def encode(self, records: np.ndarray, block: Block, steps: np.ndarray, time_ns: np.ndarray) -> None:
         """Write k messages into ``records`` (k,) of :attr:`dtype`, which hold the template already."""
         records["sequence"] = steps
         records["log_time"] = records["publish_time"] = time_ns
         body = records["body"]
-        for slot in self.template.dtype.names or ():
-            if slot.startswith("sec"):
-                body[slot] = time_ns // 10**9
-            elif slot.startswith("nanosec"):
-                body[slot] = time_ns % 10**9
+        for slots, part in zip(self.stamps, np.divmod(time_ns, np.uint64(10**9)), strict=True):
+            for slot in slots:
+                body[slot] = part
         self.fill(body, block)
 
     @cached_property
@@ -150,6 +154,11 @@ class Layout:
             for name, end in zip(self.spec.observation.state_names, ends.tolist(), strict=True)
         }
 
+    @cached_property
+    def step_bytes(self) -> int:
+        """Size of one whole step, before compression and without images."""
+        return sum(len(topic.record_template) for topic in (*self.observed, *self.acted))
+
     def field_of(self, flat: np.ndarray, name: str) -> np.ndarray:
         """Cut field ``name`` (k, *shape) in its own dtype out of flat observations (k, Do)."""
         field = self.spec.observation[name]
@@ -157,11 +166,11 @@ class Layout:
 
     def steps(self, block: Block, first: int) -> np.ndarray:
         """Encode k whole steps, beginning with step ``first``, as a structured array (k,) with one field a topic."""
-        return _encode([*self.observed, *self.acted], block, first)
+        return _encode([*self.observed, *self.acted], self.with_quats(block), first)
 
     def last(self, block: Block, step: int) -> np.ndarray:
         """Encode the terminal record (a block of one step) as a structured array (1,)."""
-        return _encode([*self.observed, self.terminal], block, step)
+        return _encode([*self.observed, self.terminal], self.with_quats(block), step)
 
     def _next_channel(self) -> int:
         self._channels += 1
@@ -189,42 +198,33 @@ class Layout:
         bodies = tuple(f.name.removesuffix("_pos") for f in self.spec.observation.fields if _is_position(f))
         poses = [self._topic(f"/pose/{b}", messages.POSE_STAMPED, messages.pose_stamped("world"), self._pose(b)) for b in bodies]
 
+        self._bodies = bodies
+
         def fill(body: np.ndarray, block: Block) -> None:
             for i, name in enumerate(bodies):
-                body[f"translation{i}"], body[f"rotation{i}"] = self._pose_of(name, block)
+                body[f"translation{i}"] = block["observation"][:, self.observation_slices[f"{name}_pos"]]
+                body[f"rotation{i}"] = block[f"quat_{name}"]
 
         tree = messages.transforms("world", bodies)
         return [*poses, self._topic("/tf", messages.TF_MESSAGE, tree, fill)] if bodies else []
 
     def _pose(self, name: str) -> Fill:
         def fill(body: np.ndarray, block: Block) -> None:
-            body["position"], body["orientation"] = self._pose_of(name, block)
+            body["position"] = block["observation"][:, self.observation_slices[f"{name}_pos"]]
+            body["orientation"] = block[f"quat_{name}"]
 
         return fill
 
-    def _pose_of(self, name: str, block: Block) -> tuple[np.ndarray, np.ndarray]:
-        """Return position (k, 3) and unit quaternion x y z w (k, 4) of a body in the world."""
+    def with_quats(self, block: Block) -> Block:
+        """Add to a block the unit quaternion ``quat_<body>`` (k, 4), x y z w, of every body that is shown."""
         flat, where = block["observation"], self.observation_slices
-        position, rot6d = flat[:, where[f"{name}_pos"]], where.get(f"{name}_rot6d")
-        if rot6d is None:
-            return position, np.tile([0.0, 0.0, 0.0, 1.0], (len(flat), 1))
-        return position, quat_xyzw(mat_from_rot6d(flat[:, rot6d]))
-
-
-def quat_xyzw(mats: np.ndarray) -> np.ndarray:
-    """Return unit quaternions (k, 4) in ROS order, w >= 0, of rotation matrices (k, 3, 3).
-
-    Each is the row of largest norm of the 4 x 4 matrix of products q qᵀ, which is never singular (Shepperd, 1978).
-    """
-    m = np.moveaxis(mats, 0, -1)
-    x = np.stack([1 + m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2]])
-    y = np.stack([x[1], 1 - m[0, 0] + m[1, 1] - m[2, 2], m[1, 2] + m[2, 1], m[0, 2] - m[2, 0]])
-    z = np.stack([x[2], y[2], 1 - m[0, 0] - m[1, 1] + m[2, 2], m[1, 0] - m[0, 1]])
-    w = np.stack([x[3], y[3], z[3], 1 + m[0, 0] + m[1, 1] + m[2, 2]])
-    rows = np.moveaxis(np.stack([x, y, z, w]), -1, 0)  # (k, 4, 4)
-    best = np.argmax(np.linalg.norm(rows, axis=-1), axis=-1)
-    quats = rows[np.arange(len(rows)), best]
-    return quats / (np.linalg.norm(quats, axis=-1, keepdims=True) * np.where(quats[:, 3:] < 0, -1.0, 1.0))
+        quats = {f"quat_{body}": np.tile([0.0, 0.0, 0.0, 1.0], (len(flat), 1)) for body in self._bodies}
+        turning = [body for body in self._bodies if f"{body}_rot6d" in where]
+        if turning:
+            rot6d = np.concatenate([flat[:, where[f"{body}_rot6d"]] for body in turning])
+            parts = np.split(quat_xyzw(rot6d), len(turning))
+            quats.update((f"quat_{body}", part) for body, part in zip(turning, parts, strict=True))
+        return {**block, **quats}
 
 
 def nanoseconds(sim_time: np.ndarray) -> np.ndarray:

@@ -14,7 +14,6 @@ import numpy as np
 from mcap.records import Channel, Schema
 
 from aerial_il.core.errors import SimulationDivergedError, StorageError
-from aerial_il.core.files import sync_folder
 from aerial_il.data import messages
 from aerial_il.data.container import ContainerWriter
 from aerial_il.data.digest import ContentDigest
@@ -30,11 +29,6 @@ Images = Mapping[str, Sequence[bytes]]
 
 class BusyError(Exception):
     """Another process is writing the same episode."""
-
-
-def rows_per_chunk(layout: Layout) -> int:
-    """Return how many steps fit a chunk: what a kill can lose."""
-    return max(1, CHUNK_BYTES // sum(len(t.record_template) for t in (*layout.observed, *layout.acted)))
 
 
 class EpisodeWriter:
@@ -60,13 +54,15 @@ class EpisodeWriter:
         self.path, self.part = Path(path), part_of(path)
         self._layout, self._seed = layout, int(provenance.get("seed", -1))
         self._steps, self._digest = 0, ContentDigest()
+        self._channels = {topic.name: topic.channel for topic in layout.topics}
+        self._rows_per_chunk = max(1, CHUNK_BYTES // layout.step_bytes)
         self._attachments = {MODEL: model_xml.encode()}
         head = {"schema_version": str(VERSION), "uid": uid, "ctrl_size": str(layout.ctrl_size)}
         self._metadata = {
             EPISODE: {**head, "spec": json.dumps(layout.spec.to_dict(), allow_nan=False)},
             PROVENANCE: {key: json.dumps(value, sort_keys=True) for key, value in provenance.items()},
         }
-        with _storage(self.part):
+        with storing(self.part):
             self._file = _open_locked(self.part)
             self._container = ContainerWriter(self._file, *schemas_and_channels(layout))
             for name, entries in self._metadata.items():
@@ -75,7 +71,7 @@ class EpisodeWriter:
             self._file.flush()
 
     def append(self, block: Block, images: Images = {}) -> None:
-        """Append k steps as one chunk (images as a second one).
+        """Append k steps as chunks of 64 KiB, and their images as one more.
 
         Args:
             block: ``sim_time`` (k,), ``observation`` (k, Do) flat, ``reward`` (k,) and the fields of ``Step``.
@@ -104,13 +100,12 @@ class EpisodeWriter:
         outcome = {"success": json.dumps(bool(success)), "steps": str(self._steps), "note": note}
         digest = self._digest.hexdigest({**self._metadata, OUTCOME: outcome}, self._attachments)
         path = Path(path or self.path)
-        with _storage(self.part):
+        with storing(self.part):
             self._container.metadata(OUTCOME, {**outcome, "digest": digest})
             self._container.finish()
             os.fsync(self._file.fileno())
             path.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(self.part, path)
-            sync_folder(path.parent)
+            os.replace(self.part, path)  # a power cut before the folder is synced leaves the .part file, whole
             self._file.close()
         return path
 
@@ -127,34 +122,30 @@ class EpisodeWriter:
             pass
 
     def _put(self, records: np.ndarray, images: Images) -> None:
-        topics = {t.name: t for t in self._layout.topics}
-        times = records["/observation"]["log_time"]
-        starts = np.arange(len(records)) * records.dtype.itemsize
-        index = {}
         for name in records.dtype.names or ():
             self._digest.update(name, records[name].tobytes())
-            offset = records.dtype.fields[name][1]
-            index[topics[name].channel] = np.stack([times, (starts + offset).astype(np.uint64)], axis=1)
-        with _storage(self.part):
-            self._container.chunk(records.tobytes(), index)
+        with storing(self.part):
+            for start in range(0, len(records), self._rows_per_chunk):
+                self._put_chunk(records[start : start + self._rows_per_chunk])
             if self._layout.cameras:
-                self._put_images(times, images)
+                self._put_images(records["/observation"]["log_time"], images)
+
+    def _put_chunk(self, records: np.ndarray) -> None:
+        first = [records.dtype.fields[name][1] for name in records.dtype.names]
+        offsets = np.add.outer(first, np.arange(len(records)) * records.dtype.itemsize)
+        channels = [self._channels[name] for name in records.dtype.names]
+        self._container.chunk(records.tobytes(), channels, records["/observation"]["log_time"], offsets)
 
     def _put_images(self, times: np.ndarray, images: Images) -> None:
-        content, index = b"", {}
+        records = []
         for camera in self._layout.cameras:
-            entries = []
-            parts = [content]
-            offset = len(content)
-            for i, (time, data) in enumerate(zip(times.tolist(), images[camera.field], strict=True)):
-                record = image_record(camera, self._steps + i, time, data)
-                self._digest.update(camera.name, record)
-                entries.append((time, offset))
-                offset += len(record)
-                parts.append(record)
-            content = b"".join(parts)
-            index[camera.channel] = np.array(entries, np.uint64)
-        self._container.chunk(content, index, compress=False)
+            pairs = zip(times.tolist(), images[camera.field], strict=True)
+            mine = [image_record(camera, self._steps + i, time, data) for i, (time, data) in enumerate(pairs)]
+            self._digest.update(camera.name, b"".join(mine))
+            records += mine
+        offsets = np.cumsum([0, *map(len, records[:-1])]).reshape(len(self._layout.cameras), -1)
+        channels = [camera.channel for camera in self._layout.cameras]
+        self._container.chunk(b"".join(records), channels, times, offsets, compress=False)
 
     def _with_counters(self, block: Block, count: int) -> Block:
         return {**block, "step": np.arange(self._steps, self._steps + count)}
@@ -173,6 +164,16 @@ def part_of(path: str | os.PathLike[str]) -> Path:
     """Return the name a file has while it is being written."""
     path = Path(path)
     return path.with_name(path.name + ".part")
+
+
+def is_being_written(part: Path) -> bool:
+    """Return whether a living process holds a ``.part`` file."""
+    with open(part, "rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def schemas_and_channels(layout: Layout) -> tuple[list[Schema], list[Channel]]:
@@ -209,7 +210,8 @@ def _open_locked(part: Path) -> BinaryIO:
 
 
 @contextmanager
-def _storage(path: Path) -> Iterator[None]:
+def storing(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusals while writing ``path`` into a :class:`StorageError`."""
     try:
         yield
     except OSError as error:

@@ -1,0 +1,256 @@
+"""Fly an expert or a policy over seeds and keep every flight on disk, through kills, full disks and restarts."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
+from aerial_il.core.policy import Observation, Policy, attach
+from aerial_il.core.provenance import provenance
+from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
+from aerial_il.data.provenance import episode_provenance, episode_uid
+from aerial_il.data.recorder import Recorder
+from aerial_il.data.writer import BusyError, EpisodeWriter
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Collection:
+    """What a collection brought home.
+
+    Attributes:
+        folder: the dataset folder.
+        demos, failures: seeds of the episodes flown now, by outcome.
+        skipped: seeds that were recorded already.
+        busy: seeds that another process was recording.
+        steps: control steps flown now.
+        seconds: wall time.
+    """
+
+    folder: DatasetFolder
+    demos: list[int] = field(default_factory=list)
+    failures: list[int] = field(default_factory=list)
+    skipped: list[int] = field(default_factory=list)
+    busy: list[int] = field(default_factory=list)
+    steps: int = 0
+    seconds: float = 0.0
+
+    def summary(self) -> str:
+        """Return one line for people."""
+        flown = len(self.demos) + len(self.failures)
+        text = f"{flown} flown in {self.seconds:.1f} s: {len(self.demos)} demonstrations, {len(self.failures)} failures"
+        text += f"; {len(self.skipped)} recorded before" if self.skipped else ""
+        return text + (f"; {len(self.busy)} left to another process" if self.busy else "")
+
+
+def collect(
+    env: Any,
+    policy: Policy,
+    seeds: Iterable[int],
+    out: str | os.PathLike[str],
+    *,
+    policy_name: str = "expert",
+    settings: Mapping[str, Any] | None = None,
+    expert: Policy | None = None,
+    progress: bool = True,
+) -> Collection:
+    """Record one episode for each seed that ``out`` does not hold yet.
+
+    Each world flies until its first success, a crash or the time limit. Successes go to ``demos/``, all others,
+    labelled so, to ``failures/``. Files are equal byte for byte whatever the number of worlds, processes and restarts,
+    as long as the policy treats each row of a batch alike. Killed at any moment, it loses no finished episode; those in
+    flight stay as ``.part`` files and are flown anew, identically, when the same call is made again.
+
+    Args:
+        env: a batch environment; it records the cameras it was loaded with.
+        policy: what flies. Where it has ``phase`` and ``expert_action`` they are recorded.
+        seeds: distinct episode seeds.
+        out: the dataset folder; several processes may share it.
+        policy_name: who flies, for the provenance; part of what makes two episodes the same.
+        settings: plain values that change the flight, e.g. the expert's noise; likewise.
+        expert: labels each observation with what it would do, while ``policy`` flies.
+        progress: show a progress bar.
+
+    Raises:
+        SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
+        StorageError: the disk is full or the folder not writable; finished episodes are intact.
+        InvalidValueError: seeds repeat, or ``out`` holds episodes of another environment.
+    """
+    seeds = _checked(seeds)
+    folder = DatasetFolder(out)
+    folder.claim(env.spec)
+    folder.keep_model(env.model_xml)
+    flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}))
+    with _accounted(flight, seeds), tqdm(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar:
+        for _ in flight.fly(seeds):
+            result = flight.result
+            done = sum(map(len, (result.demos, result.failures, result.skipped, result.busy)))
+            bar.set_postfix_str(f"success {len(result.demos)}, failure {len(result.failures)}", refresh=False)
+            bar.update(done - bar.n)
+    return flight.result
+
+
+class _Flight:
+    """n worlds, each with the seed it flies, fed from a queue of seeds."""
+
+    def __init__(
+        self, env: Any, policy: Policy, expert: Policy | None, folder: DatasetFolder, name: str, settings: dict[str, Any]
+    ) -> None:
+        self.env, self.policy, self.expert, self.folder = env, policy, expert, folder
+        self.result = Collection(folder)
+        self.recorder = Recorder(env.spec, env.model.nu, env.num_envs)
+        self._name, self._settings = name, settings
+        self._uids = [""] * env.num_envs
+        self._seeds = np.zeros(env.num_envs, np.int64)
+        self._steps = np.zeros(env.num_envs, np.int64)
+
+    def fly(self, seeds: Iterable[int]) -> Iterator[None]:
+        """Fly all ``seeds``; yield whenever the result has changed."""
+        waiting = deque(seeds)
+        fresh, started = np.ones(self.env.num_envs, bool), False
+        for mind in (self.policy, self.expert):
+            if mind is not None:
+                attach(mind, self.env)
+        while True:
+            fresh = self._launch(waiting, fresh)
+            yield
+            flying = self.recorder.recording.copy()
+            if not flying.any():
+                return
+            if fresh.any():
+                obs = self.env.reset(self._seeds, fresh if started else None)
+                self._reset_minds(fresh if started else None)
+                started = True
+            result = self._step(obs, flying)
+            obs = result.obs
+            ended = flying & (result.info["success"] | result.terminated | result.truncated)
+            if ended.any():
+                self._land(ended, result)
+            fresh = ended
+
+    def _launch(self, waiting: deque[int], free: np.ndarray) -> np.ndarray:
+        """Give each free world the next seed that is not recorded yet; return the worlds (n,) that got one."""
+        launched = np.zeros_like(free)
+        for world in np.flatnonzero(free):
+            while waiting and not launched[world]:
+                seed = waiting.popleft()
+                uid = episode_uid(self.env.spec, seed=seed, policy=self._name, settings=self._settings)
+                if writer := self._open(uid, seed):
+                    self.recorder.begin(int(world), writer)
+                    self._uids[world], self._seeds[world], self._steps[world] = uid, seed, 0
+                    launched[world] = True
+        return launched
+
+    def _open(self, uid: str, seed: int) -> EpisodeWriter | None:
+        if self.folder.find(uid):
+            self.result.skipped.append(seed)
+            return None
+        origin = episode_provenance(
+            self.env.spec,
+            seed=seed,
+            policy=self._name,
+            settings=self._settings,
+            model_xml=self.env.model_xml,
+            phases=tuple(getattr(self.policy, "phase_names", ())),
+        )
+        try:
+            return EpisodeWriter(
+                self.folder.file(uid), self.recorder.layout, uid=uid, provenance=origin, model_xml=self.env.model_xml
+            )
+        except BusyError:
+            self.result.busy.append(seed)
+            return None
+
+    def _reset_minds(self, worlds: np.ndarray | None) -> None:
+        for mind in (self.policy, self.expert):
+            if mind is not None:
+                mind.reset(worlds)
+
+    def _step(self, obs: Observation, flying: np.ndarray) -> Any:
+        """Record what is seen, act, and record what comes of it."""
+        self.recorder.observe(obs, state=self.env.get_state(), sim_time=self.env.sim_time)
+        actions = self._act(obs, flying)
+        labels = self._labels(obs, actions)
+        result = self.env.step(actions, flying)
+        count = self.env.num_envs
+        self.recorder.act(
+            action=actions,
+            executed_action=result.info["executed_action"],
+            expert_action=labels,
+            is_intervention=np.zeros(count, bool),
+            phase=np.asarray(getattr(self.policy, "phase", np.full(count, -1))),
+            ctrl=self.env.ctrl,
+            reward=result.reward,
+            terminated=result.terminated,
+            truncated=result.truncated,
+        )
+        self._steps[flying] += 1
+        self.result.steps += int(flying.sum())
+        return result
+
+    def _act(self, obs: Observation, flying: np.ndarray) -> np.ndarray:
+        actions = np.asarray(self.policy.act(obs), float)
+        broken = flying & ~np.isfinite(actions).all(axis=1)
+        if broken.any():
+            world = int(np.argmax(broken))
+            what = f"An action of {self._name!r} became non-finite"
+            raise SimulationDivergedError(what, seed=int(self._seeds[world]), step=int(self._steps[world]))
+        return self.env.spec.action.clip(actions)
+
+    def _labels(self, obs: Observation, actions: np.ndarray) -> np.ndarray:
+        """Return what the expert would do (n, Da): asked, or told by the policy that is one, or NaN."""
+        if self.expert is not None:
+            return np.asarray(self.expert.act(obs), float)
+        return np.asarray(getattr(self.policy, "expert_action", np.full_like(actions, np.nan)))
+
+    def _land(self, ended: np.ndarray, result: Any) -> None:
+        """Finish the episodes of the worlds in ``ended`` (n,)."""
+        self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
+        for world in np.flatnonzero(ended).tolist():
+            success = bool(result.info["success"][world] and not result.terminated[world])
+            path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
+            self.recorder.finish(world, success=success, path=path)
+            (self.result.demos if success else self.result.failures).append(int(self._seeds[world]))
+
+
+@contextmanager
+def _accounted(flight: _Flight, seeds: list[int]) -> Iterator[None]:
+    """Whatever ends the flight, close its files, bring the index up to date and log the run."""
+    clock, started = time.perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
+
+    def account() -> None:
+        result = flight.result
+        result.seconds = time.perf_counter() - clock
+        flight.recorder.close()
+        flight.folder.write_index(flight.env.spec)
+        counts = {name: len(getattr(result, name)) for name in ("demos", "failures", "skipped", "busy")}
+        run = {"started": started, "seconds": round(result.seconds, 3), "num_envs": flight.env.num_envs}
+        flight.folder.log({**run, "seeds": [min(seeds), max(seeds)], **counts, "provenance": provenance()})
+        log.info("%s: %s.", flight.folder.path, result.summary())
+
+    try:
+        yield
+    except BaseException:
+        with suppress(StorageError):  # what went wrong first is what the user must hear of
+            account()
+        raise
+    account()
+
+
+def _checked(seeds: Iterable[int]) -> list[int]:
+    order = [int(seed) for seed in seeds]
+    if not order or min(order) < 0 or len(set(order)) < len(order):
+        raise InvalidValueError(f"Seeds must be distinct, non-negative and at least one; got {order[:20]}.")
+    return order

@@ -1,0 +1,115 @@
+"""Open recorded or foreign demonstrations under one interface: a sequence of episodes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+from aerial_il.core.errors import DemoError
+from aerial_il.core.files import sha256_of
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.episode import Episode
+from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
+from aerial_il.data.reader import read_episode
+
+Cameras = bool | Sequence[str]
+COLLECT = "Record some with: aerial-il collect robot=R task=T episodes=100 out={}"
+
+
+class Dataset:
+    """A sequence of episodes that are read, and checked, when they are asked for.
+
+    Args:
+        path: where they lie.
+        loaders: uid -> function that reads the episode.
+    """
+
+    def __init__(self, path: Path, loaders: dict[str, Callable[[], Episode]]) -> None:
+        self.path, self._loaders = path, loaders
+
+    @property
+    def uids(self) -> tuple[str, ...]:
+        return tuple(self._loaders)
+
+    @property
+    def spec(self) -> EnvSpec:
+        """The specification of the first episode's environment."""
+        return self[0].spec
+
+    def __len__(self) -> int:
+        return len(self._loaders)
+
+    def __iter__(self) -> Iterator[Episode]:
+        return (load() for load in self._loaders.values())
+
+    def __getitem__(self, key: int | str) -> Episode:
+        """Read one episode by index or uid."""
+        uid = self.uids[key] if isinstance(key, int) else key
+        if uid not in self._loaders:
+            raise DemoError(self.path, f"has no episode {uid!r}.", hint=f"List them with: aerial-il info path={self.path}")
+        return self._loaders[uid]()
+
+    def problems(self) -> Iterator[tuple[str, DemoError | None]]:
+        """Read every episode; yield its uid and what is wrong with it, or None."""
+        for uid, load in self._loaders.items():
+            try:
+                load()
+            except DemoError as error:
+                yield uid, error
+            else:
+                yield uid, None
+
+
+def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, failures: bool = False) -> Dataset:
+    """Open demonstrations, whatever form they are in.
+
+    Args:
+        path: a folder of recordings, an MCAP file, a LeRobot v3 folder, or a robomimic HDF5 file.
+        cameras: True to decode all image fields, or the names of some.
+        failures: also the failed episodes of a folder of recordings; each episode says how it ended.
+
+    Raises:
+        DemoError: there is nothing to open, or something that the index lists is missing.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise DemoError(path, "does not exist.", hint=COLLECT.format(path))
+    if path.is_file():
+        return _open_files(path, [path], cameras) if path.suffix not in (".hdf5", ".h5") else _open_hdf5(path)
+    if (path / "meta" / "info.json").is_file():
+        from aerial_il.data.lerobot_import import open_lerobot
+
+        return Dataset(path, open_lerobot(path))
+    if (path / INDEX).exists() or (path / DEMOS).is_dir():
+        return _open_folder(DatasetFolder(path), cameras, (DEMOS, FAILURES) if failures else (DEMOS,))
+    return _open_files(path, sorted(path.glob("*.mcap")), cameras)
+
+
+def _open_folder(folder: DatasetFolder, cameras: Cameras, kinds: Iterable[str]) -> Dataset:
+    index, files = folder.read_index(), []
+    for kind in kinds:
+        found = folder.files(kind)
+        if missing := sorted(index.get(kind, {}).keys() - {file.stem for file in found}):
+            hint = f"Restore it, or accept the loss with: aerial-il recover path={folder.path}"
+            raise DemoError(folder.file(missing[0], kind), "is listed in the index but missing.", hint=hint)
+        files += found
+    return _open_files(folder.path, files, cameras)
+
+
+def _open_files(path: Path, files: Sequence[Path], cameras: Cameras) -> Dataset:
+    if not files:
+        raise DemoError(path, "holds no demonstrations.", hint=COLLECT.format(path))
+    return Dataset(path, {file.stem: lambda file=file: read_episode(file, cameras=cameras) for file in files})
+
+
+def altered_files(path: str | os.PathLike[str]) -> list[Path]:
+    """Return the files of a dataset folder whose SHA-256 differs from the index."""
+    folder = DatasetFolder(path)
+    index = folder.read_index()
+    return [
+        file
+        for kind in (DEMOS, FAILURES)
+        for file in folder.files(kind)
+        if index.get(kind, {}).get(file.stem, sha256_of(file)) != sha256_of(file)
+    ]

@@ -1,0 +1,142 @@
+"""The dataset folder: where finished, failed, doubtful and discarded episodes lie, and an index of them.
+
+``dataset.yaml`` is an index and can be rebuilt; the files in ``demos/`` and ``failures/`` are the truth.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from aerial_il.core.errors import DemoError, InvalidValueError
+from aerial_il.core.files import sha256_of, sync_folder, write_atomic
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.writer import storing
+
+INDEX, LOG = "dataset.yaml", "recordings.jsonl"
+DEMOS, FAILURES, SALVAGED = "demos", "failures", "salvaged"
+KINDS = (DEMOS, FAILURES)
+
+
+class DatasetFolder:
+    """A folder of recorded episodes of one environment.
+
+    Args:
+        path: the folder; it need not exist yet.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+
+    def file(self, uid: str, kind: str = DEMOS) -> Path:
+        return self.path / kind / f"{uid}.mcap"
+
+    def find(self, uid: str) -> Path | None:
+        """Return the file of a finished episode, wherever it lies, or None."""
+        return next((file for kind in KINDS if (file := self.file(uid, kind)).exists()), None)
+
+    def files(self, kind: str = DEMOS) -> list[Path]:
+        """Return the finished episodes of a kind, by name."""
+        return sorted((self.path / kind).glob("*.mcap"))
+
+    def parts(self) -> list[Path]:
+        """Return the files that a killed process left unfinished, or that are being written."""
+        return sorted(self.path.glob("*/*.mcap.part"))
+
+    def read_index(self) -> dict[str, Any]:
+        """Return what ``dataset.yaml`` says, or an empty mapping where there is none."""
+        path = self.path / INDEX
+        try:
+            index = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
+            EnvSpec.from_dict(index["spec"])
+            if not all(isinstance(index[kind], dict) for kind in KINDS):
+                raise InvalidValueError(f"{KINDS} must be mappings")
+            return index
+        except FileNotFoundError:
+            return {}
+        except (yaml.YAMLError, InvalidValueError, TypeError, KeyError, UnicodeDecodeError, RecursionError) as error:
+            hint = "It is only an index: remove it, and collecting or recovering writes it anew."
+            raise DemoError(path, f"cannot be read ({error!r}).", hint=hint) from error
+
+    def spec(self) -> EnvSpec | None:
+        """Return the specification of the environment that the folder belongs to, or None for a new folder."""
+        index = self.read_index()
+        return EnvSpec.from_dict(index["spec"]) if index else None
+
+    def claim(self, spec: EnvSpec) -> None:
+        """Make the folder one of ``spec``'s environment.
+
+        Raises:
+            InvalidValueError: it holds episodes of another environment.
+            StorageError: it cannot be written.
+        """
+        owner = self.spec()
+        if owner is None:
+            self.write_index(spec)
+        elif differing := owner.differences(spec):
+            raise InvalidValueError(
+                f"{self.path} holds {owner.robot}/{owner.task} episodes of another environment: "
+                f"{'; '.join(differing[:3])}. Choose another folder with out=PATH."
+            )
+
+    def write_index(self, spec: EnvSpec) -> None:
+        """List all finished episodes with their SHA-256, which is computed only for those not listed yet."""
+        known = self.read_index()
+        listed = {
+            kind: {
+                file.stem: known.get(kind, {}).get(file.stem) or sha256_of(file) for file in self.files(kind)
+            }
+            for kind in KINDS
+        }  # fmt: skip
+        head = {"schema": 1, "robot": spec.robot, "task": spec.task, "action": spec.action.level}
+        tree = {**head, "spec": spec.to_dict(), **listed}
+        with storing(self.path / INDEX):
+            write_atomic(self.path / INDEX, yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False))
+
+    def keep_model(self, model_xml: str) -> Path:
+        """Store a compiled scene once under ``models/``, for viewers; episodes carry their own copy."""
+        path = self.path / "models" / f"{hashlib.sha256(model_xml.encode()).hexdigest()}.xml"
+        if not path.exists():
+            with storing(path):
+                write_atomic(path, model_xml)
+        return path
+
+    def log(self, entry: Mapping[str, Any]) -> None:
+        """Append a line to ``recordings.jsonl``, the place for what varies from run to run, such as wall time."""
+        with storing(self.path / LOG), open(self.path / LOG, "a") as file:
+            file.write(json.dumps(entry) + "\n")
+
+    def quarantine(self, file: Path, problem: str) -> Path:
+        """Set a file aside that is unfinished or failed validation, with a note that says why."""
+        target = self._move(file, "quarantine")
+        with storing(target):
+            write_atomic(target.with_name(target.name + ".txt"), f"{problem}\n")
+        return target
+
+    def trash(self, uid: str) -> Path:
+        """Discard an episode; :meth:`restore` undoes it."""
+        file = self.find(uid)
+        if file is None:
+            raise DemoError(self.path, f"has no episode {uid!r}.", hint=f"List them with: aerial-il info path={self.path}")
+        return self._move(file, f"trash/{file.parent.name}")
+
+    def restore(self, uid: str) -> Path:
+        """Bring a discarded episode back."""
+        for kind in KINDS:
+            if (file := self.path / "trash" / kind / f"{uid}.mcap").exists():
+                return self._move(file, kind)
+        raise DemoError(self.path / "trash", f"has no episode {uid!r}.")
+
+    def _move(self, file: Path, kind: str) -> Path:
+        target = self.path / kind / file.name
+        with storing(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(file, target)
+            sync_folder(target.parent)
+        return target

@@ -1,0 +1,160 @@
+"""Salvage what a killed process, a full disk or a damaged file has left of an episode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from aerial_il.core.errors import DemoError
+from aerial_il.data.folder import DEMOS, FAILURES, INDEX, SALVAGED, DatasetFolder
+from aerial_il.data.reader import (
+    Arrays,
+    check_channels,
+    read_episode,
+    read_head,
+    read_messages,
+    read_outcome,
+    read_whole_steps,
+)
+from aerial_il.data.recorder import OBSERVED, STEPS_KEPT
+from aerial_il.data.scan import Contents, scan
+from aerial_il.data.schema import Layout
+from aerial_il.data.validation import Report
+from aerial_il.data.writer import OUTCOME, EpisodeWriter, is_being_written
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What became of one file.
+
+    Attributes:
+        source: the file that was damaged or unfinished.
+        path: the whole file made of it, or where it was set aside if nothing could be made of it.
+        steps: control steps saved.
+        note: what ended the reading.
+    """
+
+    source: Path
+    path: Path
+    steps: int
+    note: str
+
+
+def recover_episode(source: Path | str, target: Path | str) -> Recovered:
+    """Write what precedes the first damage of ``source`` as a whole episode.
+
+    Where the end is lost, it becomes an episode that failed and was cut short: the last observation saved is the
+    terminal one, so k saved steps make k - 1 transitions.
+
+    Raises:
+        DemoError: not even two whole steps are left.
+        StorageError: ``target`` cannot be written.
+    """
+    source, target = Path(source), Path(target)
+    contents = scan(source, salvage=True)
+    head = read_head(source, contents)
+    check_channels(source, contents, head.layout)
+    part = _whole(source, contents, head.layout) if OUTCOME in contents.metadata else _beginning(source, contents, head.layout)
+    note = f"salvaged: the original {contents.damage or 'was whole'}"
+    writer = EpisodeWriter(
+        target, head.layout, uid=head.uid, provenance=head.provenance, model_xml=head.model_xml
+    )  # fmt: skip
+    try:
+        steps = len(part.block["step"])
+        for start in range(0, steps, STEPS_KEPT):
+            rows = slice(start, min(start + STEPS_KEPT, steps))
+            writer.append(_rows(part.block, rows), {name: data[rows] for name, data in part.images.items()})
+        last_images = {name: data[-1:] for name, data in part.images.items()}
+        writer.finish(part.last, last_images, success=part.success, note=note)
+    except BaseException:
+        writer.discard()
+        raise
+    return Recovered(source, target, steps, note)
+
+
+def recover(path: Path | str) -> list[Recovered]:
+    """Bring a dataset folder, or one file, into a state in which everything in it can be read.
+
+    In a folder, unfinished ``.part`` files and damaged episodes go to ``quarantine/`` with a note, what can be salvaged
+    of them to ``salvaged/``, and the index is written anew; what a running process is writing is left alone. A single
+    file stays where it is, and is salvaged next to itself as ``<name>.recovered.mcap``.
+    """
+    path = Path(path)
+    if path.is_file():
+        return [recover_episode(path, path.with_name(f"{_stem(path)}.recovered.mcap"))]
+    folder = DatasetFolder(path)
+    found = [_recover_in(folder, file, "was not finished") for file in folder.parts() if not is_being_written(file)]
+    for file in (*folder.files(DEMOS), *folder.files(FAILURES)):
+        try:
+            read_episode(file)
+        except DemoError as error:
+            found.append(_recover_in(folder, file, str(error)))
+    _reindex(folder)
+    return found
+
+
+def _recover_in(folder: DatasetFolder, file: Path, problem: str) -> Recovered:
+    """Set one file of a folder aside and salvage what it holds."""
+    aside = folder.quarantine(file, problem)
+    try:
+        return recover_episode(aside, folder.file(_stem(file), SALVAGED))
+    except DemoError as error:
+        return Recovered(aside, aside, 0, str(error))
+
+
+def _reindex(folder: DatasetFolder) -> None:
+    """Write the index anew, even if the old one is damaged."""
+    try:
+        spec = folder.spec()
+    except DemoError as error:
+        folder.quarantine(folder.path / INDEX, str(error))
+        spec = None
+    for file in folder.files():
+        spec = spec or read_head(file, scan(file)).layout.spec
+    if spec is not None:
+        folder.write_index(spec)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Steps (T rows) with their end, and T + 1 compressed images of each camera field."""
+
+    block: Arrays
+    last: Arrays
+    images: dict[str, list[bytes]]
+    success: bool
+
+
+def _whole(source: Path, contents: Contents, layout: Layout) -> _Part:
+    """Return all of an episode of which only the file's own end is lost."""
+    outcome = read_outcome(source, contents)
+    return _Part(*read_messages(Report(source), contents, layout, outcome.steps), outcome.success)
+
+
+def _beginning(source: Path, contents: Contents, layout: Layout) -> _Part:
+    """Return the whole steps of an episode whose end is lost."""
+    steps = _whole_steps(contents, layout)
+    if steps < 2:
+        raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=steps)
+    for channel in (*layout.observed, *layout.acted, *layout.cameras):
+        del contents.messages[channel.channel][steps:]
+    block, images = read_whole_steps(Report(source), contents, layout, steps)
+    last = _rows({name: block[name] for name in OBSERVED}, slice(steps - 1, steps))
+    block = _rows(block, slice(0, steps - 1))
+    block["truncated"][-1] = not block["terminated"][-1]
+    return _Part(block, last, images, success=False)
+
+
+def _whole_steps(contents: Contents, layout: Layout) -> int:
+    """Return how many steps have all their messages."""
+    counts = [len(contents.messages[topic.channel]) for topic in layout.acted]
+    counts += [len(contents.messages[channel.channel]) for channel in (*layout.observed, *layout.cameras)]
+    return min(counts)
+
+
+def _rows(block: Arrays, rows: slice) -> Arrays:
+    return {name: values[rows].copy() for name, values in block.items()}
+
+
+def _stem(file: Path) -> str:
+    return file.name.removesuffix(".part").removesuffix(".mcap")
