@@ -72,11 +72,12 @@ print(collection.summary())
 dataset = aerial_il.open_dataset(folder)
 figure, (path, distance) = plt.subplots(1, 2, figsize=(9, 3.5))
 for episode in dataset:
-    ee_pos, goal_pos = episode.obs["ee_pos"], episode.obs["goal_pos"]
+    ee_pos, target_pos = episode.obs["ee_pos"], episode.obs["target_pos"]
     path.plot(ee_pos[:, 0], ee_pos[:, 1])
-    distance.plot(episode.sim_time - episode.sim_time[0], 100 * np.linalg.norm(ee_pos - goal_pos, axis=1))
+    distance.plot(episode.sim_time - episode.sim_time[0], 100 * np.linalg.norm(ee_pos - target_pos, axis=1))
 path.set(xlabel="x (m)", ylabel="y (m)", title="end effector from above", aspect="equal")
-distance.set(xlabel="time (s)", ylabel="distance to the goal (cm)", title=f"{len(dataset)} demonstrations")
+distance.set(xlabel="time (s)", ylabel="distance to the target (cm)", title=f"{len(dataset)} demonstrations")
+env.close()
 figure.tight_layout()
 plt.show()
 
