@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import Gains
@@ -20,9 +19,9 @@ class StepResult:
     """What n worlds answer to an action.
 
     Attributes:
-        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed. truncated: (n,) bool, time is up.
-        info: ``success``, ``crash``, ``sparse_reward``, ``ee_error_m``, ``effort``, ``contacts`` (each (n,)), ``subtasks``
-            (n, K), ``executed_action`` (n, Da).
+        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed. truncated: (n,) bool, time is
+            up. info: ``success``, ``crash``, ``sparse_reward``, ``ee_error_m``, ``effort``, ``contacts`` (each (n,)),
+            ``subtasks`` (n, K), ``executed_action`` (n, Da).
     """
 
     obs: dict[str, np.ndarray]
@@ -46,7 +45,7 @@ class BatchEnvironment:
             raise InvalidValueError(f"num_envs must be at least 1, got {num_envs}.")
         self.scenario, self.num_envs = scenario, num_envs
         self.model = scenario.compile()
-        self.simulation = Simulation(scenario, BatchWorlds(self.model, num_envs, num_threads), gains)
+        self.simulation = Simulation(scenario, BatchWorlds(self.model, num_envs, num_threads), gains, num_threads)
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
 
     @property
@@ -119,13 +118,7 @@ class BatchEnvironment:
 
     def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Continue from states (n, S) that :meth:`get_state` returned; return the observations."""
-        states = np.asarray(states, float)
-        if states.shape != (self.num_envs, self.spec.state_size):
-            raise InvalidValueError(
-                f"States have shape {(self.num_envs, self.spec.state_size)} for this scenario, got {states.shape}."
-            )
-        ids = None if mask is None else np.flatnonzero(mask).astype(np.int32)
-        self.simulation.worlds.set_state(states, ids)
+        self.simulation.set_state(states, mask)
         return self.observe()
 
     def render(
@@ -140,7 +133,8 @@ class BatchEnvironment:
         return cameraman.shoot(self.simulation.worlds.data(world), request)
 
     def close(self) -> None:
-        """Free graphics contexts."""
+        """Free graphics contexts and end threads."""
+        self.simulation.close()
         for cameraman in self._cameramen.values():
             cameraman.close()
         self._cameramen.clear()

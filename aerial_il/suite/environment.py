@@ -13,7 +13,7 @@ from aerial_il.control.vehicle import Gains
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.batch import info_of
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
-from aerial_il.suite.scene import PHYSICS_DT_S, SUBSTEPS
+from aerial_il.suite.scene import SUBSTEPS
 from aerial_il.suite.simulation import Judgement, Scenario, Simulation
 from aerial_il.suite.worlds import Physics, SingleWorlds
 
@@ -22,7 +22,7 @@ class SuiteTask(control.Task):
     """dm_control's view of a scenario: it hands every question to the :class:`Simulation` that the batch uses too.
 
     Args:
-        simulation: the scenario's logic for one world. first_seed: seed of the first episode; each reset takes the next.
+        simulation: the scenario's logic for one world. first_seed: seed of the first episode; a reset takes the next.
     """
 
     def __init__(self, simulation: Simulation, first_seed: int) -> None:
@@ -125,15 +125,20 @@ class AerialEnvironment(control.Environment):
             self._suite_task.next_seed = seed
         return super().reset()
 
+    def step(self, action: np.ndarray) -> dm_env.TimeStep:
+        """Fly one control step of 20 ms; after the last step of an episode, start the next instead."""
+        with self.simulation.physics_errors():
+            return super().step(action)
+
     def get_state(self) -> np.ndarray:
         """(1, S) copy of the full state: physics, controller, gusts, timers."""
         return self.simulation.worlds.get_state()
 
     def set_state(self, states: np.ndarray) -> None:
         """Continue from a state (1, S) that :meth:`get_state` returned, here or in a batch."""
-        self.simulation.worlds.set_state(np.asarray(states, float).reshape(1, -1), None)
+        self.simulation.set_state(states)
         self._suite_task.judgement = None
-        self._reset_next_step = False
+        self._step_count, self._reset_next_step = int(self.simulation.steps[0]), False
 
     def render(self, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb") -> np.ndarray:
         """Image (H, W, 3) uint8, depth (H, W) float32 in m, or geom ids (H, W) int32."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NoReturn
 
 import mujoco
 import numpy as np
@@ -19,16 +22,19 @@ from aerial_il.robots.robot import Robot
 from aerial_il.suite import memory as mem
 from aerial_il.suite import tasks, tiers
 from aerial_il.suite.aerodynamics import Air
+from aerial_il.suite.crew import Crew
 from aerial_il.suite.flight_loop import fly, receive_actions
 from aerial_il.suite.observations import observe_robot, robot_fields
 from aerial_il.suite.rendering import CameraRequest, parse_cameras
 from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS, build_xml
 from aerial_il.suite.tasks.task import Task
 from aerial_il.suite.view import View
-from aerial_il.suite.worlds import STATE, Worlds
+from aerial_il.suite.worlds import STATE, PhysicsError, Worlds
 
 FENCE_M = 4.0  # a base farther than this from the origin has flown away
 LARGEST_SEED = 2**53
+FLIGHT = slice(mem.SEED, mem.STEP + 1)  # what identifies a moment: seed first, step last
+STATE_OFFSET = int(STATE) & (int(mujoco.mjtState.mjSTATE_USERDATA) - 1)  # parts of a state that precede userdata
 
 
 @dataclass(frozen=True)
@@ -113,10 +119,10 @@ class Judgement:
     """How n worlds stand after a step. Each array is (n,), ``subtasks`` is (n, K).
 
     Attributes:
-        reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something, turned
-            over or flew away. truncated: the time is up. subtasks: flags at this instant. ee_error: distance between
-            commanded and actual tool position, m (NaN where the action level commands none). effort: mean squared rotor
-            use, in [0, 1]. contacts: robot parts, gripper aside, that touch something.
+        reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something,
+            turned over or flew away. truncated: the time is up. subtasks: flags at this instant. ee_error: distance
+            between commanded and actual tool position, m (NaN where the action level commands none). effort: mean
+            squared rotor use, in [0, 1]. contacts: robot parts, gripper aside, that touch something.
     """
 
     reward: np.ndarray
@@ -134,9 +140,12 @@ class Simulation:
 
     Args:
         scenario: what is flown. worlds: the simulator. gains: controller tuning.
+        num_threads: threads for the controllers, 0 for all cores.
     """
 
-    def __init__(self, scenario: Scenario, worlds: Worlds, gains: Gains | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, worlds: Worlds, gains: Gains | None = None, num_threads: int = 0
+    ) -> None:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot)
@@ -145,10 +154,12 @@ class Simulation:
         self._act, self._ctrl, self._xfrc = (worlds.bind(k) for k in ("act", "ctrl", "xfrc_applied"))
         self._userdata = worlds.bind("userdata")
         self._dwell_steps = max(1, round(self.task.dwell_s / CONTROL_DT_S))
+        self._crew = Crew(worlds.n, num_threads)
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._ids = self._everyone, None
         self._actions = np.zeros((worlds.n, self.spec.action.size))
         self._commanded = np.full((worlds.n, 3), np.nan)
+        self._flights = self._userdata[:, FLIGHT].copy()
 
     @property
     def n(self) -> int:
@@ -192,9 +203,10 @@ class Simulation:
             SimulationDivergedError: a non-finite action or state.
         """
         executed = self.receive(actions, mask)
-        for _ in range(SUBSTEPS):
-            self.control()
-            self.worlds.step(self._ids)
+        with self.physics_errors():
+            for _ in range(SUBSTEPS):
+                self.control()
+                self.worlds.step(self._ids)
         self.settle()
         return executed
 
@@ -202,6 +214,7 @@ class Simulation:
         """First part of :meth:`advance`: take the actions and hand them to the controllers."""
         self._mask, self._ids = self._select(mask)
         self._actions = self._checked(actions, self._mask)
+        self._flights = self._userdata[:, FLIGHT].copy()
         receive_actions(
             self._vehicle, self.gains, self._level, self._actions, self._mask, self.view.qpos, self._userdata, CONTROL_DT_S
         )
@@ -209,19 +222,55 @@ class Simulation:
 
     def control(self) -> None:
         """Before each physics step: run the controllers and the air of the moving worlds."""
+        self._crew.run(self._fly)
+
+    def _fly(self, part: slice) -> None:
+        view = self.view
         fly(
-            self._vehicle, self.gains, self._air, self._level, self._actions, self._mask, self.view.qpos, self.view.qvel,
-            self._act, self._ctrl, self._xfrc, self._userdata, self.robot.gripper.stroke, PHYSICS_DT_S,
+            self._vehicle, self.gains, self._air, self._level, self._actions[part], self._mask[part], view.qpos[part],
+            view.qvel[part], self._act[part], self._ctrl[part], self._xfrc[part], self._userdata[part],
+            self.robot.gripper.stroke, PHYSICS_DT_S,
         )  # fmt: skip
 
     def settle(self) -> None:
         """Last part of :meth:`advance`: count the step, check the state, update dwell and crash flags."""
         mask = self._mask
-        self._check_finite(mask)
+        self._check_physics(mask)
         self._userdata[mask, mem.STEP] += 1.0
         if self._level == ActionLevel.EE_POSE:
             self._commanded[mask] = self._actions[mask, :3]
         self._update_flags(mask)
+
+    def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Continue from states (n, S) that ``worlds.get_state`` returned; ``mask``: (n,) bool, the worlds to set.
+
+        Raises:
+            InvalidValueError: wrong shape.
+            SimulationDivergedError: a state in which MuJoCo finds NaN, infinity or huge values.
+        """
+        mask, ids = self._select(mask)
+        states = np.asarray(states, float)
+        if states.shape != (self.n, self.spec.state_size):
+            raise InvalidValueError(
+                f"States have shape {(self.n, self.spec.state_size)} for this scenario, got {states.shape}."
+            )
+        userdata = states[:, mujoco.mj_stateSize(self.worlds.model, STATE_OFFSET) :]
+        self._flights = np.nan_to_num(userdata[:, FLIGHT])
+        bad = mask & ~np.isfinite(states).all(axis=1)
+        if bad.any():
+            self._diverged(bad, "State to continue from is not finite")
+        with self.physics_errors():
+            self.worlds.set_state(states, ids)
+        self._check_physics(mask)
+        self._commanded[mask] = np.nan
+
+    @contextmanager
+    def physics_errors(self) -> Iterator[None]:
+        """Name seed and step where MuJoCo gives up on a world while it flies."""
+        try:
+            yield
+        except PhysicsError as error:
+            self._diverged(np.arange(self.n) == error.world, str(error))
 
     def observe(self) -> dict[str, np.ndarray]:
         """State observations of all worlds, ``name -> (n, ...)``."""
@@ -242,6 +291,10 @@ class Simulation:
             effort=np.mean(use * use, axis=1),
             contacts=view.unwanted_contacts,
         )
+
+    def close(self) -> None:
+        """End the controllers' threads."""
+        self._crew.close()
 
     @property
     def steps(self) -> np.ndarray:
@@ -275,18 +328,20 @@ class Simulation:
             )
         bad = mask & ~np.isfinite(actions).all(axis=1)
         if bad.any():
+            self._flights = self._userdata[:, FLIGHT].copy()
             self._diverged(bad, "Action is not finite")
         actions[~mask] = 0.0
         return self.spec.action.clip(actions)
 
-    def _check_finite(self, mask: np.ndarray) -> None:
-        bad = mask & ~(np.isfinite(self.view.qpos).all(axis=1) & np.isfinite(self.view.qvel).all(axis=1))
-        if bad.any():
-            self._diverged(bad, "Simulation state is not finite")
+    def _check_physics(self, mask: np.ndarray) -> None:
+        """Refuse worlds that MuJoCo warned about: it goes on after a warning, from the start or without a contact."""
+        warned = mask & self.worlds.warned()
+        if warned.any():
+            self._diverged(warned, self.worlds.warning(int(np.flatnonzero(warned)[0])))
 
-    def _diverged(self, bad: np.ndarray, what: str) -> None:
-        i = int(np.flatnonzero(bad)[0])
-        raise SimulationDivergedError(what, seed=int(self.seeds[i]), step=int(self.steps[i]))
+    def _diverged(self, bad: np.ndarray, what: str) -> NoReturn:
+        seed, *_, step = self._flights[np.flatnonzero(bad)[0]]
+        raise SimulationDivergedError(what.rstrip(". "), seed=int(seed), step=int(step))
 
     def _update_flags(self, mask: np.ndarray) -> None:
         """Count how long the task has been solved and notice crashes; both live in the simulator's state."""

@@ -7,7 +7,8 @@ current, and agree bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 import mujoco
@@ -18,6 +19,15 @@ from mujoco import batch as mujoco_batch
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 NO_STAGE = int(mujoco.mjtStage.mjSTAGE_NONE)
+INFO, COUNT = 0, 1  # columns of a table of warnings
+
+
+class PhysicsError(Exception):
+    """MuJoCo gave up on the world with index ``world``."""
+
+    def __init__(self, world: int, message: str) -> None:
+        self.world = world
+        super().__init__(message)
 
 
 class Worlds(Protocol):
@@ -50,6 +60,14 @@ class Worlds(Protocol):
         """Write integration states (n, S) of the worlds ``ids`` and make derived quantities current."""
         ...
 
+    def warned(self) -> np.ndarray:
+        """(n,) bool: MuJoCo warned about the world since it was cleared or set; its physics cannot be trusted."""
+        ...
+
+    def warning(self, world: int) -> str:
+        """What it warned about."""
+        ...
+
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` to render or to inspect."""
         ...
@@ -71,13 +89,15 @@ class BatchWorlds:
         return self._batch.bind(name)
 
     def step(self, ids: np.ndarray | None) -> None:
-        self._batch.step(ids, 1, VELOCITY_STAGE)
+        with _failures():
+            self._batch.step(ids, 1, VELOCITY_STAGE)
 
     def clear(self, ids: np.ndarray | None) -> None:
         self._batch.reset(ids, stage=NO_STAGE)
 
     def forward(self, ids: np.ndarray | None) -> None:
-        self._batch.forward(ids, VELOCITY_STAGE)
+        with _failures():
+            self._batch.forward(ids, VELOCITY_STAGE)
 
     def get_state(self) -> np.ndarray:
         return self._batch.state.copy()
@@ -85,7 +105,14 @@ class BatchWorlds:
     def set_state(self, states: np.ndarray, ids: np.ndarray | None) -> None:
         rows = slice(None) if ids is None else ids
         self._batch.state[rows] = states[rows]
+        self._batch.warning[rows] = 0
         self.forward(ids)
+
+    def warned(self) -> np.ndarray:
+        return self._batch.warning[:, :, COUNT].any(axis=1)
+
+    def warning(self, world: int) -> str:
+        return _first_warning(self._batch.warning[world])
 
     def data(self, world: int) -> mujoco.MjData:
         return self._batch.get_data(world, self._view)
@@ -115,8 +142,9 @@ class Physics(dm_mujoco.Physics):
 
     def advance(self) -> None:
         """One physics step from current position- and velocity-dependent quantities to the next."""
-        mujoco.mj_step2(self.model.ptr, self.data.ptr)
-        mujoco.mj_step1(self.model.ptr, self.data.ptr)
+        with _failures():
+            mujoco.mj_step2(self.model.ptr, self.data.ptr)
+            mujoco.mj_step1(self.model.ptr, self.data.ptr)
 
     def after_reset(self) -> None:
         mujoco.mj_step1(self.model.ptr, self.data.ptr)
@@ -141,7 +169,8 @@ class SingleWorlds:
         mujoco.mj_resetData(self.model, self._data)
 
     def forward(self, ids: np.ndarray | None) -> None:
-        mujoco.mj_step1(self.model, self._data)
+        with _failures():
+            mujoco.mj_step1(self.model, self._data)
 
     def get_state(self) -> np.ndarray:
         state = np.empty(mujoco.mj_stateSize(self.model, STATE))
@@ -150,7 +179,32 @@ class SingleWorlds:
 
     def set_state(self, states: np.ndarray, ids: np.ndarray | None) -> None:
         mujoco.mj_setState(self.model, self._data, states[0], STATE)
+        for warning in self._data.warning:
+            warning.number = 0
         self.forward(ids)
+
+    def warned(self) -> np.ndarray:
+        return np.array([any(warning.number for warning in self._data.warning)])
+
+    def warning(self, world: int) -> str:
+        return _first_warning(np.array([[w.lastinfo, w.number] for w in self._data.warning]))
 
     def data(self, world: int) -> mujoco.MjData:
         return self._data
+
+
+@contextmanager
+def _failures() -> Iterator[None]:
+    """Raise MuJoCo's own errors as :class:`PhysicsError`."""
+    try:
+        yield
+    except mujoco_batch.SimulationError as error:
+        raise PhysicsError(int(error.ids[0]), str(error)) from error
+    except mujoco.FatalError as error:
+        raise PhysicsError(0, str(error)) from error
+
+
+def _first_warning(table: np.ndarray) -> str:
+    """MuJoCo's sentence for the first kind of warning that was counted in ``table`` (kinds, 2)."""
+    kind = int(np.flatnonzero(table[:, COUNT])[0])
+    return mujoco.mju_warningText(kind, int(table[kind, INFO]))
