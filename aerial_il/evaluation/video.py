@@ -35,7 +35,11 @@ class Clip:
 
     path: Path
     episode: EpisodeRecord
-    speed: int = 1
+
+    @property
+    def speed(self) -> int:
+        """How many times faster than real time it plays."""
+        return math.ceil(self.episode.duration_s / LONGEST_CLIP_S)
 
 
 @dataclass(frozen=True)
@@ -101,14 +105,15 @@ def film_episode(
     flight = result.flights.get(episode.seed)
     if flight is None or flight.actions is None:
         raise InvalidValueError(f"The actions of seed {episode.seed} were not kept; evaluate it again to film it.")
-    dt, speed = env.spec.control_dt_s, math.ceil(episode.duration_s / LONGEST_CLIP_S)
+    clip = Clip(path, episode)
+    dt, speed = env.spec.control_dt_s, clip.speed
     stride = speed * max(1, round(1 / (dt * FPS)))
     rate = Fraction(speed / (dt * stride)).limit_denominator(1000)
     title = " · ".join((result.task, result.robot, result.tier, f"seed {episode.seed}"))
     title += f" · {speed}x" if speed > 1 else ""
     frames = _frames(env, episode, flight, title=title, cameras=cameras, stride=stride)
     write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
-    return Clip(path, episode, speed)
+    return clip
 
 
 def _frames(

@@ -69,7 +69,7 @@ def full(diver: EvaluationResult, expert: EvaluationResult, tmp_path_factory: py
     path = write_report(
         folder / "report.html",
         diver,
-        footage=Footage((Clip(film, diver.episodes[0], speed=2),)),
+        footage=Footage((Clip(film, diver.episodes[0]),)),
         run=folder,
         dataset=DatasetSummary("datasets/demo", 100, 98, 12345, 246.9, (0, 101)),
         learning_curve=[LearningPoint(100, expert), LearningPoint(10, diver)],
