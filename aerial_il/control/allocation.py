@@ -55,18 +55,6 @@ def mixer_matrix(wrench_from_thrust: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def room(base, extra, limit):
-    """Largest s in [0, 1] that keeps ``base + s·extra`` within [0, limit] for every rotor."""
-    s = 1.0
-    for i in range(base.size):
-        if extra[i] > 1e-12:
-            s = min(s, max(0.0, (limit[i] - base[i]) / extra[i]))
-        elif extra[i] < -1e-12:
-            s = min(s, max(0.0, base[i] / -extra[i]))
-    return s
-
-
-@kernel
 def allocate(mixer, rotor_max, force, torque, thrust):
     """Distribute a body wrench over the rotors, within their limits.
 
@@ -75,35 +63,45 @@ def allocate(mixer, rotor_max, force, torque, thrust):
         force: body-frame force, N. torque: body-frame torque about the base origin, N m.
         thrust: (R,) written: thrust of every rotor in [0, rotor_max], N.
     """
-    count = thrust.size
-    extra = np.empty(count)
-    for i in range(count):
-        thrust[i] = mixer[i, 2] * force[2]
-        extra[i] = mixer[i, 3] * torque[0] + mixer[i, 4] * torque[1]
-    _make_headroom(thrust, extra, rotor_max)
-    _add_within_limits(thrust, extra, rotor_max)
-    for i in range(count):
-        extra[i] = mixer[i, 0] * force[0] + mixer[i, 1] * force[1]
-    _add_within_limits(thrust, extra, rotor_max)
-    for i in range(count):
-        extra[i] = mixer[i, 5] * torque[2]
-    _add_within_limits(thrust, extra, rotor_max)
-
-
-@kernel
-def _add_within_limits(thrust, extra, limit):
-    s = room(thrust, extra, limit)
     for i in range(thrust.size):
-        thrust[i] = min(max(thrust[i] + s * extra[i], 0.0), limit[i])
+        thrust[i] = mixer[i, 2] * force[2]
+    _make_headroom(mixer, torque, thrust, rotor_max)
+    _add_within_limits(mixer, 3, torque[0], torque[1], thrust, rotor_max)
+    _add_within_limits(mixer, 0, force[0], force[1], thrust, rotor_max)
+    _add_within_limits(mixer, 5, torque[2], 0.0, thrust, rotor_max)
 
 
 @kernel
-def _make_headroom(thrust, extra, limit):
+def _demand(mixer, i, row, first, second):
+    """Thrust that rotor ``i`` adds for the wrench rows ``row`` and ``row + 1`` (yaw, the last row, stands alone)."""
+    if row == 5:
+        return mixer[i, 5] * first
+    return mixer[i, row] * first + mixer[i, row + 1] * second
+
+
+@kernel
+def _add_within_limits(mixer, row, first, second, thrust, limit):
+    """Add as much of two wrench components as fits: the largest share s in [0, 1] for all rotors alike."""
+    s = 1.0
+    for i in range(thrust.size):
+        extra = _demand(mixer, i, row, first, second)
+        if extra > 1e-12:
+            s = min(s, max(0.0, (limit[i] - thrust[i]) / extra))
+        elif extra < -1e-12:
+            s = min(s, max(0.0, thrust[i] / -extra))
+    for i in range(thrust.size):
+        wanted = thrust[i] + s * _demand(mixer, i, row, first, second)
+        thrust[i] = min(max(wanted, 0.0), limit[i])
+
+
+@kernel
+def _make_headroom(mixer, torque, thrust, limit):
     """Shift collective thrust so that roll and pitch torque fit: attitude before altitude."""
     lowest, highest = 0.0, 0.0
     for i in range(thrust.size):
-        lowest = min(lowest, thrust[i] + extra[i])
-        highest = max(highest, thrust[i] + extra[i] - limit[i])
+        wanted = thrust[i] + _demand(mixer, i, 3, torque[0], torque[1])
+        lowest = min(lowest, wanted)
+        highest = max(highest, wanted - limit[i])
     shift = -lowest if highest <= 0.0 else (-highest if lowest >= 0.0 else 0.5 * (-lowest - highest))
     for i in range(thrust.size):
         thrust[i] = min(max(thrust[i] + shift, 0.0), limit[i])

@@ -92,8 +92,8 @@ def tick(vehicle, gains, level, action, qpos, qvel, thrust_now, memory, dt, thru
     omega_body = vec(qvel, 3)
     omega = rotate(rot, omega_body)
     joints, joint_vel = qpos[7 : 7 + count], qvel[6 : 6 + count]
-    frames, zero_acc = np.empty((count, FRAME_SIZE)), np.zeros(count)
-    servo_vel, servo_torque = np.zeros(count), np.empty(count)
+    frames, vectors = np.empty((count, FRAME_SIZE)), np.zeros((3, count))
+    zero_acc, servo_vel, servo_torque = vectors[0], vectors[1], vectors[2]
     forward_kinematics(vehicle, pos, rot, joints, frames)
     lever = _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, memory, dt)
     feed_forward = _advance_references(vehicle, gains, level, action, pos, rot, memory, dt, servo_vel)

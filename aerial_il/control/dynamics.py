@@ -7,8 +7,6 @@ base), the base twist (``vel`` world, ``omega`` world), and joint positions and 
 
 from __future__ import annotations
 
-import numpy as np
-
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
@@ -160,30 +158,34 @@ def inverse_dynamics(vehicle, frames, pos, rot, omega, joint_vel, acc, alpha, jo
     Returns:
         force (N) and torque (N m) on the base, world frame, about the base origin.
     """
-    count = vehicle.link_mass.size
-    forces, moments = np.empty((count, 3)), np.empty((count, 3))
     acc = add(acc, (0.0, 0.0, GRAVITY))
     base_force = scale(vehicle.base_mass, acc)
     base_moment = _spin_torque(vehicle.base_inertia, rot, omega, alpha)
     origin = pos
-    for j in range(count):
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # of the links so far, about the origin
+    for j in range(vehicle.link_mass.size):
         joint, link, axis = vec(frames[j], POSITION), link_rotation(frames[j]), vec(frames[j], AXIS)
+        torque[j] = -_about_axis(axis, sub(joint, origin), force, moment)
         acc = add(acc, _point_acceleration(omega, alpha, sub(joint, pos)))
         pos = joint
         spin = scale(joint_vel[j], axis)
         alpha = add(add(alpha, scale(joint_acc[j], axis)), cross(omega, spin))
         omega = add(omega, spin)
         arm = rotate(link, vec(vehicle.link_com[j], 0))
-        force = scale(vehicle.link_mass[j], add(acc, _point_acceleration(omega, alpha, arm)))
-        put(forces[j], 0, force)
-        moment = _spin_torque(vehicle.link_inertia[j], link, omega, alpha)
-        put(moments[j], 0, add(moment, cross(sub(add(joint, arm), origin), force)))
-    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for j in range(count - 1, -1, -1):
-        force, moment = add(force, vec(forces[j], 0)), add(moment, vec(moments[j], 0))
-        lever = sub(vec(frames[j], POSITION), origin)
-        torque[j] = dot(vec(frames[j], AXIS), sub(moment, cross(lever, force)))
+        push = scale(vehicle.link_mass[j], add(acc, _point_acceleration(omega, alpha, arm)))
+        force = add(force, push)
+        moment = add(moment, _spin_torque(vehicle.link_inertia[j], link, omega, alpha))
+        moment = add(moment, cross(sub(add(joint, arm), origin), push))
+    for j in range(vehicle.link_mass.size):  # a joint carries all links less those before it
+        joint, axis = vec(frames[j], POSITION), vec(frames[j], AXIS)
+        torque[j] += _about_axis(axis, sub(joint, origin), force, moment)
     return add(base_force, force), add(base_moment, moment)
+
+
+@kernel
+def _about_axis(axis, lever, force, moment):
+    """Component along ``axis``, through a point at ``lever``, of a wrench about the origin."""
+    return dot(axis, sub(moment, cross(lever, force)))
 
 
 @kernel

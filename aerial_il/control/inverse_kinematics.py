@@ -29,7 +29,8 @@ def damped_least_squares(jacobian, error, row_weight, column_scale, rest_pull, d
         step: (V,) written: displacement of the coordinates.
     """
     size = step.size
-    scaled, gram, y = np.empty((6, size)), np.empty((6, 6)), np.empty(6)
+    work = np.empty((13, max(6, size)))  # one allocation: this runs 500 times per simulated second and world
+    scaled, gram, y = work[:6], work[6:12], work[12, :6]
     for r in range(6):
         residual = error[r]
         for c in range(size):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.control import memory as mem
-from aerial_il.control.dynamics import forward_kinematics, put, tool_jacobian, tool_pose, vec
+from aerial_il.control.dynamics import FRAME_SIZE, forward_kinematics, put, tool_jacobian, tool_pose, vec
 from aerial_il.control.inverse_kinematics import damped_least_squares, freeze_at_limits, rest_posture
 from aerial_il.control.reference import read_rotation, yaw_and_pitch
 from aerial_il.core.kernels import kernel
@@ -37,7 +37,7 @@ YAW_MOBILITY = 2.0  # rad per metre of base motion considered equally dear
 @kernel
 def seat_references(vehicle, memory, pos, rot, yaw, joints):
     """Place every reference at the current state, at rest: the start of an episode, or a change of pilot."""
-    frames = np.empty((joints.size, 15))
+    frames = np.empty((joints.size, FRAME_SIZE))
     forward_kinematics(vehicle, pos, rot, joints, frames)
     tool, tool_rot = tool_pose(vehicle, frames)
     for k in range(mem.MEMORY_SIZE):
@@ -62,13 +62,24 @@ def pose_error(tool, tool_rot, target, target_rot, error):
 
 
 @kernel
+def _workspace(count):
+    """Arrays for one solution, from one allocation: link frames, Jacobian, error, weights, mobility, rest pull, step."""
+    size = 4 + count
+    block = np.empty((11, size))
+    frames = np.empty((count, FRAME_SIZE))
+    block[7:] = 0.0
+    error, weight = block[6, :6], block[7, :6]
+    weight[:] = 1.0
+    block[8] = 1.0
+    return frames, block[:6], error, weight, block[8], block[9], block[10]
+
+
+@kernel
 def solve_reference(vehicle, gains, memory, dt):
     """Advance the reference configuration to the end-effector reference; keep its velocity for feed-forward."""
     joints = memory[mem.JOINT_REF : mem.JOINT_REF + vehicle.link_mass.size]
     count = joints.size
-    frames, jacobian = np.empty((count, 15)), np.empty((6, 4 + count))
-    error, weight, mobility = np.empty(6), np.ones(6), np.ones(4 + count)
-    pull, step = np.zeros(4 + count), np.empty(4 + count)
+    frames, jacobian, error, weight, mobility, pull, step = _workspace(count)
     pos, yaw = vec(memory, mem.BASE_POS), memory[mem.BASE_YAW]
     target_rot = read_rotation(memory, mem.TOOL_ROT)
     forward_kinematics(vehicle, pos, mat_from_yaw(yaw), joints, frames)
@@ -107,22 +118,20 @@ def solve_arm(vehicle, gains, memory, pos, rot, dt, joint_vel_cmd):
     """
     joints = memory[mem.JOINT_CMD : mem.JOINT_CMD + vehicle.link_mass.size]
     count = joints.size
-    frames, jacobian = np.empty((count, 15)), np.empty((6, 4 + count))
-    error, weight, mobility = np.empty(6), np.ones(6), np.ones(4 + count)
-    pull, step = np.zeros(4 + count), np.empty(4 + count)
+    frames, jacobian, error, weight, mobility, pull, step = _workspace(count)
+    mobility, pull, step = mobility[4:], pull[4:], step[4:]  # the base is where it is
     forward_kinematics(vehicle, pos, rot, joints, frames)
     tool, tool_rot = tool_pose(vehicle, frames)
     tool_jacobian(vehicle, frames, pos, jacobian)
     pose_error(tool, tool_rot, vec(memory, mem.TOOL_POS), read_rotation(memory, mem.TOOL_ROT), error)
     weight[3:] = gains.orientation_weight
-    mobility[:4] = 0.0
     for j in range(count):
-        pull[4 + j] = 0.1 * REST_PULL * (memory[mem.JOINT_REF + j] - joints[j])
-    damped_least_squares(jacobian, error, weight, mobility, pull, DAMPING, step)
-    if freeze_at_limits(joints, vehicle.joint_low, vehicle.joint_high, step, mobility, 4):
-        damped_least_squares(jacobian, error, weight, mobility, pull, DAMPING, step)
+        pull[j] = 0.1 * REST_PULL * (memory[mem.JOINT_REF + j] - joints[j])
+    damped_least_squares(jacobian[:, 4:], error, weight, mobility, pull, DAMPING, step)
+    if freeze_at_limits(joints, vehicle.joint_low, vehicle.joint_high, step, mobility, 0):
+        damped_least_squares(jacobian[:, 4:], error, weight, mobility, pull, DAMPING, step)
     for j in range(count):
-        move = clip(step[4 + j], -vehicle.joint_speed[j] * dt, vehicle.joint_speed[j] * dt)
+        move = clip(step[j], -vehicle.joint_speed[j] * dt, vehicle.joint_speed[j] * dt)
         moved = clip(joints[j] + move, vehicle.joint_low[j], vehicle.joint_high[j])
         joint_vel_cmd[j] = (moved - joints[j]) / dt
         joints[j] = moved
