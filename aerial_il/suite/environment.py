@@ -34,7 +34,7 @@ class SuiteTask(control.Task):
     def initialize_episode(self, physics: Physics) -> None:
         self.simulation.reset(np.array([self.next_seed]))
         self.next_seed += 1
-        self.judgement = None
+        self.judgement, self.executed = None, None
 
     def before_step(self, action: np.ndarray, physics: Physics) -> None:
         self.executed = self.simulation.receive(np.asarray(action)[None])

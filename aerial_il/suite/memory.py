@@ -10,7 +10,8 @@ from aerial_il.control.memory import MEMORY_SIZE
 
 CONTROLLER = slice(0, MEMORY_SIZE)
 GUST = slice(MEMORY_SIZE, MEMORY_SIZE + 12)  # force and torque: filter state, output
-SEED = MEMORY_SIZE + 12  # episode seed, an integer below 2**53
+NOISE = slice(MEMORY_SIZE + 12, MEMORY_SIZE + 24)  # errors of the state estimate, in standard deviations
+SEED = MEMORY_SIZE + 24  # episode seed, an integer below 2**53
 TICK = SEED + 1  # physics steps since the start
 STEP = SEED + 2  # control steps since the start
 DWELL = SEED + 3  # control steps for which the success condition has held

@@ -151,6 +151,7 @@ class Simulation:
         self.view = View(worlds, self.robot)
         self.gains = gains or Gains()
         self._vehicle, self._air, self._level = self.robot.vehicle, scenario.air, int(scenario.level)
+        self._sensors = tiers.get(scenario.tier_name).sensors
         self._act, self._ctrl, self._xfrc = (worlds.bind(k) for k in ("act", "ctrl", "xfrc_applied"))
         self._userdata = worlds.bind("userdata")
         self._dwell_steps = max(1, round(self.task.dwell_s / CONTROL_DT_S))
@@ -183,6 +184,7 @@ class Simulation:
             seed = int(seeds[i])
             self._userdata[i, mem.SEED] = seed
             rng = episode_rng(self.spec.robot, self.spec.task, self.spec.tier, seed)
+            self._userdata[i, mem.NOISE] = rng.standard_normal(12)
             if self._air.gust_force > 0.0:
                 self._userdata[i, mem.GUST] = np.tile(rng.standard_normal(6), 2)
             self.task.start(self.view, i, rng)
@@ -227,7 +229,7 @@ class Simulation:
     def _fly(self, part: slice) -> None:
         view = self.view
         fly(
-            self._vehicle, self.gains, self._air, self._level, self._actions[part], self._mask[part], view.qpos[part],
+            self._vehicle, self.gains, self._air, self._sensors, self._level, self._actions[part], self._mask[part], view.qpos[part],
             view.qvel[part], self._act[part], self._ctrl[part], self._xfrc[part], self._userdata[part],
             self.robot.gripper.stroke, PHYSICS_DT_S,
         )  # fmt: skip

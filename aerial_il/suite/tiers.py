@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aerial_il.core.errors import UnknownNameError
+from aerial_il.suite.sensing import Sensors
 
 
 @dataclass(frozen=True)
 class Tier:
-    """Gusts on the base, as a stationary random process.
+    """Gusts on the base, as a stationary random process, and errors of the state estimate.
 
     Attributes:
         name: registry name.
@@ -17,6 +18,7 @@ class Tier:
         gust_limit: largest force along each axis, as a share of weight.
         gust_time_s: correlation time of the wind at the vehicle.
         gust_arm_m: lever that turns the force's strength into that of the torque.
+        sensors: errors of the state that the flight controller measures.
     """
 
     name: str
@@ -24,6 +26,7 @@ class Tier:
     gust_limit: float = 0.0
     gust_time_s: float = 1.0
     gust_arm_m: float = 0.0
+    sensors: Sensors = Sensors()
 
 
 _TIERS = {

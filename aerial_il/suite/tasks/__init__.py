@@ -5,10 +5,13 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import TYPE_CHECKING
 
 from aerial_il import robots
 from aerial_il.core.errors import AerialError, UnknownNameError
-from aerial_il.suite.tasks.task import Task
+
+if TYPE_CHECKING:  # names are listed without importing a task or MuJoCo
+    from aerial_il.suite.tasks.task import Task
 
 _INFRASTRUCTURE = {"task"}
 

@@ -1,0 +1,131 @@
+"""One world as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
+from aerial_il.suite.environment import AerialEnvironment
+from aerial_il.suite.rendering import CameraRequest
+from aerial_il.suite.scene import CONTROL_DT_S
+from aerial_il.suite.simulation import Scenario
+
+METADATA = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_DT_S)}
+
+
+class SingleEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
+    """One world of a cell: ``gymnasium.make("aerial_il/pick_place-ua_quad_arm4-v0", tier="gusts")``.
+
+    Observations are a dictionary of float64 fields in SI units, with images beside them where cameras are asked for.
+    Actions are in SI units too; float32 ones are taken as they are, and values outside the bounds are clipped.
+
+    ``reset(seed=s)`` starts the episode with seed s, further resets take the seeds that follow. ``info`` holds ``seed``,
+    ``success``, ``is_success``, ``crash``, ``subtasks`` (K,) named by ``env.unwrapped.aerial.spec.subtasks``,
+    ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``, and ``ee_error_m`` where a tool position is commanded.
+
+    Attributes:
+        aerial: the dm_control environment behind it; experts attach to this.
+
+    Args:
+        robot, task, tier, action, cameras, image_size, seed: as for :func:`aerial_il.load`.
+        terminate_on_success: end an episode when its task is done; otherwise only a crash ends it.
+        render_mode: None or ``rgb_array``. render_camera: which camera. render_size: (height, width), pixels.
+    """
+
+    metadata = METADATA
+
+    def __init__(
+        self,
+        robot: str,
+        task: str,
+        *,
+        tier: str = "calm",
+        action: str = "ee_pose",
+        cameras: Sequence[str] = (),
+        image_size: tuple[int, int] = (240, 320),
+        seed: int = 0,
+        terminate_on_success: bool = False,
+        render_mode: str | None = None,
+        render_camera: str = "scene",
+        render_size: tuple[int, int] = (240, 320),
+    ) -> None:
+        scenario = Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size))
+        self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
+        self.render_size, self.terminate_on_success = render_size, terminate_on_success
+        self.aerial = AerialEnvironment(scenario, seed)
+        self.observation_space = observation_space(scenario.spec.observation)
+        self.action_space = action_space(scenario.spec.action)
+        self._over = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Start the episode of ``seed``, or the next one; ``options`` are not used."""
+        super().reset(seed=seed)
+        observation = self.aerial.reset(seed).observation
+        self._over = False
+        return dict(observation), self._info()
+
+    def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        """Fly one control step of 20 ms.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no episode is running.
+        """
+        if self._over:
+            raise gymnasium.error.ResetNeeded("No episode is running; call env.reset() first.")
+        timestep = self.aerial.step(action)
+        info = self._info()
+        terminated = info["crash"] or (self.terminate_on_success and info["success"])
+        truncated = bool(self.aerial.simulation.steps[0] >= self.aerial.spec.max_steps)
+        self._over = terminated or truncated
+        return dict(timestep.observation), float(timestep.reward), terminated, truncated, info
+
+    def render(self) -> np.ndarray | None:
+        """(H, W, 3) uint8 image of the world as it stands, or None without a render mode."""
+        return None if self.render_mode is None else self.aerial.render(self.render_camera, *self.render_size)
+
+    def close(self) -> None:
+        """Free graphics contexts."""
+        self.aerial.close()
+
+    def _info(self) -> dict[str, Any]:
+        measured = {name: value for name, value in self.aerial.info.items() if np.isfinite(value).all()}
+        info: dict[str, Any] = {k: v.copy() if v.ndim else v.item() for k, v in measured.items()}
+        return {**info, "is_success": info["success"], "seed": int(self.aerial.simulation.seeds[0])}
+
+
+def observation_space(spec: ObservationSpec) -> spaces.Dict:
+    """Space of one world's observations; state fields are unbounded."""
+    return spaces.Dict({field.name: _box(field) for field in spec.fields})
+
+
+def action_space(spec: ActionSpec) -> spaces.Box:
+    """Space of one world's actions, in SI units."""
+    return spaces.Box(spec.low, spec.high, dtype=np.float64)
+
+
+def check_rendering(mode: str | None, camera: str) -> str | None:
+    """Return the render mode if it and the camera exist.
+
+    Raises:
+        InvalidValueError: unknown mode. UnknownNameError: unknown camera.
+    """
+    CameraRequest(camera)
+    if mode not in (None, *METADATA["render_modes"]):
+        raise InvalidValueError(f"render_mode is None or 'rgb_array', got {mode!r}.")
+    return mode
+
+
+def _box(field: Field) -> spaces.Box:
+    dtype = np.dtype(field.dtype)
+    low, high = (-np.inf, np.inf)
+    if dtype.kind in "iu":
+        low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
+    return spaces.Box(low, high, field.shape, dtype.type)

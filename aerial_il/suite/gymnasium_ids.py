@@ -1,0 +1,62 @@
+"""Gymnasium's ids ``aerial_il/<task>-<robot>-v0``, there as soon as this package and Gymnasium are imported.
+
+Neither package is slowed down by the other: names are read off the registries without importing a robot or a task, and
+Gymnasium, where it is not yet imported, is given the ids when it is.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
+
+from aerial_il import robots
+from aerial_il.suite import tasks
+
+SINGLE = "aerial_il.suite.gymnasium_env:SingleEnv"
+VECTOR = "aerial_il.suite.gymnasium_vector:BatchEnv"
+
+
+def gymnasium_id(robot: str, task: str) -> str:
+    """Id of a cell."""
+    return f"aerial_il/{task}-{robot}-v0"
+
+
+def register() -> None:
+    """Register every robot with every task; one that a robot cannot do says so when it is made."""
+    import gymnasium
+
+    for robot in robots.names():
+        for task in tasks.names():
+            cell = {"robot": robot, "task": task}
+            gymnasium.register(gymnasium_id(**cell), entry_point=SINGLE, vector_entry_point=VECTOR, kwargs=cell)
+
+
+def register_when_imported() -> None:
+    """Register now if Gymnasium is imported, or else at the moment it is."""
+    if "gymnasium" in sys.modules:
+        register()
+    else:
+        sys.meta_path.insert(0, _WaitForGymnasium())
+
+
+class _WaitForGymnasium(MetaPathFinder):
+    """Finds Gymnasium as Python would, and has the ids registered once it is loaded."""
+
+    def find_spec(self, fullname: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_register(module: ModuleType) -> None:
+                load(module)
+                register()
+
+            spec.loader.exec_module = load_and_register
+        return spec

@@ -1,0 +1,129 @@
+"""The batch engine as a Gymnasium vector environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite.batch import BatchEnvironment, info_of
+from aerial_il.suite.gymnasium_env import METADATA, action_space, check_rendering, observation_space
+from aerial_il.suite.simulation import Scenario
+
+
+class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
+    """n worlds of a cell: ``gymnasium.make_vec(id, num_envs=64, vectorization_mode="vector_entry_point")``.
+
+    A world whose episode ended starts the next one at the following step, whose action it ignores and whose reward is 0
+    (``AutoresetMode.NEXT_STEP``). ``reset(seed=s)`` gives world i the seeds s + i, s + i + n, s + i + 2n, …, whenever its
+    episodes end. ``info`` holds the entries of the single environment, each (n, ...).
+
+    Attributes:
+        aerial: the batch behind it; experts attach to this.
+
+    Args:
+        robot, task, num_envs, tier, action, cameras, image_size, seed, num_threads: as for :func:`aerial_il.load_batch`.
+        max_episode_steps: truncate episodes earlier than the task does.
+        terminate_on_success, render_mode, render_camera, render_size: as for the single environment.
+    """
+
+    metadata = {**METADATA, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        robot: str,
+        task: str,
+        *,
+        num_envs: int = 1,
+        tier: str = "calm",
+        action: str = "ee_pose",
+        cameras: Sequence[str] = (),
+        image_size: tuple[int, int] = (240, 320),
+        seed: int = 0,
+        num_threads: int = 0,
+        max_episode_steps: int | None = None,
+        terminate_on_success: bool = False,
+        render_mode: str | None = None,
+        render_camera: str = "scene",
+        render_size: tuple[int, int] = (240, 320),
+    ) -> None:
+        scenario = Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size))
+        self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
+        self.render_size, self.terminate_on_success = render_size, terminate_on_success
+        self.num_envs, self.aerial = num_envs, BatchEnvironment(scenario, num_envs, num_threads)
+        self.max_episode_steps = min(max_episode_steps or scenario.spec.max_steps, scenario.spec.max_steps)
+        self.single_observation_space = observation_space(scenario.spec.observation)
+        self.single_action_space = action_space(scenario.spec.action)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._next_seeds = seed + np.arange(num_envs)
+        self._over = np.ones(num_envs, bool)
+
+    def reset(
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Start episodes.
+
+        Args:
+            seed: s for seeds s, s + 1, …; or one seed per world; or None for the seeds that follow.
+            options: ``{"reset_mask": (n,) bool}`` starts only some worlds.
+        """
+        super().reset(seed=None if seed is None else int(np.ravel(seed)[0]))
+        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs)), bool)
+        if seed is not None:
+            self._next_seeds = np.where(mask, self._spread(seed), self._next_seeds)
+        self._start(mask)
+        executed = np.zeros((self.num_envs, self.aerial.spec.action.size))
+        return self.aerial.observe(), self._with_masks(info_of(self.aerial.simulation.judge(), executed), mask)
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Fly one control step of 20 ms in every world, or start its next episode where the last one ended."""
+        fresh = self._over
+        if fresh.any():
+            self._start(fresh)
+        result = self.aerial.step(actions, ~fresh)
+        terminated = result.terminated | (self.terminate_on_success & result.info["success"])
+        terminated, truncated = terminated & ~fresh, (self.aerial.simulation.steps >= self.max_episode_steps) & ~fresh
+        self._over = terminated | truncated
+        everyone = np.ones(self.num_envs, bool)
+        return (
+            result.obs,
+            np.where(fresh, 0.0, result.reward),
+            terminated,
+            truncated,
+            self._with_masks(result.info, everyone),
+        )
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Images (H, W, 3) uint8 of all worlds, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        return tuple(self.aerial.render(i, self.render_camera, *self.render_size) for i in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free graphics contexts and threads."""
+        self.aerial.close()
+
+    def _spread(self, seed: int | Sequence[int]) -> np.ndarray:
+        seeds = np.asarray(seed) + np.arange(self.num_envs) if np.ndim(seed) == 0 else np.asarray(seed)
+        if seeds.shape != (self.num_envs,):
+            raise InvalidValueError(f"seed is one integer or one per world, {self.num_envs}, got shape {seeds.shape}.")
+        return seeds
+
+    def _start(self, mask: np.ndarray) -> None:
+        self.aerial.simulation.reset(self._next_seeds, mask)
+        self._next_seeds = self._next_seeds + np.where(mask, self.num_envs, 0)
+        self._over = self._over & ~mask
+
+    def _with_masks(self, info: dict[str, np.ndarray], present: np.ndarray) -> dict[str, Any]:
+        """Gymnasium's form of a vector's info: every entry with a mask of the worlds that have it."""
+        info = {**info, "is_success": info["success"].copy(), "seed": self.aerial.simulation.seeds}
+        has = {f"_{name}": present.copy() for name in info}
+        has["_ee_error_m"] &= np.isfinite(info["ee_error_m"])
+        return {**info, **has}
