@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.rendering import choose_backend
+from aerial_il.suite import gymnasium_ids
 
 if TYPE_CHECKING:
     from aerial_il.core.policy import Policy
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 choose_backend()  # MuJoCo reads MUJOCO_GL when it is first imported
+gymnasium_ids.register_when_imported()
 
 
 def load(

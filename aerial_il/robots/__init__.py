@@ -5,9 +5,12 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.robots.robot import Robot
+
+if TYPE_CHECKING:  # names are listed without importing a robot or MuJoCo
+    from aerial_il.robots.robot import Robot
 
 _INFRASTRUCTURE = {"robot"}
 

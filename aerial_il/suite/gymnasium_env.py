@@ -19,15 +19,16 @@ from aerial_il.suite.simulation import Scenario
 METADATA = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_DT_S)}
 
 
-class SingleEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
+class SingleEnv(gymnasium.Env[Any, np.ndarray]):
     """One world of a cell: ``gymnasium.make("aerial_il/pick_place-ua_quad_arm4-v0", tier="gusts")``.
 
     Observations are a dictionary of float64 fields in SI units, with images beside them where cameras are asked for.
     Actions are in SI units too; float32 ones are taken as they are, and values outside the bounds are clipped.
 
-    ``reset(seed=s)`` starts the episode with seed s, further resets take the seeds that follow. ``info`` holds ``seed``,
-    ``success``, ``is_success``, ``crash``, ``subtasks`` (K,) named by ``env.unwrapped.aerial.spec.subtasks``,
-    ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``, and ``ee_error_m`` where a tool position is commanded.
+    ``reset(seed=s)`` starts the episode with seed s, further resets take the seeds that follow. ``info`` holds
+    ``seed``, ``success``, ``is_success``, ``crash``, ``subtasks`` (K,) named by ``env.unwrapped.aerial.spec.subtasks``,
+    ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``, and ``ee_error_m`` where a tool position is
+    commanded.
 
     Attributes:
         aerial: the dm_control environment behind it; experts attach to this.
@@ -55,7 +56,8 @@ class SingleEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         render_camera: str = "scene",
         render_size: tuple[int, int] = (240, 320),
     ) -> None:
-        scenario = Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size))
+        height, width = image_size
+        scenario = Scenario(robot, task, tier, action, tuple(cameras), (height, width))
         self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
         self.render_size, self.terminate_on_success = render_size, terminate_on_success
         self.aerial = AerialEnvironment(scenario, seed)

@@ -19,14 +19,15 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
     """n worlds of a cell: ``gymnasium.make_vec(id, num_envs=64, vectorization_mode="vector_entry_point")``.
 
     A world whose episode ended starts the next one at the following step, whose action it ignores and whose reward is 0
-    (``AutoresetMode.NEXT_STEP``). ``reset(seed=s)`` gives world i the seeds s + i, s + i + n, s + i + 2n, …, whenever its
-    episodes end. ``info`` holds the entries of the single environment, each (n, ...).
+    (``AutoresetMode.NEXT_STEP``). ``reset(seed=s)`` gives world i the seeds s + i, s + i + n, s + i + 2n, …, whenever
+    its episodes end. ``info`` holds the entries of the single environment, each (n, ...).
 
     Attributes:
         aerial: the batch behind it; experts attach to this.
 
     Args:
-        robot, task, num_envs, tier, action, cameras, image_size, seed, num_threads: as for :func:`aerial_il.load_batch`.
+        robot, task, num_envs, tier, action, cameras, image_size, seed, num_threads: as for
+            :func:`aerial_il.load_batch`.
         max_episode_steps: truncate episodes earlier than the task does.
         terminate_on_success, render_mode, render_camera, render_size: as for the single environment.
     """
@@ -51,7 +52,8 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
         render_camera: str = "scene",
         render_size: tuple[int, int] = (240, 320),
     ) -> None:
-        scenario = Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size))
+        height, width = image_size
+        scenario = Scenario(robot, task, tier, action, tuple(cameras), (height, width))
         self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
         self.render_size, self.terminate_on_success = render_size, terminate_on_success
         self.num_envs, self.aerial = num_envs, BatchEnvironment(scenario, num_envs, num_threads)
