@@ -47,7 +47,7 @@ class DatasetFolder:
 
     def parts(self) -> list[Path]:
         """Return the files that a killed process left unfinished, or that are being written."""
-        return sorted(self.path.glob("*/*.mcap.part"))
+        return sorted((self.path / DEMOS).glob("*.mcap.part"))
 
     def read_index(self) -> dict[str, Any]:
         """Return what ``dataset.yaml`` says, or an empty mapping where there is none."""

@@ -58,12 +58,13 @@ def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> 
     outcome = read_outcome(path, contents)
     check_channels(path, contents, head.layout)
     report = Report(path)
-    block, last, compressed = read_messages(report, contents, head.layout, outcome.steps)
+    messages = read_messages(report, contents, head.layout, outcome.steps)
+    episode = build_episode(head, messages, outcome)
+    check_episode(report, episode)
+    check_views(report, head.layout, messages)
     _check_digest(path, contents, head.layout)
     wanted = [c for c in head.layout.cameras if cameras is True or (cameras and c.field in cameras)]
-    episode = build_episode(head, block, last, outcome)
-    check_episode(report, episode)
-    pictures = {c.field: _decode(report, c, compressed[c.field]) for c in wanted}
+    pictures = {c.field: _decode(report, c, messages.images[c.field]) for c in wanted}
     return replace(episode, obs={**episode.obs, **pictures})
 
 
@@ -116,15 +117,25 @@ def check_channels(path: Path, contents: Contents, layout: Layout) -> None:
 Arrays = dict[str, np.ndarray]
 
 
-def read_messages(
-    report: Report, contents: Contents, layout: Layout, steps: int
-) -> tuple[Arrays, Arrays, dict[str, list[bytes]]]:
-    """Decode the messages of a whole episode of ``steps`` steps.
+@dataclass(frozen=True)
+class Messages:
+    """The messages of T steps, decoded.
 
-    Returns:
-        the fields of all steps, those of the terminal record, and the compressed images of each camera field. The
-        observation has ``steps`` rows in the first and one in the second.
+    Attributes:
+        records: topic -> message records.
+        block: fields of ``Step`` and the flat ``observation`` -> (T, ...).
+        last: fields of the terminal record and its ``observation`` -> (1, ...).
+        images: camera field -> T + 1 compressed images.
     """
+
+    records: Mapping[str, np.ndarray]
+    block: Arrays
+    last: Arrays
+    images: dict[str, list[bytes]]
+
+
+def read_messages(report: Report, contents: Contents, layout: Layout, steps: int) -> Messages:
+    """Decode a whole episode of ``steps`` steps."""
     records = {topic.name: _records(report, topic, contents, steps + 1) for topic in layout.observed}
     records |= {topic.name: _records(report, topic, contents, steps) for topic in layout.acted}
     records["/terminal"] = _records(report, layout.terminal, contents, 1, first=steps)
@@ -134,25 +145,21 @@ def read_messages(
     block = {"observation": observation[:-1], **_fields(records["/step"]["body"])}
     last = {"observation": observation[-1:], **_fields(records["/terminal"]["body"])}
     report.check_equal("/terminal", "sim_time", nanoseconds(last["sim_time"]), times[-1:])
-    _check_views(report, layout, records, block, times)
-    return block, last, {c.field: _images(report, c, contents, times) for c in layout.cameras}
+    return Messages(records, block, last, {c.field: _images(report, c, contents, times) for c in layout.cameras})
 
 
-def read_whole_steps(report: Report, contents: Contents, layout: Layout, steps: int) -> tuple[Arrays, dict[str, list[bytes]]]:
-    """Decode the first ``steps`` whole steps of an episode that may lack its end.
-
-    Returns:
-        the fields of the steps, observation included, and the compressed images of each camera field.
-    """
+def read_whole_steps(report: Report, contents: Contents, layout: Layout, steps: int) -> Messages:
+    """Decode the first ``steps`` whole steps of an episode that may lack its end; the last of them becomes its end."""
     records = {topic.name: _records(report, topic, contents, steps) for topic in (*layout.observed, *layout.acted)}
     times = records["/observation"]["log_time"]
-    block = {"observation": records["/observation"]["body"]["position"], **_fields(records["/step"]["body"])}
-    _check_views(report, layout, records, block, times)
-    return block, {c.field: _images(report, c, contents, times) for c in layout.cameras}
+    fields = {"observation": records["/observation"]["body"]["position"], **_fields(records["/step"]["body"])}
+    block, last = ({name: values[rows] for name, values in fields.items()} for rows in (slice(-1), slice(-1, None)))
+    return Messages(records, block, last, {c.field: _images(report, c, contents, times) for c in layout.cameras})
 
 
-def build_episode(head: Head, block: Arrays, last: Arrays, outcome: Outcome) -> Episode:
+def build_episode(head: Head, messages: Messages, outcome: Outcome) -> Episode:
     """Assemble decoded messages."""
+    block, last = messages.block, messages.last
     flat = np.concatenate([block["observation"], last["observation"]])
     return Episode(
         uid=head.uid,
@@ -218,23 +225,23 @@ def _fields(body: np.ndarray) -> Arrays:
     return {name: np.ascontiguousarray(body[name]) for name in body.dtype.names or ()}
 
 
-def _check_views(
-    report: Report, layout: Layout, records: Mapping[str, np.ndarray], block: Arrays, times: np.ndarray
-) -> None:
+def check_views(report: Report, layout: Layout, messages: Messages) -> None:
     """Require that what people look at shows what is recorded exactly, at the same times."""
-    report.check_finite("/observation", "position", records["/observation"]["body"]["position"])
-    report.check_equal("/step", "sim_time", nanoseconds(block["sim_time"]), times[: len(block["sim_time"])])
-    observed = layout.with_quats({"observation": records["/observation"]["body"]["position"]})
-    for topic in (*layout.observed, *layout.acted):
+    records = messages.records
+    times, observed = records["/observation"]["log_time"], records["/observation"]["body"]["position"]
+    blocks = (layout.observed, layout.with_quats({"observation": observed})), (layout.acted, _fields(records["/step"]["body"]))
+    for topic, block in ((topic, block) for topics, block in blocks for topic in topics):
         body = records[topic.name]["body"]
         report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], times[: len(body)])
         mine = body.copy()
-        topic.fill(mine, block if topic in layout.acted else observed)
+        topic.fill(mine, block)
         for slot in body.dtype.names or ():
             if slot == "orientation" or slot.startswith("rotation"):
                 report.check_unit(topic.name, slot, body[slot])
             else:
                 report.check_equal(topic.name, slot, body[slot], mine[slot])
+    sim_time = records["/step"]["body"]["sim_time"]
+    report.check_equal("/step", "sim_time", nanoseconds(sim_time), times[: len(sim_time)])
 
 
 def _images(report: Report, camera: Camera, contents: Contents, times: np.ndarray) -> list[bytes]:

@@ -8,15 +8,16 @@ from pathlib import Path
 from aerial_il.core.errors import DemoError
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, SALVAGED, DatasetFolder
 from aerial_il.data.reader import (
-    Arrays,
+    Messages,
     check_channels,
+    check_views,
     read_episode,
     read_head,
     read_messages,
     read_outcome,
     read_whole_steps,
 )
-from aerial_il.data.recorder import OBSERVED, STEPS_KEPT
+from aerial_il.data.recorder import STEPS_KEPT
 from aerial_il.data.scan import Contents, scan
 from aerial_il.data.schema import Layout
 from aerial_il.data.validation import Report
@@ -54,18 +55,16 @@ def recover_episode(source: Path | str, target: Path | str) -> Recovered:
     contents = scan(source, salvage=True)
     head = read_head(source, contents)
     check_channels(source, contents, head.layout)
-    part = _whole(source, contents, head.layout) if OUTCOME in contents.metadata else _beginning(source, contents, head.layout)
+    messages, success = _salvage(source, contents, head.layout)
     note = f"salvaged: the original {contents.damage or 'was whole'}"
-    writer = EpisodeWriter(
-        target, head.layout, uid=head.uid, provenance=head.provenance, model_xml=head.model_xml
-    )  # fmt: skip
+    writer = EpisodeWriter(target, head.layout, uid=head.uid, provenance=head.provenance, model_xml=head.model_xml)
     try:
-        steps = len(part.block["step"])
+        steps, images = len(messages.block["step"]), messages.images
         for start in range(0, steps, STEPS_KEPT):
             rows = slice(start, min(start + STEPS_KEPT, steps))
-            writer.append(_rows(part.block, rows), {name: data[rows] for name, data in part.images.items()})
-        last_images = {name: data[-1:] for name, data in part.images.items()}
-        writer.finish(part.last, last_images, success=part.success, note=note)
+            block = {name: values[rows] for name, values in messages.block.items()}
+            writer.append(block, {name: data[rows] for name, data in images.items()})
+        writer.finish(messages.last, {name: data[-1:] for name, data in images.items()}, success=success, note=note)
     except BaseException:
         writer.discard()
         raise
@@ -115,34 +114,23 @@ def _reindex(folder: DatasetFolder) -> None:
         folder.write_index(spec)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Steps (T rows) with their end, and T + 1 compressed images of each camera field."""
-
-    block: Arrays
-    last: Arrays
-    images: dict[str, list[bytes]]
-    success: bool
-
-
-def _whole(source: Path, contents: Contents, layout: Layout) -> _Part:
-    """Return all of an episode of which only the file's own end is lost."""
-    outcome = read_outcome(source, contents)
-    return _Part(*read_messages(Report(source), contents, layout, outcome.steps), outcome.success)
-
-
-def _beginning(source: Path, contents: Contents, layout: Layout) -> _Part:
-    """Return the whole steps of an episode whose end is lost."""
-    steps = _whole_steps(contents, layout)
-    if steps < 2:
-        raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=steps)
-    for channel in (*layout.observed, *layout.acted, *layout.cameras):
-        del contents.messages[channel.channel][steps:]
-    block, images = read_whole_steps(Report(source), contents, layout, steps)
-    last = _rows({name: block[name] for name in OBSERVED}, slice(steps - 1, steps))
-    block = _rows(block, slice(0, steps - 1))
-    block["truncated"][-1] = not block["terminated"][-1]
-    return _Part(block, last, images, success=False)
+def _salvage(source: Path, contents: Contents, layout: Layout) -> tuple[Messages, bool]:
+    """Return the messages that are left, ending in a terminal record, and whether the flight is known to succeed."""
+    report = Report(source)
+    if OUTCOME in contents.metadata:  # only the file's own end is lost
+        outcome = read_outcome(source, contents)
+        messages, success = read_messages(report, contents, layout, outcome.steps), outcome.success
+    else:
+        steps = _whole_steps(contents, layout)
+        if steps < 2:
+            raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=steps)
+        for channel in (*layout.observed, *layout.acted, *layout.cameras):
+            del contents.messages[channel.channel][steps:]
+        messages, success = read_whole_steps(report, contents, layout, steps), False
+        messages.block["truncated"] = messages.block["truncated"].copy()
+        messages.block["truncated"][-1] = not messages.block["terminated"][-1]
+    check_views(report, layout, messages)
+    return messages, success
 
 
 def _whole_steps(contents: Contents, layout: Layout) -> int:
@@ -150,10 +138,6 @@ def _whole_steps(contents: Contents, layout: Layout) -> int:
     counts = [len(contents.messages[topic.channel]) for topic in layout.acted]
     counts += [len(contents.messages[channel.channel]) for channel in (*layout.observed, *layout.cameras)]
     return min(counts)
-
-
-def _rows(block: Arrays, rows: slice) -> Arrays:
-    return {name: values[rows].copy() for name, values in block.items()}
 
 
 def _stem(file: Path) -> str:

@@ -13,6 +13,14 @@ from aerial_il.data.episode import Episode
 UNIT_TOLERANCE = 1e-6
 TIME_TOLERANCE_S = 1e-6
 BOUND_TOLERANCE = 1e-9
+EXACT = {
+    "action": "actions",
+    "executed_action": "executed_actions",
+    "reward": "rewards",
+    "state": "states",
+    "ctrl": "ctrl",
+    "sim_time": "sim_time",
+}
 
 
 class Report:
@@ -58,8 +66,8 @@ class Report:
 
 def check_episode(report: Report, episode: Episode) -> None:
     """Require that values are finite and within bounds, time advances evenly, and the end comes last."""
-    for name in ("actions", "executed_actions", "rewards", "states", "ctrl", "sim_time"):
-        report.check_finite("/step", name, getattr(episode, name))
+    for name, attribute in EXACT.items():
+        report.check_finite("/step", name, getattr(episode, attribute))
     for name, values in episode.obs.items():
         report.check_finite("/observation", name, values)
     _check_expert(report, episode.expert_actions)
@@ -93,8 +101,8 @@ def _check_time(report: Report, episode: Episode) -> None:
     dt = episode.spec.control_dt_s
     late = ~(np.abs(np.diff(episode.sim_time) - dt) <= TIME_TOLERANCE_S)
     if late.any() or episode.sim_time[0] < 0:
-        step = int(np.argmax(late))
-        got = episode.sim_time[step : step + 2]
+        step = int(np.argmax(late)) + 1
+        got = episode.sim_time[step - 1 : step + 1]
         report.fail("has time stamps that do not advance evenly.", "/step", step=step, field="sim_time", expected=f"steps of {dt} s", got=got)
 
 

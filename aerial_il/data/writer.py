@@ -205,7 +205,8 @@ def _open_locked(part: Path) -> BinaryIO:
     except BlockingIOError:
         file.close()
         raise BusyError(f"{part} is being written by another process.") from None
-    file.truncate(0)
+    if os.fstat(file.fileno()).st_size:
+        file.truncate(0)
     return file
 
 

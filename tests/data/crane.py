@@ -131,6 +131,7 @@ class CraneBatch:
             for _ in range(SUBSTEPS):
                 mujoco.mj_step(self.model, self.worlds[i])
             mujoco.mj_kinematics(self.model, self.worlds[i])
+            mujoco.mj_camlight(self.model, self.worlds[i])
             self.steps[i] += 1
             self.stepped += 1
         obs = self._observe()
@@ -152,8 +153,13 @@ class CraneBatch:
         for i in self._chosen(mask):
             mujoco.mj_setState(self.model, self.worlds[i], states[i, :-3], INTEGRATION)
             mujoco.mj_kinematics(self.model, self.worlds[i])
+            mujoco.mj_camlight(self.model, self.worlds[i])
             self.seeds[i], self.steps[i], self.dwell[i] = states[i, -3:]
         return self._observe()
+
+    def close(self) -> None:
+        if self._renderer:
+            self._renderer.close()
 
     def _observe(self) -> dict[str, np.ndarray]:
         position = np.stack([d.xpos[2] for d in self.worlds])

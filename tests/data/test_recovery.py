@@ -1,0 +1,119 @@
+"""What a kill or a damage leaves of an episode is salvaged, and the rest of the dataset stays as it is."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerial_il.core.errors import DemoError
+from aerial_il.data.dataset import altered_files, open_dataset
+from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.reader import read_episode
+from aerial_il.data.recorder import Recorder
+from aerial_il.data.recovery import recover, recover_episode
+from aerial_il.data.replay import replay
+from aerial_il.data.writer import EpisodeWriter
+from tests.data.crane import CraneBatch, CraneExpert
+
+
+def record_part(path: Path, steps: int) -> None:
+    """Record some steps of a flight and abandon it, as a kill would."""
+    env, expert = CraneBatch(), CraneExpert()
+    expert.attach(env)
+    recorder, obs = Recorder(env.spec, 2), env.reset(0)
+    origin = {"seed": 0, "policy": "expert"}
+    recorder.begin(0, EpisodeWriter(path, recorder.layout, uid="cut", provenance=origin, model_xml=env.model_xml))
+    for _ in range(steps):
+        recorder.observe(obs, state=env.get_state(), sim_time=env.sim_time)
+        action = expert.act(obs)
+        result = env.step(action)
+        obs, no = result.obs, np.zeros(1, bool)
+        recorder.act(
+            action=action, executed_action=action, expert_action=action, ctrl=env.ctrl, reward=result.reward,
+            terminated=result.terminated, truncated=result.truncated, is_intervention=no, phase=expert.phase,
+        )  # fmt: skip
+    recorder.close()
+
+
+@pytest.mark.parametrize("share", np.linspace(0.2, 0.999, 12))
+def test_truncated_episodes_are_salvaged(folder: DatasetFolder, tmp_path: Path, share: float) -> None:
+    source = folder.files("failures")[0]
+    whole, raw = read_episode(source), source.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(raw[: int(share * len(raw))])
+    try:
+        saved = recover_episode(cut, tmp_path / "saved.mcap")
+    except DemoError as error:
+        assert "less than two whole steps" in str(error)
+        assert share < 0.4
+        return
+    episode = read_episode(saved.path)
+    steps = len(episode)
+    assert steps == saved.steps
+    np.testing.assert_array_equal(episode.states, whole.states[: steps + 1])
+    np.testing.assert_array_equal(episode.actions, whole.actions[:steps])
+    assert episode.uid == whole.uid
+    assert "the original is truncated" in episode.provenance["note"]
+    if steps < len(whole):
+        assert episode.truncated[-1]
+        assert not episode.success
+    else:
+        assert episode.success == whole.success
+    assert replay(CraneBatch(), episode) == steps
+
+
+def test_folder_recovery_keeps_sets_aside_and_salvages(folder: DatasetFolder, tmp_path: Path) -> None:
+    copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
+    record_part(copy.file("cut"), 100)
+    victim = copy.files()[1]
+    raw = bytearray(victim.read_bytes())
+    raw[len(raw) // 2] ^= 1
+    victim.write_bytes(raw)
+    assert altered_files(copy.path) == [victim]
+    assert [uid for uid, error in open_dataset(copy.path).problems() if error] == [victim.stem]
+
+    found = {item.source.name: item for item in recover(copy.path)}
+
+    assert found["cut.mcap.part"].steps == 63
+    assert read_episode(copy.path / "salvaged" / "cut.mcap").provenance["note"].startswith("salvaged")
+    assert str(victim) in (copy.path / "quarantine" / f"{victim.name}.txt").read_text()
+    assert not copy.parts()
+    dataset = open_dataset(copy.path)
+    assert len(dataset) == len(folder.files()) - 1
+    assert not any(error for _, error in dataset.problems())
+    assert recover(copy.path) == []
+
+
+def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:
+    layout = Recorder(CraneBatch().spec, 2).layout
+    writer = EpisodeWriter(tmp_path / "demos" / "a.mcap", layout, uid="a", provenance={"seed": 0}, model_xml="")
+    assert recover(tmp_path) == []
+    assert writer.part.exists()
+    writer.discard()
+    assert not writer.part.exists()
+
+
+def test_a_lost_file_and_a_broken_index_are_noticed(folder: DatasetFolder, tmp_path: Path) -> None:
+    copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
+    lost = copy.files()[0]
+    lost.unlink()
+    with pytest.raises(DemoError, match=f"{lost.name}.*missing"):
+        open_dataset(copy.path)
+    (copy.path / "dataset.yaml").write_text("spec: {robot: [")
+    with pytest.raises(DemoError, match=r"dataset\.yaml.*cannot be read"):
+        open_dataset(copy.path)
+    recover(copy.path)
+    assert len(open_dataset(copy.path)) == len(folder.files()) - 1
+
+
+def test_trash_can_be_undone(folder: DatasetFolder, tmp_path: Path) -> None:
+    copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
+    uid = copy.files()[0].stem
+    copy.trash(uid)
+    assert copy.find(uid) is None
+    assert copy.restore(uid) == copy.find(uid)
+    with pytest.raises(DemoError, match="has no episode 'nobody'"):
+        copy.trash("nobody")
