@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -23,6 +25,19 @@ def episode_rng(robot: str, task: str, tier: str, seed: int) -> np.random.Genera
 def named_rng(seed: int, *names: str) -> np.random.Generator:
     """Return an independent stream for a named purpose, e.g. ``named_rng(0, "noise", "expert")``."""
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([*_words("/".join(names)), int(seed)])))
+
+
+@contextmanager
+def torch_rng(seed: int, *names: str) -> Iterator[None]:
+    """Give torch's own generator a stream named like :func:`named_rng`'s, and give back its old state afterwards.
+
+    Initial weights and dropout draw from that generator and take no other, hence this one place that seeds it.
+    """
+    import torch
+
+    with torch.random.fork_rng():
+        torch.manual_seed(int(named_rng(seed, *names).integers(2**63)))
+        yield
 
 
 def _words(text: str) -> list[int]:

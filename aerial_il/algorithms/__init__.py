@@ -1,0 +1,21 @@
+"""Learning algorithms: each file of this folder is one, found by its name; what they share lies in ``parts``."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from types import ModuleType
+
+from aerial_il.core.errors import UnknownNameError
+
+
+def list_algorithms() -> list[str]:
+    """Return the names of all algorithms, without importing them."""
+    return sorted(module.name for module in pkgutil.iter_modules(__path__) if not module.ispkg)
+
+
+def algorithm(name: str) -> ModuleType:
+    """Return the module of the algorithm ``name``."""
+    if name not in list_algorithms():
+        raise UnknownNameError("algorithm", name, list_algorithms())
+    return importlib.import_module(f"{__name__}.{name}")

@@ -1,0 +1,1 @@
+"""What algorithms share: training data, run folders, optimisation, signals."""

@@ -1,0 +1,68 @@
+"""Policies: each file of this folder is one, found by its name; what they share lies in ``parts``."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint, log
+from aerial_il.core.errors import AerialError, CheckpointError, UnknownNameError
+
+if TYPE_CHECKING:
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.policies.parts.network import PolicyConfig
+
+FINAL = "policy"  # folder of a run that holds the finished policy
+
+
+def list_policies() -> list[str]:
+    """Return the names of all policies, without importing them."""
+    return sorted(module.name for module in pkgutil.iter_modules(__path__) if not module.ispkg)
+
+
+def policy_config(name: str) -> type[PolicyConfig]:
+    """Return the configuration class that the policy file ``name`` defines."""
+    from aerial_il.policies.parts.network import PolicyConfig
+
+    if name not in list_policies():
+        raise UnknownNameError("policy", name, list_policies())
+    module = importlib.import_module(f"{__name__}.{name}")
+    own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
+    return next(v for v in own if issubclass(v, PolicyConfig))
+
+
+def load_policy(path: str | os.PathLike[str]) -> ChunkPolicy:
+    """Load a policy that can fly at once.
+
+    Args:
+        path: a saved policy, one checkpoint, or a run folder: its finished policy, else its newest valid checkpoint.
+
+    Raises:
+        CheckpointError: there is none, or what there is has been cut or altered.
+    """
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+
+    folder, saved = _find(Path(path))
+    try:
+        config = policy_config(saved.config["policy"])(**saved.config["settings"])
+        return ChunkPolicy.from_checkpoint(saved, config)
+    except (AerialError, KeyError, TypeError, RuntimeError) as error:
+        raise CheckpointError(folder, f"is no policy that this release can rebuild ({error}).") from error
+
+
+def _find(path: Path) -> tuple[Path, Checkpoint]:
+    if checkpoint.is_sealed(path):
+        return path, checkpoint.load(path)
+    if checkpoint.is_sealed(path / FINAL):
+        try:
+            return path / FINAL, checkpoint.load(path / FINAL)
+        except CheckpointError as error:
+            log.warning("Finished policy refused, trying the run's checkpoints. %s", error)
+    if found := checkpoint.latest(path):
+        return found
+    problem = "does not exist." if not path.exists() else "holds neither a policy nor a run's checkpoints."
+    raise CheckpointError(path, problem, "Train one: aerial-il train algorithm=bc dataset=PATH run=runs/NAME")

@@ -1,0 +1,1 @@
+"""What policies share: normalisation, chunk execution, the runtime around a network."""

@@ -1,0 +1,133 @@
+"""A network that flies: it carries its specification and normalisers, and keeps the memory of n worlds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
+from aerial_il.core.policy import Observation
+from aerial_il.core.specs import EnvSpec, ObservationSpec
+from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
+from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.normaliser import Normaliser
+
+UNIMPORTANT = ("tier", "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
+
+
+class ChunkPolicy:
+    """Predicts chunks of actions from observation histories and flies them, in n worlds at once.
+
+    Args:
+        config: sizes of the network and how its chunks are flown.
+        interface: what the network is wired to.
+        network: maps normalised (B, To, Do) to normalised (B, Ta, Da).
+        origin: where the policy comes from (run, step, provenance), kept with it.
+    """
+
+    def __init__(
+        self,
+        config: PolicyConfig,
+        interface: Interface,
+        network: ChunkNetwork,
+        origin: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.config, self.interface, self.origin = config, interface, dict(origin or {})
+        self.network = network.eval()
+        self._history = ObservationHistory(config.history)
+        self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
+        self._worlds: int | None = None
+
+    @property
+    def spec(self) -> EnvSpec:
+        return self.interface.layout.spec
+
+    def act(self, obs: Observation) -> np.ndarray:
+        """Return actions (n, Da) within their bounds for observations ``name -> (n, ...)``.
+
+        Raises:
+            UnknownNameError: an observation field is missing.
+            InvalidValueError: n changed without a :meth:`reset`.
+            NonFiniteActionError: NaN or infinity in an observation or in the network's output.
+        """
+        frame = self.interface.layout.frame(obs)
+        self._count(len(frame))
+        history = self._history.push(frame)
+        due = self._plan.due(len(frame))
+        if due.any():
+            self._plan.add(self.predict(history if due.all() else history[due], np.flatnonzero(due)), due)
+        return self.spec.action.clip(self._plan.pop().astype(np.float64))
+
+    def predict(self, history: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
+        """Return chunks of actions (B, Ta, Da) in the environment's units for raw histories (B, To, Do)."""
+        limit = self.config.obs_clip
+        inputs = np.clip(self.interface.obs.normalise(history), -limit, limit)
+        with torch.inference_mode():
+            outputs = self.network(torch.from_numpy(inputs)).numpy()
+        if not np.isfinite(outputs).all():
+            bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
+            raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])
+        chunks = self.interface.action.denormalise(outputs)
+        anchor = self.interface.layout.anchor_of(history[:, -1:]).astype(np.float32)
+        chunks[..., : self.interface.layout.anchored] += anchor
+        return chunks
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
+        if mask is None:
+            self._worlds = None
+        self._history.reset(mask)
+        self._plan.reset(mask)
+
+    def attach(self, env: Any) -> None:
+        """Refuse an environment that differs from the one the policy was trained in."""
+        self.check(env.spec)
+
+    def check(self, spec: EnvSpec) -> None:
+        """Raise :class:`InvalidValueError`, naming each differing key, unless the policy can fly under ``spec``."""
+        names = self.interface.layout.names
+        differing = _restrict(self.spec, names).differences(_restrict(spec, names), ignore=UNIMPORTANT)
+        if differing:
+            made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
+            raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.")
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write the policy as a sealed folder that can be flown by itself."""
+        return checkpoint.save(folder, self.to_checkpoint())
+
+    def to_checkpoint(self) -> Checkpoint:
+        """Return everything that rebuilds the policy."""
+        weights = {f"network.{k}": v.detach().cpu().numpy() for k, v in self.network.state_dict().items()}
+        arrays = {**weights, **self.interface.obs.arrays("obs"), **self.interface.action.arrays("action")}
+        config = {"policy": self.config.name, "settings": self.config.to_dict(), "spec": self.spec.to_dict()}
+        return Checkpoint(arrays, {"origin": self.origin}, config)
+
+    @staticmethod
+    def from_checkpoint(saved: Checkpoint, config: PolicyConfig) -> ChunkPolicy:
+        """Rebuild a policy whose settings were read as ``config``."""
+        spec = EnvSpec.from_dict(saved.config["spec"])
+        layout = Layout.of(spec, config.obs_names, config.anchor)
+        obs, action = (Normaliser.from_arrays(saved.arrays, prefix) for prefix in ("obs", "action"))
+        network = config.build(layout.size, spec.action.size)
+        network.load_state_dict(
+            {k: torch.from_numpy(saved.arrays[f"network.{k}"].copy()) for k in network.state_dict()}
+        )
+        return ChunkPolicy(config, Interface(layout, obs, action), network, saved.state.get("origin"))
+
+    def _count(self, n: int) -> None:
+        if self._worlds not in (None, n):
+            raise InvalidValueError(f"The policy flies {self._worlds} worlds and was shown {n}: call reset() between.")
+        self._worlds = n
+
+
+def _restrict(spec: EnvSpec, names: tuple[str, ...]) -> EnvSpec:
+    return replace(spec, observation=ObservationSpec(tuple(f for f in spec.observation.fields if f.name in names)))

@@ -1,0 +1,102 @@
+"""Memory of a policy that flies n worlds: the observations behind it and the actions it has planned.
+
+Both classes keep one row per world, and a row starts afresh when its world is reset, whatever the others do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+
+
+class ObservationHistory:
+    """The last ``length`` observations of each world; before there are as many, the first one is repeated."""
+
+    def __init__(self, length: int) -> None:
+        self.length = length
+        self._frames = np.zeros((0, length, 0))
+        self._fresh = np.zeros(0, bool)
+
+    def push(self, frame: np.ndarray) -> np.ndarray:
+        """Append ``frame`` (n, Do) and return the history (n, To, Do), oldest first."""
+        if not len(self._frames):
+            self._frames = np.empty((len(frame), self.length, frame.shape[1]), frame.dtype)
+            self._fresh = np.ones(len(frame), bool)
+        self._frames[:, :-1] = self._frames[:, 1:]
+        self._frames[:, -1] = frame
+        if self._fresh.any():
+            self._frames[self._fresh] = frame[self._fresh, None]
+            self._fresh[:] = False
+        return self._frames
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the worlds in ``mask`` (n,), or all of them and their number."""
+        if mask is None:
+            self._frames = self._frames[:0]
+        elif len(self._frames):
+            self._fresh |= mask
+
+
+class ActionPlan:
+    """The actions planned for the next Ta steps of each world, from every chunk predicted so far.
+
+    A new chunk is due every ``execute`` steps. Where chunks overlap, their mean with the weights
+    ``exp(-coefficient * i)`` is flown, i = 0 being the oldest chunk (temporal ensembling). Without a coefficient the
+    newest chunk replaces the older ones (receding horizon).
+
+    Source: T. Zhao et al., "Learning Fine-Grained Bimanual Manipulation with Low-Cost Hardware", 2023, section IV-C.
+
+    Args:
+        chunk: actions Ta in a chunk.
+        execute: steps between two chunks, in [1, chunk].
+        coefficient: decay of the weights; None for the newest chunk alone.
+    """
+
+    def __init__(self, chunk: int, execute: int = 1, coefficient: float | None = 0.01) -> None:
+        if not 1 <= execute <= chunk:
+            raise InvalidValueError(f"execute is {execute}; it must lie in [1, {chunk}], the length of a chunk.")
+        self.chunk, self.execute, self.coefficient = chunk, execute, coefficient
+        self._weight = np.exp(-(coefficient or 0.0) * np.arange(chunk + 1)).astype(np.float32)
+        self._total = np.concatenate([[0.0], np.cumsum(self._weight)]).astype(np.float32)
+        self._mean = np.zeros((0, chunk, 0), np.float32)  # (n, Ta, Da)
+        self._count = np.zeros((0, chunk), np.int64)  # chunks in the mean, per future step
+        self._age = np.zeros(0, np.int64)  # steps since the last chunk
+
+    def due(self, n: int) -> np.ndarray:
+        """Return which of ``n`` worlds need a new chunk now, (n,) bool."""
+        if not len(self._mean):
+            return np.ones(n, bool)
+        return (self._age >= self.execute) | (self._count[:, 0] == 0)
+
+    def add(self, chunks: np.ndarray, mask: np.ndarray) -> None:
+        """Fold the chunks (m, Ta, Da) of the m worlds in ``mask`` (n,) into their plans."""
+        if not len(self._mean):
+            self._mean = np.zeros((len(mask), *chunks.shape[1:]), np.float32)
+            self._count, self._age = np.zeros((len(mask), self.chunk), np.int64), np.zeros(len(mask), np.int64)
+        rows = slice(None) if mask.all() else mask
+        if self.coefficient is None:
+            self._mean[rows] = chunks
+            self._count[rows] = 1
+        else:
+            count = self._count[rows]
+            share = (self._weight[count] / self._total[count + 1])[..., None]
+            self._mean[rows] += share * (chunks - self._mean[rows])
+            self._count[rows] = count + 1
+        self._age[rows] = 0
+
+    def pop(self) -> np.ndarray:
+        """Take the next action (n, Da) of every world out of its plan."""
+        action = self._mean[:, 0].copy()
+        self._mean[:, :-1] = self._mean[:, 1:]
+        self._count[:, :-1] = self._count[:, 1:]
+        self._mean[:, -1] = self._count[:, -1] = 0
+        self._age += 1
+        return action
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the plans of the worlds in ``mask`` (n,), or all of them and their number."""
+        if mask is None:
+            self._mean = self._mean[:0]
+        elif len(self._mean):
+            self._mean[mask] = self._count[mask] = 0

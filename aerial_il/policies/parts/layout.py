@@ -1,0 +1,116 @@
+"""How observations become the input of a network, and its output an action: fields, anchor, normalisers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
+from aerial_il.core.policy import Observation
+from aerial_il.core.specs import EnvSpec
+from aerial_il.policies.parts.normaliser import Normaliser
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The columns of a network's input, a frame (Do,), and which of them are positions relative to the anchor.
+
+    Nearly all that a manipulator does depends on where things are relative to its end effector. A network that is told
+    so needs not learn it from the few places that the demonstrations visited.
+
+    Attributes:
+        spec: the environment that the demonstrations came from.
+        names: observation fields, in the order of the columns.
+        anchor: the position field that other positions are relative to, or None.
+    """
+
+    spec: EnvSpec
+    names: tuple[str, ...]
+    anchor: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in self.names:
+            if self.spec.observation[name].group == "image":
+                choices = ", ".join(self.spec.observation.state_names)
+                raise InvalidValueError(f"Observation {name!r} is an image; this policy can see {choices}.")
+        if self.anchor is not None and self.anchor not in self._positions:
+            raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
+        if self.anchor is not None and self.spec.action.level != "ee_pose":
+            level = self.spec.action.level
+            raise InvalidValueError(f"anchor={self.anchor} needs ee_pose actions, not {level}. Set anchor=null.")
+
+    @staticmethod
+    def of(spec: EnvSpec, names: tuple[str, ...], anchor: str | None) -> Layout:
+        """Return the layout of ``names``, or of all fields that are not images if there are none."""
+        return Layout(spec, names or spec.observation.state_names, anchor)
+
+    @property
+    def size(self) -> int:
+        """Columns Do."""
+        return self.spec.observation.size(self.names)
+
+    @property
+    def anchored(self) -> int:
+        """How many elements at the front of an action are relative to the anchor."""
+        return 3 if self.anchor else 0
+
+    def frame(self, obs: Observation) -> np.ndarray:
+        """Return frames (n, Do) for observations ``name -> (n, ...)``.
+
+        Raises:
+            UnknownNameError: a field is missing.
+            NonFiniteActionError: a field is not finite.
+        """
+        for name in self.names:
+            if name not in obs:
+                raise UnknownNameError("observation", name, obs, "The policy was trained with this field.")
+        frame = self.spec.observation.flatten(obs, self.names)
+        if not np.isfinite(frame).all():
+            raise NonFiniteActionError(*_first_bad(obs, self.names))
+        for columns in self._relative:
+            frame[..., columns] -= frame[..., self._anchor]
+        return frame
+
+    def anchor_of(self, frames: np.ndarray) -> np.ndarray:
+        """Return the anchor's position (..., 3) in the world for frames (..., Do); (..., 0) without an anchor."""
+        return frames[..., self._anchor]
+
+    @cached_property
+    def _positions(self) -> tuple[str, ...]:
+        fields = (self.spec.observation[name] for name in self.names)
+        return tuple(f.name for f in fields if f.name.endswith("_pos") and f.shape == (3,) and f.unit == "m")
+
+    @cached_property
+    def _anchor(self) -> slice:
+        return self._columns(self.anchor) if self.anchor else slice(0, 0)
+
+    @cached_property
+    def _relative(self) -> tuple[slice, ...]:
+        return tuple(self._columns(name) for name in self._positions if self.anchor and name != self.anchor)
+
+    def _columns(self, name: str) -> slice:
+        start = self.spec.observation.size(self.names[: self.names.index(name)])
+        return slice(start, start + self.spec.observation[name].size)
+
+
+@dataclass(frozen=True)
+class Interface:
+    """A layout with the normalisers fitted to it.
+
+    Attributes:
+        layout: what goes in and comes out.
+        obs: normaliser of frames (Do,).
+        action: normaliser of actions (Da,), anchored ones as offsets from the anchor.
+    """
+
+    layout: Layout
+    obs: Normaliser
+    action: Normaliser
+
+
+def _first_bad(obs: Observation, names: tuple[str, ...]) -> tuple[str, np.ndarray]:
+    finite = {name: np.isfinite(obs[name]).reshape(len(obs[name]), -1).all(1) for name in names}
+    name = next(name for name in names if not finite[name].all())
+    return f"observation {name}", np.flatnonzero(~finite[name])

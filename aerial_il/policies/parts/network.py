@@ -1,0 +1,86 @@
+"""What a policy file provides: a frozen configuration that checks itself and builds a network."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.parts.normaliser import Scaling
+
+
+class ChunkNetwork(nn.Module, ABC):
+    """Maps normalised observation histories to normalised action chunks, and knows what it is trained on."""
+
+    @abstractmethod
+    def forward(self, obs: Tensor) -> Tensor:
+        """Return the actions to fly (B, Ta, Da) for ``obs`` (B, To, Do)."""
+
+    @abstractmethod
+    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        """Return the scalar to minimise and named scalars to log.
+
+        Args:
+            obs: (B, To, Do).
+            actions: (B, Ta, Da) of the demonstrator.
+            valid: (B, Ta), 1 within the episode and 0 after its end.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyConfig(ABC):
+    """What all chunked policies can be told; every policy file extends it.
+
+    Attributes:
+        history: observations To that the network sees, the current one included.
+        chunk: actions Ta that it predicts at once.
+        execute: steps flown before it predicts again.
+        ensemble: decay of the weights over overlapping chunks, oldest first; None flies the newest chunk alone.
+        anchor: observation field, e.g. ``"ee_pos"``, relative to which the network sees every other position and
+            predicts those of an ``ee_pose`` action; None keeps all positions in the world.
+        obs_names: observation fields; empty for all that are not images.
+        action_scaling: ``standard`` or ``minmax``.
+        obs_clip: normalised observations are limited to ±``obs_clip``, so that what was never seen cannot overwhelm.
+    """
+
+    history: int = 1
+    chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = None
+    obs_names: tuple[str, ...] = ()
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
+
+    def __post_init__(self) -> None:
+        for f in fields(self):  # YAML and JSON know lists only
+            if isinstance(value := getattr(self, f.name), list):
+                object.__setattr__(self, f.name, tuple(value))
+        if self.history < 1 or self.chunk < 1:
+            raise InvalidValueError(f"history is {self.history} and chunk {self.chunk}; both must be at least 1.")
+        if not 1 <= self.execute <= self.chunk:
+            raise InvalidValueError(f"execute is {self.execute}; it must lie in [1, {self.chunk}], the chunk.")
+        if self.obs_clip <= 0:
+            raise InvalidValueError(f"obs_clip is {self.obs_clip}; it must be positive.")
+
+    @property
+    def name(self) -> str:
+        """The registry name: that of the file."""
+        return type(self).__module__.rpartition(".")[2]
+
+    @abstractmethod
+    def build(self, obs_size: int, action_size: int) -> ChunkNetwork:
+        """Return a new network with random weights for observations of Do and actions of Da elements."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, ready for YAML."""
+        return {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(self).items()}
+
+
+def masked_mean(values: Tensor, valid: Tensor) -> Tensor:
+    """Return the mean of ``values`` (B, Ta, Da) over the steps where ``valid`` (B, Ta) is 1."""
+    return (values.mean(-1) * valid).sum() / torch.clamp(valid.sum(), min=1.0)
