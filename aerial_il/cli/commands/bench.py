@@ -1,46 +1,59 @@
-"""Run one benchmark, or all of them, and print what they measured.
+"""Run one benchmark, or all of them: what was measured, against which targets, on what machine.
 
-Each file of conf/bench/ is one: it names a function of the command line's bench_*.py files and its settings.
+Each file of conf/bench/ is one. Killed at any moment, the same command continues.
 
-Example: aerial-il bench experts bench.episodes=50
+Example: aerial-il bench tracking bench.seeds=4
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from aerial_il.cli import conf
 from aerial_il.cli.build import build
-from aerial_il.cli.keys import group, key
+from aerial_il.cli.keys import group, key, output
 from aerial_il.cli.tables import table
+
+if TYPE_CHECKING:
+    from aerial_il.benchmarks.parts.report import Report
 
 
 @dataclass
 class Config:
     bench: dict[str, Any] | None = group("which benchmark (null: all, one after the other)", optional=True, position=0)
+    out: str = output("runs/benchmarks", "folder for report.json and figures, one below it for each benchmark")
     json: bool = key(False, "print one JSON object (also: --json)")
+    progress: bool = key(True, "show progress bars")
 
 
 def run(config: Config) -> None:
-    """Print the measurements."""
-    if config.bench is not None:
-        found = build(config.bench)
+    """Measure, keep the report, print it."""
+    chosen = [config.bench] if config.bench is not None else [conf.read_option("bench", n) for n in conf.options("bench")]
+    reports = [_measure(settings, config) for settings in chosen]
+    if config.json:
+        found = [report.to_dict() for report in reports]
+        print(json.dumps(found[0] if config.bench is not None else found, indent=2))
     else:
-        found = {name: build(conf.read_option("bench", name)) for name in conf.options("bench")}
-    print(json.dumps(found, indent=2) if config.json else as_text(found))
+        print("\n\n".join(map(as_text, reports)))
 
 
-def as_text(found: Mapping[str, Any]) -> str:
-    """Lay measurements out: lists of rows as tables, nested results under their name, numbers one to a line."""
-    parts = []
-    for name, value in found.items():
-        if isinstance(value, list) and value and isinstance(value[0], Mapping):
-            parts.append(f"{name}\n{table(value)}")
-        elif isinstance(value, Mapping):
-            parts.append(f"{name}\n{as_text(value)}")
-        else:
-            parts.append(f"  {name}: {value}")
-    return "\n".join(parts)
+def as_text(report: Report) -> str:
+    """Lay a report out for a terminal."""
+    targets = [f"{report.verdict}\n{table([t.to_row() for t in report.targets])}"] if report.targets else []
+    tables = [f"{title}\n{table(rows)}" for title, rows in report.tables.items()]
+    return "\n\n".join([f"{report.name}: {report.question}", *targets, *tables, *report.notes])
+
+
+def _measure(settings: dict[str, Any], config: Config) -> Report:
+    from aerial_il.core.files import write_atomic, write_json
+
+    benchmark = build(settings)
+    folder = Path(config.out) / benchmark.name
+    report = benchmark.run(folder, progress=config.progress)
+    write_json(folder / "report.json", report.to_dict())
+    for name, svg in report.figures.items():
+        write_atomic(folder / name, svg)
+    return report
