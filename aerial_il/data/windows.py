@@ -1,0 +1,111 @@
+"""Training windows over demonstrations in memory: histories of observations and chunks of actions.
+
+The frames of all episodes lie one after the other, each episode padded once with copies of its first observation and its
+last action. A window is then a run of consecutive rows, so gathering a batch is one copy per window and needs no index
+table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.episode import Episode
+
+Target = Literal["actions", "executed_actions", "expert_actions"]
+
+
+class Batch(NamedTuple):
+    """B windows.
+
+    Attributes:
+        obs: (B, To, Do) the last To observations, the present one last.
+        actions: (B, Ta, Da) the actions from now on.
+        is_pad: (B, Ta) bool, True beyond the end of the episode.
+    """
+
+    obs: np.ndarray
+    actions: np.ndarray
+    is_pad: np.ndarray
+
+
+class Windows:
+    """All windows of some episodes, one for each control step.
+
+    Args:
+        episodes: where the frames come from; kept in no other form.
+        obs_names: state fields, concatenated in this order.
+        history: observations To in a window.
+        chunk: actions Ta in a window.
+        target: which actions. Steps without an expert's label fall back to the executed action.
+        successes_only: leave failed episodes out.
+        dtype: of observations and actions in memory.
+
+    Raises:
+        InvalidValueError: no episode is left, or a length is not positive.
+        UnknownNameError: an episode lacks a field.
+    """
+
+    def __init__(
+        self,
+        episodes: Iterable[Episode],
+        obs_names: Sequence[str],
+        *,
+        history: int = 1,
+        chunk: int = 1,
+        target: Target = "actions",
+        successes_only: bool = True,
+        dtype: np.typing.DTypeLike = np.float32,
+    ) -> None:
+        if history < 1 or chunk < 1:
+            raise InvalidValueError(f"history={history} and chunk={chunk} must be at least 1.")
+        self.obs_names, self.history, self.chunk = tuple(obs_names), history, chunk
+        kept = [(_obs(e, self.obs_names), _target(e, target)) for e in episodes if e.success or not successes_only]
+        if not kept:
+            raise InvalidValueError("No episode is left to cut windows from: none succeeded. See successes_only.")
+        self.lengths = np.array([len(actions) for _, actions in kept])
+        obs = [np.pad(o, ((history - 1, 0), (0, 0)), mode="edge") for o, _ in kept]
+        actions = [np.pad(a, ((0, chunk - 1), (0, 0)), mode="edge") for _, a in kept]
+        self._obs = np.concatenate(obs).astype(dtype)
+        self._actions = np.concatenate(actions).astype(dtype)
+        episode, step = np.repeat(np.arange(len(kept)), self.lengths), np.arange(self.lengths.sum())
+        self._obs_row = step + episode * (history - 1)
+        self._action_row = step + episode * (chunk - 1)
+        self._left = np.repeat(np.cumsum(self.lengths), self.lengths) - step  # steps to the end, this one included
+        self._ahead = np.arange(chunk)
+        self._obs_runs = sliding_window_view(self._obs.reshape(-1), history * self._obs.shape[1])
+        self._action_runs = sliding_window_view(self._actions.reshape(-1), chunk * self._actions.shape[1])
+
+    def __len__(self) -> int:
+        return len(self._left)
+
+    def __getitem__(self, index: np.ndarray) -> Batch:
+        """Gather the windows at ``index`` (B,)."""
+        index = np.asarray(index)
+        obs = self._obs_runs[self._obs_row[index] * self._obs.shape[1]]
+        actions = self._action_runs[self._action_row[index] * self._actions.shape[1]]
+        return Batch(
+            obs.reshape(len(index), self.history, -1),
+            actions.reshape(len(index), self.chunk, -1),
+            self._ahead >= self._left[index, None],
+        )
+
+    def batches(self, size: int, rng: np.random.Generator) -> Iterator[Batch]:
+        """Yield one epoch in random order, without the incomplete last batch."""
+        order = rng.permutation(len(self))
+        for start in range(0, len(order) - size + 1, size):
+            yield self[order[start : start + size]]
+
+
+def _obs(episode: Episode, names: tuple[str, ...]) -> np.ndarray:
+    return episode.flat_obs(names)[: len(episode)]
+
+
+def _target(episode: Episode, target: Target) -> np.ndarray:
+    if target != "expert_actions":
+        return getattr(episode, target)
+    return np.where(np.isnan(episode.expert_actions), episode.executed_actions, episode.expert_actions)

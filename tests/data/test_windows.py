@@ -1,0 +1,77 @@
+"""Windows hold the right rows, pad at the ends, and are gathered fast."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.statistics import Statistics, statistics
+from aerial_il.data.windows import Windows
+
+NAMES = ("ee_pos", "goal_pos")
+
+
+@pytest.mark.parametrize(("history", "chunk"), [(1, 1), (3, 8), (2, 500)])
+def test_windows_against_a_plain_loop(folder: DatasetFolder, history: int, chunk: int) -> None:
+    episodes = list(open_dataset(folder.path, failures=True))
+    windows = Windows(episodes, NAMES, history=history, chunk=chunk, successes_only=False, dtype=np.float64)
+    assert len(windows) == sum(map(len, episodes))
+    batch, row = windows[np.arange(len(windows))], 0
+    for episode in episodes:
+        obs = np.concatenate([episode.obs[n] for n in NAMES], axis=1)
+        for t in range(len(episode)):
+            past = [max(t - k, 0) for k in reversed(range(history))]
+            ahead = [min(t + k, len(episode) - 1) for k in range(chunk)]
+            np.testing.assert_array_equal(batch.obs[row], obs[past])
+            np.testing.assert_array_equal(batch.actions[row], episode.actions[ahead])
+            np.testing.assert_array_equal(batch.is_pad[row], t + np.arange(chunk) >= len(episode))
+            row += 1
+
+
+def test_failures_are_left_out_and_batches_cover_an_epoch(folder: DatasetFolder) -> None:
+    episodes = list(open_dataset(folder.path, failures=True))
+    windows = Windows(episodes, NAMES)
+    assert len(windows) == sum(len(e) for e in episodes if e.success)
+    seen = np.concatenate([b.obs[:, 0] for b in windows.batches(7, np.random.default_rng(0))])
+    assert len(seen) == len(windows) // 7 * 7
+    everything = windows[np.arange(len(windows))].obs[:, 0]
+    assert {tuple(row) for row in seen} <= {tuple(row) for row in everything}
+
+
+def test_bad_requests_are_refused(folder: DatasetFolder) -> None:
+    episodes = list(open_dataset(folder.path))
+    with pytest.raises(UnknownNameError, match="Did you mean 'ee_pos'"):
+        Windows(episodes, ["ee_poz"])
+    with pytest.raises(InvalidValueError, match="chunk=0"):
+        Windows(episodes, NAMES, chunk=0)
+    with pytest.raises(InvalidValueError, match="No episode"):
+        Windows([], NAMES)
+
+
+def test_gathering_is_fast(folder: DatasetFolder) -> None:
+    """The trial reached 481k windows a second with chunks; a busy machine may be several times slower."""
+    windows = Windows(open_dataset(folder.path), NAMES, history=2, chunk=16)
+    index = np.random.default_rng(0).integers(len(windows), size=(200, 256))
+    rates = []
+    for _ in range(5):
+        start = time.perf_counter()
+        for row in index:
+            windows[row]
+        rates.append(index.size / (time.perf_counter() - start))
+    assert max(rates) > 480_000, f"{max(rates):.0f} windows a second"
+
+
+def test_statistics_are_those_of_the_data(folder: DatasetFolder) -> None:
+    episodes = list(open_dataset(folder.path))
+    found = statistics(episodes)
+    ee_pos = np.concatenate([e.obs["ee_pos"][:-1] for e in episodes])
+    np.testing.assert_allclose(found["ee_pos"].mean, ee_pos.mean(0))
+    np.testing.assert_allclose(found["ee_pos"].q99, np.quantile(ee_pos, 0.99, axis=0))
+    assert found["action"].count == sum(map(len, episodes))
+    with pytest.raises(InvalidValueError, match="finite"):
+        Statistics.of(np.array([[np.nan]]))
