@@ -1,0 +1,15 @@
+"""What all tests share: a rendering back end, chosen before any test module imports MuJoCo, or else no pictures."""
+
+from __future__ import annotations
+
+import pytest
+
+from aerial_il.core.rendering import can_render, choose_backend
+
+choose_backend()
+
+
+@pytest.fixture(autouse=True)
+def _skip_without_rendering(request: pytest.FixtureRequest) -> None:
+    if request.node.get_closest_marker("render") and not can_render():
+        pytest.skip("no rendering back end on this machine")

@@ -1,0 +1,107 @@
+"""Every scene names its elements, and every camera sees what it is there for."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from aerial_il.suite.environment import AerialEnvironment
+from tests.contract.registered import each_cell, single
+
+ELEMENTS = ("body", "geom", "jnt", "site", "cam", "light", "actuator", "sensor", "tendon", "eq", "mat", "tex")
+
+
+@each_cell
+def test_every_element_has_a_name(robot: str, task: str) -> None:
+    model = single(robot, task).physics.model.ptr
+    for element in ELEMENTS:
+        kind = {"jnt": "joint", "cam": "camera", "eq": "equality", "mat": "material", "tex": "texture"}.get(
+            element, element
+        )
+        for i in range(getattr(model, f"n{element if element != 'actuator' else 'u'}")):
+            name = mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), i)
+            assert name, f"{kind} {i} has no name"
+
+
+@each_cell
+def test_the_stored_scene_compiles_to_the_same_model(robot: str, task: str) -> None:
+    env = single(robot, task)
+    ours, again = env.physics.model.ptr, mujoco.MjModel.from_xml_string(env.model_xml)
+    for field in ("body_mass", "body_inertia", "geom_size", "jnt_range", "actuator_gear", "actuator_dynprm", "cam_pos"):
+        np.testing.assert_array_equal(getattr(ours, field), getattr(again, field), err_msg=field)
+
+
+@each_cell
+def test_cameras_are_those_of_the_model(robot: str, task: str) -> None:
+    env = single(robot, task)
+    model = env.physics.model.ptr
+    assert len(env.camera_names) >= 2
+    assert set(env.camera_names) == {model.camera(i).name for i in range(model.ncam)}
+
+
+def seen_bodies(env: AerialEnvironment, camera: str) -> dict[str, int]:
+    """Pixels of each body in the picture of a camera."""
+    geoms = env.render(camera, 120, 160, "segmentation")
+    model = env.physics.model.ptr
+    bodies = model.geom_bodyid[geoms[geoms >= 0]]
+    return {model.body(i).name: int((bodies == i).sum()) for i in np.unique(bodies)}
+
+
+def props(env: AerialEnvironment) -> set[str]:
+    """Bodies of the task: neither the world's nor the robot's."""
+    model = env.physics.model.ptr
+    names = [model.body(i).name for i in range(1, model.nbody) if model.body_rootid[i] != model.body("base").id]
+    return set(names)
+
+
+@pytest.mark.render
+@each_cell
+def test_the_scene_camera_frames_robot_and_props(robot: str, task: str) -> None:
+    env = single(robot, task)
+    for seed in range(6):
+        env.reset(seed=seed)
+        seen = seen_bodies(env, "scene")
+        assert props(env) <= set(seen), f"seed {seed}: {props(env) - set(seen)} out of sight"
+        assert seen["base"] > 100
+        assert {"finger_left", "finger_right"} & set(seen)
+        border = _border(env.render("scene", 120, 160, "segmentation"))
+        model = env.physics.model.ptr
+        roots = {model.body(model.body_rootid[model.geom_bodyid[g]]).name for g in border if g >= 0}
+        assert "base" not in roots, f"seed {seed}: the robot is cut off"
+
+
+def _border(image: np.ndarray) -> np.ndarray:
+    return np.unique(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]))
+
+
+@pytest.mark.render
+@each_cell
+def test_the_wrist_camera_sees_both_fingers_and_the_tool_point(robot: str, task: str) -> None:
+    env = single(robot, task)
+    env.reset(seed=0)
+    seen = seen_bodies(env, "wrist")
+    assert min(seen["finger_left"], seen["finger_right"]) > 20
+    assert seen["finger_left"] == pytest.approx(seen["finger_right"], rel=0.2)
+    depth, (row, column) = env.render("wrist", 120, 160, "depth"), _project(env, "wrist", "tool")
+    camera = env.physics.data.ptr.camera("wrist")
+    towards_tool = (env.physics.data.ptr.site("tool").xpos - camera.xpos) @ -camera.xmat.reshape(3, 3)[:, 2]
+    assert depth[row, column] > towards_tool, "something hides the tool point"
+
+
+@pytest.mark.render
+@each_cell
+def test_the_base_camera_sees_the_gripper_and_what_is_below(robot: str, task: str) -> None:
+    env = single(robot, task)
+    env.reset(seed=0)
+    seen = seen_bodies(env, "base")
+    assert seen.get("palm", 0) + seen.get("finger_left", 0) + seen.get("finger_right", 0) > 20
+    assert seen["world"] > 0.5 * 120 * 160, "the robot blocks its own view"
+
+
+def _project(env: AerialEnvironment, camera: str, site: str) -> tuple[int, int]:
+    """Pixel (row, column) of a site in a picture of 120 x 160."""
+    data, model = env.physics.data.ptr, env.physics.model.ptr
+    local = data.camera(camera).xmat.reshape(3, 3).T @ (data.site(site).xpos - data.camera(camera).xpos)
+    focal = 60.0 / np.tan(0.5 * np.deg2rad(model.cam_fovy[model.camera(camera).id]))
+    return round(60.0 + focal * local[1] / local[2]), round(80.0 - focal * local[0] / local[2])
