@@ -1,0 +1,134 @@
+"""The commands in the order of the work, on a small scale, each judged by what it leaves behind."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import aerial_il
+from aerial_il.cli.main import main
+
+SCRIPT = Path(sys.executable).with_name("aerial-il")
+QUIET = "progress=false"
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a dataset, a run trained on it and two evaluations."""
+    folder = tmp_path_factory.mktemp("path")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert main(["collect", "task=reach", "episodes=6", "out=demos", QUIET]) == 0
+        assert main(["train", "dataset=demos", "run=run", "experiment=quick", "algorithm.steps=40", QUIET]) == 0
+        flown = ["evaluation=quick", "episodes=4", QUIET]
+        assert main(["evaluate", "policy=run", "out=run/evaluation", *flown]) == 0
+        assert main(["evaluate", "policy=expert", "robot=ua_quad_arm4", "task=reach", "out=expert", *flown]) == 0
+    return folder
+
+
+def test_recordings_are_sound_and_replay_bit_for_bit(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", str(home / "demos"), "replay=true", QUIET]) == 0
+    said = capsys.readouterr().out
+    assert "6 episodes, all sound" in said
+    assert "every bit equal" in said
+
+
+def test_info_describes_each_episode(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(home / "demos"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [e["seed"] for e in found["episodes"]] == list(range(6))
+    assert (found["robot"], found["task"]) == ("ua_quad_arm4", "reach")
+
+
+def test_collecting_more_flies_only_what_is_missing(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+    before = {file: file.stat().st_mtime_ns for file in (home / "demos" / "demos").iterdir()}
+    assert main(["collect", "task=reach", "episodes=7", "out=demos", QUIET]) == 0
+    after = {file: file.stat().st_mtime_ns for file in (home / "demos" / "demos").iterdir()}
+    assert len(after) == 7
+    assert all(after[file] == time_ns for file, time_ns in before.items())
+
+
+def test_the_policy_flies_alone(home: Path) -> None:
+    policy = aerial_il.load_policy(str(home / "run"))
+    env = aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=2)
+    assert policy.act(env.reset(0)).shape == (2, env.spec.action.size)
+    env.close()
+
+
+def test_an_evaluation_says_how_to_get_it_again(home: Path) -> None:
+    result = json.loads((home / "run" / "evaluation" / "evaluation.json").read_text())
+    assert result["seeds"] == [10000, 10003]
+    assert result["provenance"]["command"] == (
+        "aerial-il evaluate policy=run robot=ua_quad_arm4 task=reach action=ee_pose "
+        "tier=calm episodes=4 seed=10000 out=run/evaluation"
+    )
+
+
+def test_a_report_gathers_run_and_dataset(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+    assert main(["report", "run/evaluation", "run=run", "dataset=demos", "out=page.html"]) == 0
+    assert "http://" not in (home / "page.html").read_text().replace("http://www.w3.org", "")
+
+
+def test_comparison_is_paired_by_seed(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", str(home / "expert"), str(home / "run" / "evaluation"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["paired"]
+
+
+def test_damage_is_found_and_recovered(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = home / "damaged"
+    subprocess.run(["cp", "-r", home / "demos", copy], check=True)
+    victim = next((copy / "demos").iterdir())
+    victim.write_bytes(victim.read_bytes()[:-5000])
+    assert main(["validate", str(copy), QUIET]) == 2
+    assert "aerial-il recover" in capsys.readouterr().err
+    assert main(["recover", str(copy)]) == 0
+    assert main(["validate", str(copy), QUIET]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["train", "dataset=nowhere", "run=r"], "aerial-il collect"),
+        (["train", "dataset=demos", "dataset.episodes=100", "run=r"], "dataset.episodes=100 asks for more"),
+        (["evaluate", "policy=nowhere", "out=o"], "does not exist"),
+        (["evaluate", "policy=expert", "out=o"], "robot=... and task=..."),
+        (["evaluate", "policy=run", "task=pick_place", "out=o"], "task"),
+        (["collect", "action=nonsense", "out=o"], "ee_pose"),
+        (["collect", "cameras=[nonsense]", "out=o"], "scene"),
+        (["validate", "nowhere"], "does not exist"),
+        (["report", "nowhere"], "aerial-il evaluate"),
+    ],
+)
+def test_bad_input_is_answered(
+    home: Path, words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(home)
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_training_that_is_stopped_continues(home: Path, tmp_path: Path, number: int, status: int) -> None:
+    words = [SCRIPT, "train", f"dataset={home / 'demos'}", f"run={tmp_path / 'run'}", "algorithm.steps=600", QUIET]
+    words += ["policy.hidden=[32]", "algorithm.validate_every=0", "algorithm.log_every=10"]
+    metrics = tmp_path / "run" / "metrics.jsonl"
+    started = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    while started.poll() is None and not (metrics.exists() and metrics.stat().st_size):
+        time.sleep(0.02)
+    started.send_signal(number)
+    started.communicate(timeout=60)
+    assert started.returncode == status
+    assert not (tmp_path / "run" / "policy").exists()
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    steps = [json.loads(line)["step"] for line in metrics.read_text().splitlines()]
+    assert steps == sorted(set(steps))
+    assert steps[-1] == 600
