@@ -8,7 +8,7 @@ import pytest
 
 import aerial_il
 from aerial_il import algorithms, benchmarks, policies
-from aerial_il.cli import commands, conf
+from aerial_il.cli import commands, conf, keys
 from aerial_il.cli.build import build, parameters
 from aerial_il.cli.compose import compose
 from aerial_il.cli.overrides import known_keys
@@ -49,7 +49,7 @@ def test_each_registered_name_has_a_file_and_each_file_a_registered_name(group: 
 @pytest.mark.parametrize(("group", "name"), TARGETS)
 def test_a_file_names_exactly_what_its_constructor_takes_and_builds(group: str, name: str) -> None:
     content = conf.read_option(group, name)
-    assert set(content) - {"_target_"} == set(parameters(content["_target_"])), "every key can be given without a plus sign"
+    assert set(content) - {"_target_"} == set(parameters(content["_target_"])), "each key can be given without a plus"
     build(content)
 
 
@@ -84,6 +84,7 @@ def test_the_examples_of_a_command_are_valid(name: str) -> None:
 
 
 def _required(name: str) -> list[str]:
-    """Return the least that a command needs to be told: the words of its first example."""
-    example = next(line for line in commands.find(name).doc.splitlines() if line.startswith("Example:"))
-    return example.split()[3:]
+    """Return the least that a command needs to be told."""
+    declared = dataclasses.fields(commands.find(name).config)
+    plain = [f"{f.name}=x" for f in declared if not keys.is_group(f) and not keys.default_text(f)]
+    return plain + [f"{f.name}.path=x" for f in declared if keys.is_group(f) and keys.takes_path(f)]
