@@ -30,10 +30,16 @@ def options(group: str) -> tuple[str, ...]:
 
 
 def read_option(group: str, name: str) -> dict[str, Any]:
-    """Return the content of ``conf/<group>/<name>.yaml``."""
+    """Return the content of ``conf/<group>/<name>.yaml``, with what its defaults list takes from other groups."""
     if name not in options(group):
         raise UnknownNameError(group, name, options(group))
-    return _read(conf_dir() / group / f"{name}.yaml")
+    content = dict(_read(conf_dir() / group / f"{name}.yaml"))
+    for entry in content.pop("defaults", []):
+        if isinstance(entry, dict):  # "/GROUP@KEY: NAME"
+            ((source, chosen),) = entry.items()
+            other, _, key = source.removeprefix("/").partition("@")
+            content[key] = read_option(other, chosen)
+    return content
 
 
 def default_choices(command: str) -> dict[str, str | None]:

@@ -1,13 +1,16 @@
 """Run one benchmark, or all of them: what was measured, against which targets, on what machine.
 
-Each file of conf/bench/ is one. Killed at any moment, the same command continues.
+Each file of conf/bench/ is one. Killed at any moment, the same command continues. With save=true the result becomes a
+study in experiments/, with a page of its own and a place in experiments/benchmarks.md.
 
 Example: aerial-il bench tracking bench.seeds=4
+Example: aerial-il bench speed bench.robots=[ua_quad_arm4] save=true
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,18 +23,23 @@ from aerial_il.cli.tables import table
 if TYPE_CHECKING:
     from aerial_il.benchmarks.parts.report import Report
 
+EXPERIMENTS = "experiments"
+
 
 @dataclass
 class Config:
     bench: dict[str, Any] | None = group("which benchmark (null: all, one after the other)", optional=True, position=0)
     out: str = output("runs/benchmarks", "folder for report.json and figures, one below it for each benchmark")
+    save: bool = key(False, f"also write the study to {EXPERIMENTS}/")
     json: bool = key(False, "print one JSON object (also: --json)")
     progress: bool = key(True, "show progress bars")
 
 
 def run(config: Config) -> None:
     """Measure, keep the report, print it."""
-    chosen = [config.bench] if config.bench is not None else [conf.read_option("bench", n) for n in conf.options("bench")]
+    chosen = (
+        [config.bench] if config.bench is not None else [conf.read_option("bench", n) for n in conf.options("bench")]
+    )
     reports = [_measure(settings, config) for settings in chosen]
     if config.json:
         found = [report.to_dict() for report in reports]
@@ -47,7 +55,8 @@ def as_text(report: Report) -> str:
     return "\n\n".join([f"{report.name}: {report.question}", *targets, *tables, *report.notes])
 
 
-def _measure(settings: dict[str, Any], config: Config) -> Report:
+def _measure(settings: Mapping[str, Any], config: Config) -> Report:
+    from aerial_il.benchmarks.parts.study import save_study
     from aerial_il.core.files import write_atomic, write_json
 
     benchmark = build(settings)
@@ -56,4 +65,26 @@ def _measure(settings: dict[str, Any], config: Config) -> Report:
     write_json(folder / "report.json", report.to_dict())
     for name, svg in report.figures.items():
         write_atomic(folder / name, svg)
+    if config.save:
+        save_study(report, Path(EXPERIMENTS), command=_command(benchmark.name, settings))
     return report
+
+
+def _command(name: str, settings: Mapping[str, Any]) -> str:
+    """Return what measures it again: the benchmark and the settings that differ from its file."""
+    usual, chosen = (_flat(tree) for tree in (conf.read_option("bench", name), settings))
+    changed = [f"bench.{k}={_typed(v)}" for k, v in chosen.items() if usual.get(k) != v]
+    return " ".join(["aerial-il bench", name, *changed, "save=true"])
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return dotted keys -> values of a nested mapping."""
+    flat: dict[str, Any] = {}
+    for name, value in tree.items():
+        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return flat
+
+
+def _typed(value: Any) -> str:
+    """Return a value as it is typed on the command line."""
+    return json.dumps(value).replace(" ", "").replace('"', "")

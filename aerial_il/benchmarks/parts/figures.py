@@ -1,0 +1,160 @@
+"""Figures of studies as SVG: the same numbers give the same bytes, so a study changes only with its result."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Rows = Sequence[Mapping[str, Any]]
+INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b")
+PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
+STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "aerial_il",
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": INK,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+}
+
+
+def tracking_bars(rows: Rows, limits_cm: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
+    """Draw the tool's RMSE: a panel per robot and reference, tiers side by side, observer on and off, targets dashed.
+
+    Args:
+        rows: of the first table of the tracking benchmark. limits_cm: (robot, tier) -> reference -> largest RMSE, cm.
+    """
+    panels = list(dict.fromkeys((r["robot"], r["reference"]) for r in rows))
+    tiers, observers = (list(dict.fromkeys(r[k] for r in rows)) for k in ("tier", "observer"))
+
+    def draw(axes: Axes, panel: tuple[str, str]) -> None:
+        for k, observer in enumerate(observers):
+            bars = [r for r in rows if (r["robot"], r["reference"]) == panel and r["observer"] == observer]
+            places = [tiers.index(r["tier"]) + 0.36 * (k - 0.5 * (len(observers) - 1)) for r in bars]
+            values, spread = [r["rmse_cm"] for r in bars], [r["seed_sd_cm"] for r in bars]
+            axes.bar(places, values, 0.34, yerr=spread, color=COLOURS[k], ecolor=INK, label=f"observer {observer}")
+        for i, tier in enumerate(tiers):
+            limit = limits_cm.get((panel[0], tier), {}).get(panel[1])
+            if limit is not None:
+                axes.hlines(limit, i - 0.4, i + 0.4, colors=INK, linestyles="dashed")
+        axes.set_xticks(range(len(tiers)), tiers)
+        axes.set_ylabel("tool RMSE (cm)")
+
+    return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in panels}, draw)
+
+
+def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
+    """Draw success with 95 % intervals: a panel per tier, one line per cell, the tier's target dashed.
+
+    Args:
+        rows: with ``robot``, ``task``, ``tier``, ``percent``, ``ci95_low`` and ``ci95_high``. limits: tier -> percent.
+    """
+    cells = list(dict.fromkeys((r["robot"], r["task"]) for r in rows))
+
+    def draw(axes: Axes, tier: str) -> None:
+        for r in (r for r in rows if r["tier"] == tier):
+            y = cells.index((r["robot"], r["task"]))
+            axes.plot([r["ci95_low"], r["ci95_high"]], [y, y], color=INK, linewidth=1)
+            axes.plot(r["percent"], y, "o", color=COLOURS[0])
+        if tier in limits:
+            axes.axvline(limits[tier], color=INK, linestyle="dashed", linewidth=1)
+        axes.set_yticks(range(len(cells)), [f"{robot}\n{task}" for robot, task in cells])
+        axes.set_ylim(len(cells) - 0.5, -0.5)
+        axes.set_xlabel("success (%)")
+
+    return _panels({tier: tier for tier in dict.fromkeys(r["tier"] for r in rows)}, draw)
+
+
+def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
+    """Draw success over the number of demonstrations: a panel per task, a line with intervals per robot.
+
+    Args:
+        rows: with ``robot``, ``task``, ``demos``, ``percent``, ``ci95_low`` and ``ci95_high``. limits: task -> percent.
+    """
+    robots = list(dict.fromkeys(r["robot"] for r in rows))
+
+    def draw(axes: Axes, task: str) -> None:
+        for k, robot in enumerate(robots):
+            points = [r for r in rows if (r["robot"], r["task"]) == (robot, task)]
+            x, y = [r["demos"] for r in points], [r["percent"] for r in points]
+            errors = [[r["percent"] - r["ci95_low"] for r in points], [r["ci95_high"] - r["percent"] for r in points]]
+            axes.errorbar(x, y, yerr=errors, color=COLOURS[k], marker="o", markersize=4, capsize=2, label=robot)
+        if task in limits:
+            axes.axhline(limits[task], color=INK, linestyle="dashed", linewidth=1)
+        sizes = sorted({r["demos"] for r in rows})
+        axes.set_xscale("log")
+        axes.set_xticks(sizes, [str(size) for size in sizes])
+        axes.minorticks_off()
+        axes.set_ylim(-3, 103)
+        axes.set_xlabel("demonstrations")
+        axes.set_ylabel("success (%)")
+
+    return _panels({task: task for task in dict.fromkeys(r["task"] for r in rows)}, draw)
+
+
+def time_shares(rows: Rows, parts: Sequence[str]) -> str:
+    """Draw how a control step's time divides: one stacked bar per cell.
+
+    Args:
+        rows: with ``robot``, ``task`` and one number per part. parts: columns to stack, in order.
+    """
+
+    def draw(axes: Axes, _: str) -> None:
+        start = [0.0] * len(rows)
+        for k, part in enumerate(parts):
+            widths = [r[part] for r in rows]
+            axes.barh(range(len(rows)), widths, left=start, color=COLOURS[k % len(COLOURS)], label=part.split("_us")[0])
+            start = [a + b for a, b in zip(start, widths, strict=True)]
+        axes.set_yticks(range(len(rows)), [f"{r['robot']}\n{r['task']}" for r in rows])
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        axes.set_xlabel("µs per world and control step")
+
+    return _panels({"": "Where the time of the batch environment goes"}, draw, width=2.0)
+
+
+def _panels[K](titles: Mapping[K, str], draw: Callable[[Axes, K], None], *, width: float = 1.0) -> str:
+    """Draw one panel per key, two in a row, and return the SVG.
+
+    Args:
+        titles: key -> title. draw: ``(axes, key) -> None``. width: of a panel, relative to the usual.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    columns = min(2, len(titles))
+    rows = -(-len(titles) // columns)
+    with rc_context(STYLE):
+        figure = Figure((width * columns * PANEL_IN[0], rows * PANEL_IN[1]), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False).ravel()
+        for panel, (key, title) in zip(axes, titles.items(), strict=False):
+            draw(panel, key)
+            panel.set_title(title)
+        for spare in axes[len(titles) :]:
+            spare.set_visible(False)
+        _legend(figure, axes[0])
+        return _svg(figure)
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(handles))
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"

@@ -1,0 +1,97 @@
+"""A flight kept in memory, flown again by everything whose speed is compared: the same work, contacts included."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import batch as mujoco_batch
+
+from aerial_il import experts
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.scene import SUBSTEPS
+
+INPUTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_XFRC_APPLIED
+VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
+
+
+@dataclass(frozen=True, eq=False)
+class Workload:
+    """What an expert did in n worlds for T control steps.
+
+    Attributes:
+        start: (n, S) states before the first step. actions: (T, n, Da) commanded.
+        inputs: (n, 5 T, nu + 6 nbody) what entered the physics before each of its steps: actuator commands, wrenches.
+        end: (n, nq) positions after the last step.
+    """
+
+    start: np.ndarray
+    actions: np.ndarray
+    inputs: np.ndarray
+    end: np.ndarray
+
+    @property
+    def world_steps(self) -> int:
+        """Control steps of all worlds together."""
+        return self.actions.shape[0] * self.actions.shape[1]
+
+
+def record(env: BatchEnvironment, seeds: np.ndarray, steps: int) -> Workload:
+    """Let the cell's expert fly the worlds of ``env`` from ``seeds`` (n,) on, and keep everything."""
+    simulation, expert = env.simulation, experts.make(env.spec.robot, env.spec.task)
+    ctrl, wrench = simulation.worlds.bind("ctrl"), simulation.worlds.bind("xfrc_applied")
+    expert.attach(env)
+    obs, start = env.reset(seeds), env.get_state()
+    actions, inputs = [], []
+    for _ in range(steps):
+        actions.append(expert.act(obs))
+        simulation.receive(actions[-1])
+        for _ in range(SUBSTEPS):
+            simulation.control()
+            inputs.append(np.concatenate([ctrl, wrench.reshape(env.num_envs, -1)], axis=1))
+            simulation.worlds.step(None)
+        simulation.settle()
+        obs = env.observe()
+    return Workload(start, np.stack(actions), np.stack(inputs, axis=1), simulation.view.qpos.copy())
+
+
+def fly_again(env: BatchEnvironment, work: Workload) -> None:
+    """Repeat the flight through the batch environment: controllers, physics, observations, rewards, success."""
+    for actions in work.actions:
+        env.step(actions)
+
+
+class RawPhysics:
+    """The same physics steps without anything of ours: MuJoCo's batch engine, fed with the recorded inputs.
+
+    Args:
+        model: the scene. work: the flight. num_threads: 0 for all cores.
+    """
+
+    def __init__(self, model: mujoco.MjModel, work: Workload, num_threads: int = 0) -> None:
+        self.work = work
+        self._batch = mujoco_batch.Batch(model, len(work.start), num_threads, persistent=True)
+        self._ctrl, self._wrench = self._batch.bind("ctrl"), self._batch.bind("xfrc_applied")
+
+    @property
+    def qpos(self) -> np.ndarray:
+        """(n, nq) positions as they stand."""
+        return self._batch.bind("qpos")
+
+    def rewind(self) -> None:
+        """Go back to the beginning of the flight."""
+        self._batch.state[:] = self.work.start
+        self._batch.forward(None, VELOCITY_STAGE)
+
+    def roll_out(self) -> None:
+        """Fly on in one call: each thread takes a world from its first step to its last, the fastest there is."""
+        self._batch.rollout(self.work.inputs.shape[1], self.work.inputs, int(INPUTS), record=())
+
+    def step_together(self) -> None:
+        """Fly on with all worlds in step, as anything that reacts must: one call per physics step."""
+        split = self._ctrl.shape[1]
+        for k in range(self.work.inputs.shape[1]):
+            self._ctrl[:] = self.work.inputs[:, k, :split]
+            self._wrench[:] = self.work.inputs[:, k, split:].reshape(self._wrench.shape)
+            self._batch.step(None, 1, VELOCITY_STAGE)

@@ -1,0 +1,245 @@
+"""How closely the tool follows its reference, hovering and moving, in still air and in gusts.
+
+Every world of one batch flies one motion with one seed. After a time to fly there and settle, the distance between
+tool and reference is taken at each control step: the action is where the tool should be at the end of that step, as in
+the environment's own ``ee_error_m``.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from itertools import product
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from aerial_il import robots
+from aerial_il.benchmarks.parts.figures import tracking_bars
+from aerial_il.benchmarks.parts.motions import Kind, Motion, curves, poses
+from aerial_il.benchmarks.parts.progress import bar
+from aerial_il.benchmarks.parts.report import Report, Row, Target
+from aerial_il.control import memory
+from aerial_il.control.vehicle import Gains
+from aerial_il.core.arrays import length, rotation_cosine
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.simulation import Scenario
+
+TASK = "reach"
+KINDS: tuple[Kind, ...] = ("hover", "moving")
+LIMITS_CM: dict[tuple[str, str], dict[str, float]] = {
+    ("fa_hexa_arm4", "calm"): {"hover": 0.8, "moving": 2.5},
+    ("fa_hexa_arm4", "gusts"): {"hover": 2.0, "moving": 4.0},
+    ("ua_quad_arm4", "calm"): {"hover": 2.0, "moving": 5.0},
+    ("ua_quad_arm4", "gusts"): {"hover": 3.0, "moving": 6.0},
+}
+NOTES = (
+    "RMSE: root mean square distance between tool and reference over the measured time of all runs together.",
+    "Seed SD: standard deviation over seeds of each seed's own RMSE. Worst run: largest RMSE of one motion and seed.",
+    "Base RMSE: distance between the base and the reference that the whole-body controller made for it.",
+    "Observer off: the same seeds with the disturbance observer switched off; nothing else changes.",
+    "Gusts reach 13 % of weight on each axis of the base.",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Flights:
+    """What was measured of W runs at T control steps.
+
+    Attributes:
+        motions: (W,) what each flew. seeds: (W,) with which seed.
+        error_m: (T, W, 3) tool minus reference, world. base_error_m: (T, W) base to its own reference.
+        angle_rad: (T, W) between wanted and actual tool orientation. crashed: (W,) bool.
+    """
+
+    motions: tuple[Motion, ...]
+    seeds: np.ndarray
+    error_m: np.ndarray
+    base_error_m: np.ndarray
+    angle_rad: np.ndarray
+    crashed: np.ndarray
+
+    def select(self, chosen: Iterable[bool]) -> Flights:
+        """Return the runs where ``chosen`` (W,) is true."""
+        mask = np.array(list(chosen), bool)
+        motions = tuple(m for m, keep in zip(self.motions, mask, strict=True) if keep)
+        columns = (self.error_m[:, mask], self.base_error_m[:, mask], self.angle_rad[:, mask])
+        return Flights(motions, self.seeds[mask], *columns, self.crashed[mask])
+
+    @property
+    def run_rmse_m(self) -> np.ndarray:
+        """(W,) root mean square distance of each run."""
+        return _rms(length(self.error_m), axis=0)
+
+    @property
+    def seed_rmse_m(self) -> np.ndarray:
+        """Root mean square distance of each seed over its motions, one number per distinct seed."""
+        return np.array([_rms(self.run_rmse_m[self.seeds == seed]) for seed in np.unique(self.seeds)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracking:
+    """Settings.
+
+    Attributes:
+        robots: names; empty for all. tiers: disturbance tiers. observer_off: fly everything without the observer too.
+        seeds: how many. seed: the first of them. settle_s: flown before measuring. duration_s: measured.
+        speed_m_s: of the moving reference. threads: of the simulation; 0 for all cores.
+    """
+
+    name: ClassVar[str] = "tracking"
+    question: ClassVar[str] = "How closely does the tool follow a reference that hovers or moves?"
+
+    robots: tuple[str, ...] = ()
+    tiers: tuple[str, ...] = ("calm", "gusts")
+    observer_off: bool = True
+    seeds: int = 16
+    seed: int = 10_000
+    settle_s: float = 6.0
+    duration_s: float = 12.0
+    speed_m_s: float = 0.2
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        if self.seeds < 1 or self.duration_s <= 0.0 or self.settle_s < 0.0 or self.speed_m_s <= 0.0:
+            raise InvalidValueError(
+                "tracking needs seeds >= 1, duration_s > 0, settle_s >= 0 and speed_m_s > 0; got "
+                f"{self.seeds}, {self.duration_s}, {self.settle_s} and {self.speed_m_s}."
+            )
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Fly every robot, tier and observer setting in one batch each; see :class:`Benchmark`."""
+        started = time.perf_counter()
+        observers = (True, False) if self.observer_off else (True,)
+        arms = list(product(self.robots or robots.names(), self.tiers, observers))
+        flown = {arm: self.fly(*arm) for arm in bar(arms, "tracking", progress)}
+        rows = [row for arm in arms for row in _rows(arm, flown[arm])]
+        by_motion = [row for arm in arms if arm[2] for row in _motion_rows(arm, flown[arm])]
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=asdict(self),
+            targets=tuple(t for (robot, tier, on), f in flown.items() if on for t in _targets(robot, tier, f)),
+            tables={"Tracking": rows, "By motion, observer on": by_motion},
+            notes=NOTES,
+            figures={"tracking.svg": tracking_bars(rows, LIMITS_CM)},
+            details={", ".join((arm[0], arm[1], f"observer {_switch(arm[2])}")): _runs(flown[arm]) for arm in arms},
+            wall_time_s=time.perf_counter() - started,
+        )
+
+    def fly(self, robot: str, tier: str, observer: bool) -> Flights:
+        """Fly every motion with every seed, all at once."""
+        gains = Gains() if observer else Gains(observer=0.0, observer_loaded=0.0)
+        motions = [motion for motion in (*poses(), *curves()) for _ in range(self.seeds)]
+        seeds = np.resize(np.arange(self.seed, self.seed + self.seeds), len(motions))
+        env = BatchEnvironment(Scenario(robot, TASK, tier), len(motions), self.threads, gains)
+        try:
+            env.reset(seeds)
+            return self._measure(env, motions, seeds)
+        finally:
+            env.close()
+
+    def _measure(self, env: BatchEnvironment, motions: list[Motion], seeds: np.ndarray) -> Flights:
+        settling, steps = (round(t / env.spec.control_dt_s) for t in (self.settle_s, self.settle_s + self.duration_s))
+        times = env.spec.control_dt_s * np.arange(1, steps + 1)
+        wanted = np.stack([motion.positions(times, self.speed_m_s) for motion in motions], axis=1)
+        rot6d = np.stack([motion.rot6d for motion in motions])
+        open_gripper = np.ones((len(motions), 1))
+        view, crashed, found = env.simulation.view, np.zeros(len(motions), bool), []
+        for step in range(steps):
+            result = env.step(np.concatenate([wanted[step], rot6d, open_gripper], axis=1))
+            crashed |= result.terminated
+            if step >= settling:
+                base_reference = view.userdata[:, memory.BASE_POS : memory.BASE_POS + 3]
+                base_error = length(view.base_pos - base_reference)
+                found.append((view.tool_pos - wanted[step], base_error, _angle(view.tool_mat, rot6d)))
+        error, base_error, angle = (np.stack(parts) for parts in zip(*found, strict=True))
+        return Flights(tuple(motions), seeds, error, base_error, angle, crashed)
+
+
+def _rows(arm: tuple[str, str, bool], flights: Flights) -> list[Row]:
+    return [_row(arm, kind, flights.select(m.kind == kind for m in flights.motions)) for kind in KINDS]
+
+
+def _row(arm: tuple[str, str, bool], kind: Kind, flights: Flights) -> Row:
+    robot, tier, observer = arm
+    return {
+        "robot": robot,
+        "tier": tier,
+        "reference": kind,
+        "observer": _switch(observer),
+        "rmse_cm": _cm(_rms(flights.run_rmse_m)),
+        "seed_sd_cm": _cm(_sd(flights.seed_rmse_m)),
+        "worst_run_cm": _cm(flights.run_rmse_m.max()),
+        "max_cm": _cm(length(flights.error_m).max()),
+        "base_rmse_cm": _cm(_rms(flights.base_error_m)),
+        "angle_rmse_deg": round(float(np.rad2deg(_rms(flights.angle_rad))), 2),
+        "crashes": int(flights.crashed.sum()),
+    }
+
+
+def _motion_rows(arm: tuple[str, str, bool], flights: Flights) -> list[Row]:
+    """One row per motion, with the error along each world axis."""
+    rows = []
+    for name in dict.fromkeys(motion.name for motion in flights.motions):
+        part = flights.select(motion.name == name for motion in flights.motions)
+        axes = {f"{axis}_cm": _cm(_rms(part.error_m[..., k])) for k, axis in enumerate("xyz")}
+        head = {"robot": arm[0], "tier": arm[1], "motion": name, "rmse_cm": _cm(_rms(part.run_rmse_m))}
+        rows.append({**head, **axes, "max_cm": _cm(length(part.error_m).max())})
+    return rows
+
+
+def _runs(flights: Flights) -> dict[str, Row]:
+    """Motion -> numbers of each seed in order, for who wants other statistics."""
+    largest, base = length(flights.error_m).max(axis=0), _rms(flights.base_error_m, axis=0)
+    found: dict[str, Row] = {}
+    for w, motion in enumerate(flights.motions):
+        numbers = {"rmse_cm": flights.run_rmse_m[w], "max_cm": largest[w], "base_rmse_cm": base[w]}
+        for name, value in numbers.items():
+            found.setdefault(motion.name, {}).setdefault(name, []).append(_cm(value))
+    return found
+
+
+def _targets(robot: str, tier: str, flights: Flights) -> list[Target]:
+    limits = LIMITS_CM.get((robot, tier), {})
+    parts = {kind: flights.select(m.kind == kind for m in flights.motions) for kind in limits}
+    return [
+        Target(
+            what=f"{robot}, {tier}, {kind}: tool RMSE",
+            sense="at most",
+            limit=limit,
+            measured=_cm(_rms(parts[kind].run_rmse_m)),
+            unit="cm",
+            spread=f"SD over seeds {_cm(_sd(parts[kind].seed_rmse_m)):g} cm",
+        )
+        for kind, limit in limits.items()
+    ]
+
+
+def _angle(tool_mat: np.ndarray, rot6d: np.ndarray) -> np.ndarray:
+    """(W,) rad between actual rotations (W, 9) and wanted ones given by their first two columns (W, 6)."""
+    x, y = rot6d[:, :3], rot6d[:, 3:]
+    wanted = np.stack([x, y, np.cross(x, y)], axis=2).reshape(-1, 9)
+    return np.arccos(np.clip(rotation_cosine(tool_mat, wanted), -1.0, 1.0))
+
+
+def _switch(on: bool) -> str:
+    return "on" if on else "off"
+
+
+def _rms(values: np.ndarray, axis: int | None = None) -> np.ndarray:
+    return np.sqrt(np.mean(np.square(values), axis=axis))
+
+
+def _sd(values: np.ndarray) -> float:
+    return float(values.std(ddof=1)) if values.size > 1 else 0.0
+
+
+def _cm(metres: float | np.ndarray) -> float:
+    return round(100.0 * float(metres), 3)
+
+
+BENCHMARK = Tracking

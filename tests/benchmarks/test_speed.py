@@ -1,0 +1,76 @@
+"""The speed benchmark compares arms that do the same work."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.benchmarks.parts.stopwatch import Arm, interleave
+from aerial_il.benchmarks.parts.workload import RawPhysics, Workload, fly_again, record
+from aerial_il.benchmarks.speed import SECTIONS, Speed, time_of_a_step
+from aerial_il.suite.batch import BatchEnvironment
+
+STEPS, WORLDS = 30, 2
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[BatchEnvironment]:
+    env = aerial_il.load_batch("ua_quad_arm4", "pick_place", num_envs=WORLDS, tier="gusts", num_threads=1)
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def work(env: BatchEnvironment) -> Workload:
+    return record(env, np.arange(WORLDS), STEPS)
+
+
+def test_the_batch_environment_repeats_the_flight_bit_for_bit(env: BatchEnvironment, work: Workload) -> None:
+    env.set_state(work.start)
+    fly_again(env, work)
+    np.testing.assert_array_equal(env.simulation.view.qpos, work.end)
+    assert work.world_steps == STEPS * WORLDS
+
+
+@pytest.mark.parametrize("way", ["roll_out", "step_together"])
+def test_the_bare_engine_does_the_same_physics_bit_for_bit(env: BatchEnvironment, work: Workload, way: str) -> None:
+    raw = RawPhysics(env.model, work, 1)
+    for _ in range(2):
+        raw.rewind()
+        getattr(raw, way)()
+        np.testing.assert_array_equal(raw.qpos, work.end)
+
+
+def test_the_parts_of_a_step_add_up(env: BatchEnvironment, work: Workload) -> None:
+    row = time_of_a_step(env, work)
+    parts = [row[f"{name}_us"] for name in SECTIONS]
+    assert min(parts) > 0.0
+    assert np.isclose(sum(parts), row["total_us"], atol=0.05)
+    np.testing.assert_array_equal(env.simulation.view.qpos, work.end)
+
+
+def test_arms_take_turns_and_the_first_round_does_not_count() -> None:
+    calls: list[str] = []
+    arms = {name: Arm(lambda name=name: calls.append(name), units=10) for name in ("a", "b")}
+    rates = interleave(arms, 2)
+    assert calls == ["a", "b"] * 3
+    assert {name: rate.shape for name, rate in rates.items()} == {"a": (2,), "b": (2,)}
+
+
+def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path) -> None:
+    settings = Speed(
+        robots=("ua_quad_arm4",), tasks=("pick_place",), num_envs=2, steps=5, repetitions=1, processes_per_core=(1,),
+        demonstrations=2, threads=1,
+    )  # fmt: skip
+    report = settings.run(tmp_path, progress=False)
+    (row,) = report.tables["Speed"]
+    assert [target.limit for target in report.targets] == [0.8, 5.0]
+    assert row["steps_per_s"] > 0
+    assert np.isclose(row["ratio_raw"], row["steps_per_s"] / row["raw_steps_per_s"], rtol=0.01)
+    assert report.tables["Demonstrations per minute"][0]["recorded_per_minute"] > 0
+    json.dumps(report.to_dict(), allow_nan=False)
