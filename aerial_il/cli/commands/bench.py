@@ -66,11 +66,11 @@ def _measure(settings: Mapping[str, Any], config: Config) -> Report:
     for name, svg in report.figures.items():
         write_atomic(folder / name, svg)
     if config.save:
-        save_study(report, Path(EXPERIMENTS), command=_command(benchmark.name, settings))
+        save_study(report, Path(EXPERIMENTS), command=rerun(benchmark.name, settings))
     return report
 
 
-def _command(name: str, settings: Mapping[str, Any]) -> str:
+def rerun(name: str, settings: Mapping[str, Any]) -> str:
     """Return what measures it again: the benchmark and the settings that differ from its file."""
     usual, chosen = (_flat(tree) for tree in (conf.read_option("bench", name), settings))
     changed = [f"bench.{k}={_typed(v)}" for k, v in chosen.items() if usual.get(k) != v]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from aerial_il.cli.commands import convert
 from aerial_il.cli.keys import MISSING, Named, at_least, group, key, output
 
 
@@ -74,4 +75,6 @@ def run(config: Config) -> None:
         )
     finally:
         env.close()
+    if config.lerobot:
+        convert.run(convert.Config(config.out, progress=config.progress))
     print(f"Next: aerial-il train dataset={config.out} run=runs/{task}")

@@ -29,7 +29,9 @@ def run(config: Config) -> None:
 
 
 def _environment(spec: Any) -> dict[str, Any]:
-    fields = [{"name": f.name, "shape": list(f.shape), "group": f.group, "unit": f.unit} for f in spec.observation.fields]
+    fields = [
+        {"name": f.name, "shape": list(f.shape), "group": f.group, "unit": f.unit} for f in spec.observation.fields
+    ]
     return {
         "robot": spec.robot,
         "task": spec.task,

@@ -1,0 +1,120 @@
+"""Go the whole path once: fly, record, convert, learn, evaluate, report. Interrupted, the same command continues.
+
+Each stage is announced as the command that does it alone; a finished stage is not done again.
+
+Example: aerial-il demo
+Example: aerial-il demo robot=fa_hexa_arm4 task=reach episodes=50 out=runs/demo_reach
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aerial_il.cli.commands import collect, convert, evaluate, report, train
+from aerial_il.cli.keys import Located, MaybeLocated, Named, at_least, group, key, output
+
+
+@dataclass
+class Config:
+    robot: Named = group("which vehicle")
+    task: Named = group("what it does")
+    tier: Named = group("how rough the air is")
+    policy: dict[str, Any] = group("what is trained")
+    algorithm: dict[str, Any] = group("how it is trained")
+    out: str = output("runs/demo", "folder for everything")
+    episodes: int = key(150, "demonstrations flown")
+    evaluation_episodes: int = key(200, "unseen seeds flown by the policy")
+    evaluation_seed: int = key(10000, "the first of them")
+    seed: int = key(0, "first seed of the demonstrations, and seed of the training")
+    progress: bool = key(True, "show progress bars")
+
+    def __post_init__(self) -> None:
+        at_least(self, episodes=2, evaluation_episodes=1, evaluation_seed=0, seed=0)
+
+
+def run(config: Config) -> None:
+    """Run every stage that is not finished, then say where everything lies and how well the policy flies."""
+    from aerial_il.evaluation.result import load_result
+
+    out, started = Path(config.out), time.perf_counter()
+    dataset, training, judged = out / "dataset", out / "training", out / "evaluation"
+    cell = f"robot={config.robot.name} task={config.task.name} tier={config.tier.name}"
+
+    _announce("Fly and record", f"collect {cell} episodes={config.episodes} out={dataset}")
+    collect.run(_collect(config, dataset))
+    _announce("Convert for LeRobot", f"convert {dataset}")
+    convert.run(convert.Config(str(dataset), progress=config.progress))
+    _announce("Learn", f"train dataset={dataset} run={training}")
+    train.run(_train(config, dataset, training))
+    _announce("Evaluate", f"evaluate policy={training} tier={config.tier.name} out={judged}")
+    if not _is_current(judged, training, config):
+        evaluate.run(_evaluate(config, training, judged))
+    _announce("Report", f"report {judged} run={training} dataset={dataset}")
+    page = report.Config(result=str(judged), run=str(training), dataset=MaybeLocated(str(dataset)))
+    report.run(page)
+
+    print(f"\nDone in {time.perf_counter() - started:.0f} s.")
+    print(f"  demonstrations  {dataset}/demos (MCAP), {dataset}/derived/lerobot (LeRobot)")
+    print(f"  policy          {training}/policy")
+    print(f"  report          {judged}/report.html")
+    print(f"  success         {load_result(judged).headline()}, on seeds that the policy has never seen")
+
+
+def _collect(config: Config, dataset: Path) -> collect.Config:
+    return collect.Config(
+        robot=config.robot,
+        task=config.task,
+        tier=config.tier,
+        expert=collect.Expert(),
+        out=str(dataset),
+        episodes=config.episodes,
+        seed=config.seed,
+        progress=config.progress,
+    )
+
+
+def _train(config: Config, dataset: Path, training: Path) -> train.Config:
+    return train.Config(
+        dataset=train.Dataset(str(dataset)),
+        policy=config.policy,
+        algorithm=config.algorithm,
+        run=str(training),
+        seed=config.seed,
+        progress=config.progress,
+    )
+
+
+def _evaluate(config: Config, training: Path, judged: Path) -> evaluate.Config:
+    return evaluate.Config(
+        policy=Located(str(training)),
+        tier=config.tier,
+        out=str(judged),
+        episodes=config.evaluation_episodes,
+        seed=config.evaluation_seed,
+        progress=config.progress,
+    )
+
+
+def _is_current(judged: Path, training: Path, config: Config) -> bool:
+    """Whether this very evaluation of this very policy lies there, with its page."""
+    from aerial_il.core.checkpoint import digest
+    from aerial_il.core.errors import InvalidValueError
+    from aerial_il.evaluation.result import load_result
+    from aerial_il.policies import load_policy
+
+    try:
+        result = load_result(judged)
+    except InvalidValueError:
+        return False
+    wanted = list(range(config.evaluation_seed, config.evaluation_seed + config.evaluation_episodes))
+    same_policy = result.provenance.get("policy_sha256") == digest(load_policy(training).to_checkpoint())
+    return (
+        (judged / "report.html").exists() and same_policy and (result.tier, result.seeds) == (config.tier.name, wanted)
+    )
+
+
+def _announce(what: str, words: str) -> None:
+    print(f"\n{what}\n  aerial-il {words}", flush=True)
