@@ -1,8 +1,9 @@
 """From a body wrench to rotor thrusts, and what to give up when the rotors cannot deliver it.
 
 The wrench of R rotors with thrusts f is ``B f`` with columns ``[n; p × n + κ n]`` (position p, axis n, drag-torque
-ratio κ). The mixer is the pseudo-inverse of the rows a vehicle can actuate. Under saturation thrust along z with roll
-and pitch torque come first, then sideways force, then yaw, as in PX4's prioritised mixer.
+ratio κ). The mixer is the pseudo-inverse of the rows a vehicle can actuate. What it demands is given if it lies within
+the limits. Under saturation thrust along z with roll and pitch torque come first, then sideways force, then yaw, as in
+PX4's prioritised mixer.
 """
 
 from __future__ import annotations
@@ -63,12 +64,26 @@ def allocate(mixer, rotor_max, force, torque, thrust):
         force: body-frame force, N. torque: body-frame torque about the base origin, N m.
         thrust: (R,) written: thrust of every rotor in [0, rotor_max], N.
     """
+    if _meets_demand(mixer, rotor_max, force, torque, thrust):
+        return
     for i in range(thrust.size):
         thrust[i] = mixer[i, 2] * force[2]
     _make_headroom(mixer, torque, thrust, rotor_max)
     _add_within_limits(mixer, 3, torque[0], torque[1], thrust, rotor_max)
     _add_within_limits(mixer, 0, force[0], force[1], thrust, rotor_max)
     _add_within_limits(mixer, 5, torque[2], 0.0, thrust, rotor_max)
+
+
+@kernel
+def _meets_demand(mixer, limit, force, torque, thrust):
+    """Write the thrusts of the whole wrench; return whether all lie within [0, limit]."""
+    fits = True
+    for i in range(thrust.size):
+        tilt = _demand(mixer, i, 3, torque[0], torque[1])
+        sideways = _demand(mixer, i, 0, force[0], force[1])
+        thrust[i] = mixer[i, 2] * force[2] + tilt + sideways + _demand(mixer, i, 5, torque[2], 0.0)
+        fits = fits and 0.0 <= thrust[i] <= limit[i]
+    return fits
 
 
 @kernel

@@ -100,7 +100,7 @@ def tick(vehicle, gains, level, action, qpos, qvel, thrust_now, memory, dt, thru
     if level <= VELOCITY:
         acc = position_loop(gains, memory, pos, vel, feed_forward)
     else:
-        acc = (0.0, 0.0, 0.0)
+        acc = _thrust_acceleration(vehicle, rot, thrust_now)
     force, torque = inverse_dynamics(
         vehicle, frames, pos, rot, omega, joint_vel, acc, (0.0, 0.0, 0.0), zero_acc, servo_torque
     )
@@ -125,6 +125,17 @@ def tick(vehicle, gains, level, action, qpos, qvel, thrust_now, memory, dt, thru
     for j in range(count):
         wanted_torque = servo_torque[j] + vehicle.joint_damping[j] * servo_vel[j]
         servo[j] = memory[mem.JOINT_CMD + j] + wanted_torque / vehicle.joint_stiffness[j]
+
+
+@kernel
+def _thrust_acceleration(vehicle, rot, thrust_now):
+    """Acceleration (world, m/s²) that the rotors' actual thrusts and gravity give the vehicle."""
+    force, mass = (0.0, 0.0, 0.0), vehicle.base_mass
+    for i in range(thrust_now.size):
+        force = add(force, scale(thrust_now[i], vec(vehicle.rotor_axis[i], 0)))
+    for j in range(vehicle.link_mass.size):
+        mass += vehicle.link_mass[j]
+    return sub(scale(1.0 / mass, rotate(rot, force)), (0.0, 0.0, GRAVITY))
 
 
 @kernel
