@@ -25,6 +25,7 @@ from aerial_il.control import memory
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.arrays import length, rotation_cosine
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite import tiers
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.simulation import Scenario
 
@@ -41,7 +42,7 @@ NOTES = (
     "Seed SD: standard deviation over seeds of each seed's own RMSE. Worst run: largest RMSE of one motion and seed.",
     "Base RMSE: distance between the base and the reference that the whole-body controller made for it.",
     "Observer off: the same seeds with the disturbance observer switched off; nothing else changes.",
-    "Gusts reach 13 % of weight on each axis of the base.",
+    "Errors are the true ones; the controllers fly on the tier's noisy estimate of the state.",
 )
 
 
@@ -124,7 +125,7 @@ class Tracking:
             settings=asdict(self),
             targets=tuple(t for (robot, tier, on), f in flown.items() if on for t in _targets(robot, tier, f)),
             tables={"Tracking": rows, "By motion, observer on": by_motion},
-            notes=NOTES,
+            notes=(*NOTES, *map(_air, self.tiers)),
             figures={"tracking.svg": tracking_bars(rows, LIMITS_CM)},
             details={", ".join((arm[0], arm[1], f"observer {_switch(arm[2])}")): _runs(flown[arm]) for arm in arms},
             wall_time_s=time.perf_counter() - started,
@@ -224,6 +225,12 @@ def _angle(tool_mat: np.ndarray, rot6d: np.ndarray) -> np.ndarray:
     x, y = rot6d[:, :3], rot6d[:, 3:]
     wanted = np.stack([x, y, np.cross(x, y)], axis=2).reshape(-1, 9)
     return np.arccos(np.clip(rotation_cosine(tool_mat, wanted), -1.0, 1.0))
+
+
+def _air(tier: str) -> str:
+    limit = 100.0 * tiers.get(tier).gust_limit
+    air = f"gusts up to {limit:g} % of weight on each axis of the base" if limit else "still air"
+    return f"{tier.capitalize()}: {air}."
 
 
 def _switch(on: bool) -> str:

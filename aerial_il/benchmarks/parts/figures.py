@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Rows = Sequence[Mapping[str, Any]]
-INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b")
+INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c")
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "aerial_il",
@@ -23,7 +23,6 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.edgecolor": INK,
     "axes.grid": True,
-    "axes.grid.axis": "y",
     "axes.axisbelow": True,
     "grid.color": "#e3e3e3",
     "legend.frameon": False,
@@ -52,6 +51,7 @@ def tracking_bars(rows: Rows, limits_cm: Mapping[tuple[str, str], Mapping[str, f
                 axes.hlines(limit, i - 0.4, i + 0.4, colors=INK, linestyles="dashed")
         axes.set_xticks(range(len(tiers)), tiers)
         axes.set_ylabel("tool RMSE (cm)")
+        axes.grid(axis="x", visible=False)
 
     return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in panels}, draw)
 
@@ -63,6 +63,7 @@ def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
         rows: with ``robot``, ``task``, ``tier``, ``percent``, ``ci95_low`` and ``ci95_high``. limits: tier -> percent.
     """
     cells = list(dict.fromkeys((r["robot"], r["task"]) for r in rows))
+    lowest = min(*(r["ci95_low"] for r in rows), *limits.values())
 
     def draw(axes: Axes, tier: str) -> None:
         for r in (r for r in rows if r["tier"] == tier):
@@ -73,7 +74,9 @@ def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
             axes.axvline(limits[tier], color=INK, linestyle="dashed", linewidth=1)
         axes.set_yticks(range(len(cells)), [f"{robot}\n{task}" for robot, task in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
+        axes.set_xlim(lowest - 1.0, 100.5)
         axes.set_xlabel("success (%)")
+        axes.grid(axis="y", visible=False)
 
     return _panels({tier: tier for tier in dict.fromkeys(r["tier"] for r in rows)}, draw)
 
@@ -100,6 +103,7 @@ def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
         axes.minorticks_off()
         axes.set_ylim(-3, 103)
         axes.set_xlabel("demonstrations")
+        axes.grid(axis="x", visible=False)
         axes.set_ylabel("success (%)")
 
     return _panels({task: task for task in dict.fromkeys(r["task"] for r in rows)}, draw)
@@ -116,11 +120,14 @@ def time_shares(rows: Rows, parts: Sequence[str]) -> str:
         start = [0.0] * len(rows)
         for k, part in enumerate(parts):
             widths = [r[part] for r in rows]
-            axes.barh(range(len(rows)), widths, left=start, color=COLOURS[k % len(COLOURS)], label=part.split("_us")[0])
+            axes.barh(
+                range(len(rows)), widths, 0.6, left=start, color=COLOURS[k % len(COLOURS)], label=part.split("_us")[0]
+            )
             start = [a + b for a, b in zip(start, widths, strict=True)]
         axes.set_yticks(range(len(rows)), [f"{r['robot']}\n{r['task']}" for r in rows])
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.set_xlabel("µs per world and control step")
+        axes.grid(axis="y", visible=False)
 
     return _panels({"": "Where the time of the batch environment goes"}, draw, width=2.0)
 

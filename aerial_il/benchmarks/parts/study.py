@@ -9,7 +9,7 @@ from typing import Any
 
 from aerial_il.benchmarks.parts.report import SCHEMA, Report, Row, Target
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.files import write_atomic, write_json
+from aerial_il.core.files import write_atomic
 
 PAGE, NUMBERS, OVERVIEW = "README.md", "results.json", "benchmarks.md"
 LARGEST_BYTES = 200_000
@@ -26,18 +26,15 @@ def save_study(report: Report, experiments: Path, *, command: str) -> Path:
     """
     folder = experiments / report.name
     found = {**report.to_dict(), "command": command}
-    files = {NUMBERS: json.dumps(found, allow_nan=False), **report.figures}
+    numbers = json.dumps(found, indent=1, allow_nan=False) + "\n"
+    files = {NUMBERS: numbers, PAGE: page_of(found, tuple(report.figures)), **report.figures}
     for name, text in files.items():
         if len(text) > LARGEST_BYTES:
-            raise InvalidValueError(
-                f"{folder / name} would have {len(text)} bytes; a study keeps {LARGEST_BYTES} at most."
-            )
-    write_json(folder / NUMBERS, found)
-    for name, svg in report.figures.items():
-        write_atomic(folder / name, svg)
-    page = write_atomic(folder / PAGE, page_of(found, tuple(report.figures)))
+            raise InvalidValueError(f"{folder / name} has {len(text)} bytes; a study keeps {LARGEST_BYTES} at most.")
+    for name, text in files.items():
+        write_atomic(folder / name, text)
     write_atomic(experiments / OVERVIEW, overview(experiments))
-    return page
+    return folder / PAGE
 
 
 def page_of(study: Mapping[str, Any], figures: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli import conf
+from aerial_il.cli import conf, words
 from aerial_il.cli.build import build
 from aerial_il.cli.keys import group, key, output
 from aerial_il.cli.tables import table
@@ -72,19 +72,6 @@ def _measure(settings: Mapping[str, Any], config: Config) -> Report:
 
 def rerun(name: str, settings: Mapping[str, Any]) -> str:
     """Return what measures it again: the benchmark and the settings that differ from its file."""
-    usual, chosen = (_flat(tree) for tree in (conf.read_option("bench", name), settings))
-    changed = [f"bench.{k}={_typed(v)}" for k, v in chosen.items() if usual.get(k) != v]
-    return " ".join(["aerial-il bench", name, *changed, "save=true"])
-
-
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return dotted keys -> values of a nested mapping."""
-    flat: dict[str, Any] = {}
-    for name, value in tree.items():
-        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
-    return flat
-
-
-def _typed(value: Any) -> str:
-    """Return a value as it is typed on the command line."""
-    return json.dumps(value).replace(" ", "").replace('"', "")
+    return " ".join(
+        ["aerial-il bench", name, *words.changed("bench", conf.read_option("bench", name), settings), "save=true"]
+    )

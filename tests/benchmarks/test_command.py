@@ -1,0 +1,39 @@
+"""``aerial-il bench`` as a user types it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from aerial_il.cli import conf
+from aerial_il.cli.commands import bench
+
+SCRIPT = Path(sys.executable).with_name("aerial-il")
+SETTINGS = (
+    "bench.robots=[fa_hexa_arm4]",
+    "bench.tiers=[calm]",
+    "bench.seeds=1",
+    "bench.settle_s=0.1",
+    "bench.duration_s=0.1",
+)
+
+
+def test_one_json_object_on_stdout_and_a_study_with_the_command_that_makes_it(tmp_path: Path) -> None:
+    words = [SCRIPT, "bench", "tracking", *SETTINGS, "save=true", "--json"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["benchmark"] == "tracking"
+    study = json.loads((tmp_path / "experiments" / "tracking" / "results.json").read_text())
+    assert set(study["command"].split()) == {"aerial-il", "bench", "tracking", *SETTINGS, "save=true"}
+    assert "tracking/README.md" in (tmp_path / "experiments" / "benchmarks.md").read_text()
+    assert (tmp_path / "runs" / "benchmarks" / "tracking" / "report.json").exists()
+
+
+def test_the_command_names_only_what_differs_from_the_file() -> None:
+    settings = conf.read_option("bench", "learning_curve")
+    assert bench.rerun("learning_curve", settings) == "aerial-il bench learning_curve save=true"
+    settings["policy"] = {**settings["policy"], "chunk": 5, "hidden": [8, 8]}
+    assert bench.rerun("learning_curve", settings).split()[3:] == [
+        "bench.policy.chunk=5", "bench.policy.hidden=[8,8]", "save=true"
+    ]  # fmt: skip
