@@ -153,7 +153,8 @@ def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, th
     bandwidth = gains.observer + memory[mem.CLOSED] * (gains.observer_loaded - gains.observer)
     force, torque = rotor_wrench(vehicle, thrust_now, rot, lever)
     force = add(force, (0.0, 0.0, -GRAVITY * mass))
-    observe_disturbance(memory, linear, angular, force, torque, bandwidth, dt)
+    limit = gains.observer_limit * mass * GRAVITY
+    observe_disturbance(memory, linear, angular, force, torque, bandwidth, limit, limit * gains.observer_lever, dt)
     return lever
 
 

@@ -91,24 +91,26 @@ def rotor_wrench(vehicle, thrust, rot, com_lever):
 
 
 @kernel
-def observe_disturbance(memory, linear, angular, force, torque, bandwidth, dt):
+def observe_disturbance(memory, linear, angular, force, torque, bandwidth, force_limit, torque_limit, dt):
     """Advance the generalised-momentum observer (De Luca & Mattone 2003): first order, ``bandwidth`` in 1/s.
 
     Args:
         memory: controller memory; the estimate is stored in it.
         linear, angular: momentum of the vehicle (kg m/s; about the centre of mass, kg m²/s), world frame.
         force, torque: known external wrench about the centre of mass, gravity included.
+        force_limit, torque_limit: longest estimate, N and N m.
         dt: s.
     """
     gain = 1.0 - math.exp(-bandwidth * dt)
-    _low_pass_residual(memory, mem.FORCE, mem.LINEAR, linear, force, gain, dt)
-    _low_pass_residual(memory, mem.TORQUE, mem.ANGULAR, angular, torque, gain, dt)
+    _low_pass_residual(memory, mem.FORCE, mem.LINEAR, linear, force, gain, force_limit, dt)
+    _low_pass_residual(memory, mem.TORQUE, mem.ANGULAR, angular, torque, gain, torque_limit, dt)
 
 
 @kernel
-def _low_pass_residual(memory, estimate, last, momentum, known, gain, dt):
+def _low_pass_residual(memory, estimate, last, momentum, known, gain, limit, dt):
     """Blend what the momentum's rate leaves unexplained into the estimate."""
     rate = scale(1.0 / dt, sub(momentum, vec(memory, last)))
     old = vec(memory, estimate)
-    put(memory, estimate, add(old, scale(gain, sub(sub(rate, known), old))))
+    new = add(old, scale(gain, sub(sub(rate, known), old)))
+    put(memory, estimate, limit_norm(new, limit))
     put(memory, last, momentum)

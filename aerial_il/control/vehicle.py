@@ -88,6 +88,9 @@ class Gains(NamedTuple):
         max_tilt: rad, of the commanded thrust direction.
         observer: 1/s, bandwidth of the disturbance observer in free flight; 0 switches it off.
         observer_loaded: 1/s, its bandwidth while the gripper is closed.
+        observer_limit: largest disturbance force that is compensated, as a share of weight. Without a bound a vehicle
+            whose gripper rests on a table would hand its whole weight over to the arm.
+        observer_lever: m, times that force gives the largest compensated torque.
         reference_speed, reference_acceleration: m/s, m/s², of the end-effector reference.
         reference_turn: rad/s, its angular speed.
         orientation_weight: m/rad, how much the arm gives up in position for orientation.
@@ -101,6 +104,8 @@ class Gains(NamedTuple):
     max_tilt: float = 0.6
     observer: float = 6.0
     observer_loaded: float = 3.0
+    observer_limit: float = 0.2
+    observer_lever: float = 0.2
     reference_speed: float = 0.8
     reference_acceleration: float = 2.0
     reference_turn: float = 1.5

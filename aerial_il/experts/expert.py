@@ -38,6 +38,7 @@ class Expert(ABC):
 
     Attributes:
         phase_names: names of the phases. phase: (n,) index of each world's present phase.
+        expert_action: (n, 10) its last action before the perturbation: the label to learn from.
 
     Args:
         noise: strength of the perturbation added to commanded positions, 0 to 1. seed: of the perturbation.
@@ -87,10 +88,13 @@ class Expert(ABC):
         self.phase = self.next_phase()
         self.timer = np.where(self.phase == old, self.timer + 1, 0)
         position, rot6d, gripper = self.command()
-        if self.noise > 0.0:
-            position = position + self._perturbation()
-        action = np.concatenate([position, rot6d, gripper[:, None]], axis=1)
-        return self._attached.spec.action.clip(action)
+        bounds = self._attached.spec.action
+        self.expert_action = bounds.clip(np.concatenate([position, rot6d, gripper[:, None]], axis=1))
+        if self.noise == 0.0:
+            return self.expert_action
+        action = self.expert_action.copy()
+        action[:, :3] += self._perturbation()
+        return bounds.clip(action)
 
     @abstractmethod
     def first_phase(self) -> np.ndarray:

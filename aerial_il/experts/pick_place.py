@@ -15,9 +15,12 @@ CRUISE_M = 0.15  # tool above the cube's or bowl's resting height while travelli
 ALIGNED_M = 0.02  # sideways error at which the tool may descend
 LOST_ALIGNMENT_M = 0.05  # and at which it goes back up
 AT_HEIGHT_M = 0.012
+CARRY_SPEED_M_S = 0.2  # base speed at which the cube may be lowered
 GRIP_STEPS = 10  # contact on both pads before lifting
 GRIP_PATIENCE_STEPS = 60  # closing for longer than this is a miss
-DROP_HEIGHT_M = 0.045  # cube above the bowl's underside when let go
+DROP_GATE_M = 0.055  # cube above the bowl's underside at which it may be let go
+DROP_TARGET_M = 0.035  # beyond its gate, so that the gate is passed at speed
+DESCENT_LEAD_M = 0.08  # how far ahead of itself the tool is sent while it goes down
 OPEN_ENOUGH = 0.8
 
 
@@ -34,11 +37,12 @@ class PickPlaceExpert(Expert):
         cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
         beside_cube, beside_bowl = planar_length(cube - tool), planar_length(bowl - cube)
         over_cube = (beside_cube <= ALIGNED_M) & self._facing_cube()
-        at_cube = over_cube & (np.abs(tool[:, 2] - cube[:, 2]) <= AT_HEIGHT_M)
+        at_cube = over_cube & (tool[:, 2] - cube[:, 2] <= AT_HEIGHT_M)
         held = self._held()
         lifted = tool[:, 2] >= TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M - 0.03
-        low = cube[:, 2] - bowl[:, 2] <= DROP_HEIGHT_M + 0.01
+        low = cube[:, 2] - bowl[:, 2] <= DROP_GATE_M
         lost = (self.timer > 5) & ~held
+        slow = planar_length(view.base_vel) <= CARRY_SPEED_M_S
         inside = planar_length(cube - bowl) <= IN_BOWL_M
         gone_up = tool[:, 2] >= bowl[:, 2] + CRUISE_M
         rules = (
@@ -50,10 +54,10 @@ class PickPlaceExpert(Expert):
             (LIFT, lost, HOVER),
             (LIFT, lifted, CARRY),
             (CARRY, lost, HOVER),
-            (CARRY, beside_bowl <= ALIGNED_M, LOWER),
+            (CARRY, (beside_bowl <= ALIGNED_M) & slow, LOWER),
             (LOWER, lost & ~inside, HOVER),
             (LOWER, beside_bowl > LOST_ALIGNMENT_M, CARRY),
-            (LOWER, low | (lost & inside), RELEASE),
+            (LOWER, (low & (beside_bowl <= ALIGNED_M)) | (lost & inside), RELEASE),
             (RELEASE, view.gripper[:, 0] >= OPEN_ENOUGH, RETREAT),
             (RETREAT, gone_up & ~inside, HOVER),
         )
@@ -66,16 +70,18 @@ class PickPlaceExpert(Expert):
         view, phase = self.view, self.phase
         cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
         to_cube = (phase == HOVER) | (phase == DESCEND) | (phase == CLOSE)
+        down = tool[:, 2] - DESCENT_LEAD_M
+        drop = bowl[:, 2] + DROP_TARGET_M + tool[:, 2] - cube[:, 2]
         height = np.select(
             [phase == p for p in range(8)],
             [
                 cube[:, 2] + CRUISE_M,
-                cube[:, 2],
+                np.maximum(cube[:, 2], down),
                 cube[:, 2],
                 np.full(view.n, TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M),
                 bowl[:, 2] + CUBE_HALF_M + CRUISE_M,
-                bowl[:, 2] + DROP_HEIGHT_M + tool[:, 2] - cube[:, 2],
-                bowl[:, 2] + DROP_HEIGHT_M,
+                np.maximum(drop, down),
+                bowl[:, 2] + DROP_TARGET_M,
                 bowl[:, 2] + CRUISE_M + 0.1,
             ],
         )

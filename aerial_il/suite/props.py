@@ -10,7 +10,7 @@ from aerial_il.robots.parts.collision import WORLD
 TABLE_HEIGHT_M = 0.4
 CUBE_HALF_M = 0.02
 CUBE_MASS_KG = 0.1
-BOWL_RADIUS_M, BOWL_WALL_M = 0.075, 0.035
+BOWL_RADIUS_M, BOWL_WALL_M = 0.07, 0.035
 GRASPABLE = {"friction": [1.2, 0.02, 0.001], "solref": [0.01, 1.0], "solimp": [0.95, 0.99, 0.001, 0.5, 2.0], "condim": 4}
 
 BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
