@@ -1,0 +1,1 @@
+"""Tests of the controllers against MuJoCo and against themselves."""

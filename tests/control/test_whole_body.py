@@ -1,0 +1,115 @@
+"""Whole-body inverse kinematics converges, stays within limits and respects frozen coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aerial_il.control import memory as mem
+from aerial_il.control.dynamics import FRAME_SIZE, forward_kinematics, tool_pose
+from aerial_il.control.flight import observe_disturbance
+from aerial_il.control.inverse_kinematics import damped_least_squares, freeze_at_limits, rest_posture
+from aerial_il.control.vehicle import Gains, Vehicle
+from aerial_il.control.whole_body import seat_references, solve_reference
+from aerial_il.core.rotations import IDENTITY, mat_from_yaw
+from tests.control.nominal import VEHICLES, each_vehicle
+
+DT = 0.004
+
+
+def solve(vehicle: Vehicle, target: np.ndarray, rot: np.ndarray, ticks: int = 750) -> np.ndarray:
+    """Controller memory after following a fixed tool pose from hover for some ticks."""
+    memory = np.zeros(mem.MEMORY_SIZE)
+    seat_references(vehicle, memory, (0.0, 0.0, 1.5), IDENTITY, 0.0, vehicle.rest_down.copy())
+    memory[mem.TOOL_POS : mem.TOOL_POS + 3] = target
+    memory[mem.TOOL_ROT : mem.TOOL_ROT + 9] = rot.ravel()
+    for _ in range(ticks):
+        solve_reference(vehicle, Gains(), memory, DT)
+        joints = memory[mem.JOINT_REF : mem.JOINT_REF + len(vehicle.link_mass)]
+        assert (joints >= vehicle.joint_low).all()
+        assert (joints <= vehicle.joint_high).all()
+    return memory
+
+
+def tool_of(vehicle: Vehicle, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    count = len(vehicle.link_mass)
+    frames = np.empty((count, FRAME_SIZE))
+    pos = tuple(memory[mem.BASE_POS : mem.BASE_POS + 3])
+    joints = memory[mem.JOINT_REF : mem.JOINT_REF + count]
+    forward_kinematics(vehicle, pos, mat_from_yaw(memory[mem.BASE_YAW]), joints, frames)
+    tool, rot = tool_pose(vehicle, frames)
+    return np.array(tool), np.reshape(rot, (3, 3))
+
+
+def pitched(yaw: float, pitch: float) -> np.ndarray:
+    """Rotation of a tool with heading ``yaw`` that points ``pitch`` rad below the horizon."""
+    c, s, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    return np.array([[c * cp, -s, c * sp], [s * cp, c, s * sp], [-sp, 0.0, cp]])
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.sampled_from(list(VEHICLES.values())), st.floats(-1, 1), st.floats(-1, 1), st.floats(0.3, 2), st.floats(-1, 1),
+    st.floats(0.3, 1.5),
+)  # fmt: skip
+def test_it_converges_to_any_pose(vehicle: Vehicle, x: float, y: float, z: float, yaw: float, pitch: float) -> None:
+    target, rot = np.array([x, y, z]), pitched(yaw, pitch)
+    tool, reached = tool_of(vehicle, solve(vehicle, target, rot))
+    np.testing.assert_allclose(tool, target, atol=1e-3)
+    assert np.trace(reached.T @ rot) > 1.0 + 2.0 * np.cos(np.deg2rad(2.0))
+
+
+@each_vehicle
+def test_a_tool_pointing_backwards_leaves_the_joints_within_limits(vehicle: Vehicle) -> None:
+    solve(vehicle, np.array([0.0, 0.0, 1.0]), pitched(0.0, -2.5))
+
+
+@each_vehicle
+def test_the_rest_posture_has_the_pitch_it_is_for(vehicle: Vehicle) -> None:
+    for pitch in (0.2, 0.8, 0.5 * np.pi):
+        posture, frames = np.empty(len(vehicle.link_mass)), np.empty((len(vehicle.link_mass), FRAME_SIZE))
+        rest_posture(vehicle, pitch, posture)
+        forward_kinematics(vehicle, (0.0, 0.0, 0.0), IDENTITY, posture, frames)
+        _, rot = tool_pose(vehicle, frames)
+        np.testing.assert_allclose(np.reshape(rot, (3, 3)), pitched(0.0, pitch), atol=1e-9)
+
+
+def test_one_step_solves_a_linear_task_and_moves_nothing_frozen() -> None:
+    rng = np.random.default_rng(0)
+    jacobian, error = rng.standard_normal((6, 9)), rng.standard_normal(6)
+    scale, step = np.ones(9), np.empty(9)
+    damped_least_squares(jacobian, error, np.ones(6), scale, np.zeros(9), 1e-9, step)
+    np.testing.assert_allclose(jacobian @ step, error, atol=1e-9)
+    np.testing.assert_allclose(step, np.linalg.pinv(jacobian) @ error, atol=1e-9)
+    scale[2] = 0.0
+    damped_least_squares(jacobian, error, np.ones(6), scale, np.ones(9), 1e-9, step)
+    assert step[2] == 0.0
+    np.testing.assert_allclose(jacobian @ step, error, atol=1e-9)
+
+
+def test_only_joints_that_leave_their_limits_are_frozen() -> None:
+    joints, low, high = np.array([0.0, 0.9, -0.9]), np.full(3, -1.0), np.full(3, 1.0)
+    step, mobility = np.array([7.0, 0.5, 0.5, -0.5]), np.ones(4)
+    assert freeze_at_limits(joints, low, high, step, mobility, 1)
+    np.testing.assert_array_equal(mobility, [1, 1, 0, 0])
+    assert not freeze_at_limits(joints, low, high, np.zeros(4), np.ones(4), 1)
+
+
+def test_the_observer_converges_at_its_bandwidth() -> None:
+    memory, force, torque = np.zeros(mem.MEMORY_SIZE), np.array([1.0, -2.0, 0.5]), np.array([0.1, 0.0, -0.2])
+    bandwidth, linear, angular = 5.0, np.zeros(3), np.zeros(3)
+    for _ in range(round(1.0 / bandwidth / DT)):
+        linear, angular = linear + DT * force, angular + DT * torque
+        observe_disturbance(memory, tuple(linear), tuple(angular), (0.0,) * 3, (0.0,) * 3, bandwidth, 5.0, 5.0, DT)
+    reached = 1.0 - np.exp(-1.0)  # after one time constant
+    np.testing.assert_allclose(memory[mem.FORCE : mem.FORCE + 3], reached * force, rtol=1e-9)
+    np.testing.assert_allclose(memory[mem.TORQUE : mem.TORQUE + 3], reached * torque, rtol=1e-9)
+
+
+def test_the_observer_does_not_claim_more_than_its_limit() -> None:
+    memory, force, linear = np.zeros(mem.MEMORY_SIZE), np.array([3.0, -4.0, 0.0]), np.zeros(3)
+    for _ in range(500):
+        linear = linear + DT * force
+        observe_disturbance(memory, tuple(linear), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 10.0, 2.0, 1.0, DT)
+    np.testing.assert_allclose(memory[mem.FORCE : mem.FORCE + 3], 2.0 * force / 5.0, rtol=1e-9)
