@@ -106,9 +106,16 @@ class _Flight:
     """n worlds, each with the seed it flies, fed from a queue of seeds."""
 
     def __init__(
-        self, env: Any, policy: Policy, expert: Policy | None, folder: DatasetFolder, name: str, settings: dict[str, Any]
+        self,
+        env: Any,
+        policy: Policy,
+        expert: Policy | None,
+        folder: DatasetFolder,
+        name: str,
+        settings: dict[str, Any],
     ) -> None:
         self.env, self.policy, self.expert, self.folder = env, policy, expert, folder
+        self._minds = [mind for mind in (policy, expert) if mind is not None]
         self.result = Collection(folder)
         self.recorder = Recorder(env.spec, env.model.nu, env.num_envs)
         self._name, self._settings = name, settings
@@ -119,26 +126,22 @@ class _Flight:
     def fly(self, seeds: Iterable[int]) -> Iterator[None]:
         """Fly all ``seeds``; yield whenever the result has changed."""
         waiting = deque(seeds)
-        fresh, started = np.ones(self.env.num_envs, bool), False
-        for mind in (self.policy, self.expert):
-            if mind is not None:
-                attach(mind, self.env)
-        while True:
-            fresh = self._launch(waiting, fresh)
-            yield
-            flying = self.recorder.recording.copy()
-            if not flying.any():
-                return
-            if fresh.any():
-                obs = self.env.reset(self._seeds, fresh if started else None)
-                self._reset_minds(fresh if started else None)
-                started = True
+        for mind in self._minds:
+            attach(mind, self.env)
+        fresh = self._launch(waiting, np.ones(self.env.num_envs, bool))
+        yield
+        if not fresh.any():
+            return
+        obs = self._reset(None)
+        while (flying := self.recorder.recording.copy()).any():
             result = self._step(obs, flying)
             obs = result.obs
             ended = flying & (result.info["success"] | result.terminated | result.truncated)
             if ended.any():
                 self._land(ended, result)
-            fresh = ended
+                fresh = self._launch(waiting, ended)
+                obs = self._reset(fresh) if fresh.any() else obs
+                yield
 
     def _launch(self, waiting: deque[int], free: np.ndarray) -> np.ndarray:
         """Give each free world the next seed that is not recorded yet; return the worlds (n,) that got one."""
@@ -173,10 +176,12 @@ class _Flight:
             self.result.busy.append(seed)
             return None
 
-    def _reset_minds(self, worlds: np.ndarray | None) -> None:
-        for mind in (self.policy, self.expert):
-            if mind is not None:
-                mind.reset(worlds)
+    def _reset(self, worlds: np.ndarray | None) -> Observation:
+        """Begin the episodes of ``worlds`` (n,), or of all, and return what all worlds show."""
+        obs = self.env.reset(self._seeds, worlds)
+        for mind in self._minds:
+            mind.reset(worlds)
+        return obs
 
     def _step(self, obs: Observation, flying: np.ndarray) -> Any:
         """Record what is seen, act, and record what comes of it."""

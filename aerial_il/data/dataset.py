@@ -47,7 +47,9 @@ class Dataset:
         """Read one episode by index or uid."""
         uid = self.uids[key] if isinstance(key, int) else key
         if uid not in self._loaders:
-            raise DemoError(self.path, f"has no episode {uid!r}.", hint=f"List them with: aerial-il info path={self.path}")
+            raise DemoError(
+                self.path, f"has no episode {uid!r}.", hint=f"List them with: aerial-il info path={self.path}"
+            )
         return self._loaders[uid]()
 
     def problems(self) -> Iterator[tuple[str, DemoError | None]]:
@@ -75,8 +77,12 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
     path = Path(path)
     if not path.exists():
         raise DemoError(path, "does not exist.", hint=COLLECT.format(path))
+    if path.suffix in (".hdf5", ".h5"):
+        from aerial_il.data.hdf5 import open_hdf5
+
+        return Dataset(path, open_hdf5(path))
     if path.is_file():
-        return _open_files(path, [path], cameras) if path.suffix not in (".hdf5", ".h5") else _open_hdf5(path)
+        return _open_files(path, [path], cameras)
     if (path / "meta" / "info.json").is_file():
         from aerial_il.data.lerobot_import import open_lerobot
 

@@ -123,7 +123,9 @@ class DatasetFolder:
         """Discard an episode; :meth:`restore` undoes it."""
         file = self.find(uid)
         if file is None:
-            raise DemoError(self.path, f"has no episode {uid!r}.", hint=f"List them with: aerial-il info path={self.path}")
+            raise DemoError(
+                self.path, f"has no episode {uid!r}.", hint=f"List them with: aerial-il info path={self.path}"
+            )
         return self._move(file, f"trash/{file.parent.name}")
 
     def restore(self, uid: str) -> Path:

@@ -73,12 +73,16 @@ def read_head(path: Path, contents: Contents) -> Head:
     hint = "It was not recorded by aerial_il, or by another version."
     for name in (EPISODE, PROVENANCE):
         if name not in contents.metadata:
-            raise DemoError(path, f"has no metadata {name!r}: a foreign MCAP file.", got=sorted(contents.metadata), hint=hint)
+            raise DemoError(
+                path, f"has no metadata {name!r}: a foreign MCAP file.", got=sorted(contents.metadata), hint=hint
+            )
     entries = contents.metadata[EPISODE]
     if missing := {"schema_version", "uid", "ctrl_size", "spec"} - entries.keys():
         raise DemoError(path, f"lacks {sorted(missing)} in its metadata {EPISODE!r}.")
     if entries["schema_version"] != str(VERSION):
-        raise DemoError(path, "has an unknown schema version.", expected=VERSION, got=entries["schema_version"], hint=hint)
+        raise DemoError(
+            path, "has an unknown schema version.", expected=VERSION, got=entries["schema_version"], hint=hint
+        )
     if MODEL not in contents.attachments:
         raise DemoError(path, f"lacks the attachment {MODEL!r}.")
     try:
@@ -229,7 +233,10 @@ def check_views(report: Report, layout: Layout, messages: Messages) -> None:
     """Require that what people look at shows what is recorded exactly, at the same times."""
     records = messages.records
     times, observed = records["/observation"]["log_time"], records["/observation"]["body"]["position"]
-    blocks = (layout.observed, layout.with_quats({"observation": observed})), (layout.acted, _fields(records["/step"]["body"]))
+    blocks = (
+        (layout.observed, layout.with_quats({"observation": observed})),
+        (layout.acted, _fields(records["/step"]["body"])),
+    )
     for topic, block in ((topic, block) for topics, block in blocks for topic in topics):
         body = records[topic.name]["body"]
         report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], times[: len(body)])
@@ -248,7 +255,9 @@ def _images(report: Report, camera: Camera, contents: Contents, times: np.ndarra
     """Return the compressed images of one camera, one for each of ``times``."""
     messages = contents.messages.get(camera.channel, [])
     if len(messages) != len(times):
-        report.fail("has another number of images than observations.", camera.name, expected=len(times), got=len(messages))
+        report.fail(
+            "has another number of images than observations.", camera.name, expected=len(times), got=len(messages)
+        )
     dtype = np.dtype([*RECORD_HEAD, ("body", camera.template.dtype)])
     found = []
     for i, (message, time) in enumerate(zip(messages, times.tolist(), strict=True)):
@@ -283,4 +292,6 @@ def _check_digest(path: Path, contents: Contents, layout: Layout) -> None:
     expected = outcome.pop("digest")
     got = digest.hexdigest({**contents.metadata, OUTCOME: outcome}, contents.attachments)
     if got != expected:
-        raise DemoError(path, "was changed after it was recorded: its content digest differs.", expected=expected, got=got)
+        raise DemoError(
+            path, "was changed after it was recorded: its content digest differs.", expected=expected, got=got
+        )

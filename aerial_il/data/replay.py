@@ -38,7 +38,7 @@ def replay(env: Any, episode: Episode, *, starts: Sequence[int] = (0,), path: st
 
 def _replay_some(env: Any, episode: Episode, starts: np.ndarray, path: str) -> int:
     """Replay from at most n starts at once, each in its own world."""
-    if starts.size and not (0 <= starts.min() and starts.max() < len(episode)):
+    if starts.size and not (starts.min() >= 0 and starts.max() < len(episode)):
         raise DemoError(path, "cannot resume there.", expected=f"steps 0..{len(episode) - 1}", got=starts.tolist())
     current = np.full(env.num_envs, len(episode))
     current[: len(starts)] = starts
@@ -56,7 +56,9 @@ def _replay_some(env: Any, episode: Episode, starts: np.ndarray, path: str) -> i
     return compared
 
 
-def _compare(env: Any, episode: Episode, current: np.ndarray, active: np.ndarray, starts: np.ndarray, path: str) -> None:
+def _compare(
+    env: Any, episode: Episode, current: np.ndarray, active: np.ndarray, starts: np.ndarray, path: str
+) -> None:
     states = env.get_state()
     for world in np.flatnonzero(active):
         step, start = int(current[world]), int(starts[world])

@@ -28,6 +28,7 @@ MAX_DECOMPRESSED_BYTES = 256 << 20
 MAX_MESSAGES = 1_000_000
 RECOVER = "Salvage what it holds with: aerial-il recover path={}"
 FOOTER_SIZE, MIN_MESSAGE = 29, 22
+_RECORD_HEAD = struct.Struct("<BQ")
 
 
 @dataclass
@@ -96,8 +97,7 @@ class _Scanner:
         """Read records up to and including the end of the data section."""
         while True:
             start = self._position
-            opcode, body = self._record(self._data, start)
-            self._position = start + 9 + len(body)
+            opcode, body = self._next_record()
             if opcode == Opcode.DATA_END:
                 return self._data_end(body, zlib.crc32(self._data[:start]))
             handler = self._handlers.get(opcode)
@@ -107,6 +107,16 @@ class _Scanner:
                 handler(body)
             except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError, IndexError) as error:
                 raise _DamageError(f"has a malformed record 0x{opcode:02x} at byte {start} ({error!r}).") from error
+
+    def _next_record(self) -> tuple[int, memoryview]:
+        start, size = self._position, len(self._data)
+        if start + 9 > size:
+            raise _DamageError(f"is truncated at byte {size}.")
+        opcode, length = _RECORD_HEAD.unpack_from(self._data, start)
+        self._position = start + 9 + length
+        if self._position > size:
+            raise _DamageError(f"is truncated: a record at byte {start} of {length} bytes reaches past the end.")
+        return opcode, self._data[start + 9 : self._position]
 
     def check_tail(self) -> None:
         """Check the summary and the footer, which no value is taken from but other tools rely on."""
@@ -119,14 +129,6 @@ class _Scanner:
             raise _DamageError("has a malformed footer.")
         if crc != zlib.crc32(tail[: -len(MAGIC) - 4]):
             raise _DamageError("fails the checksum of its summary.")
-
-    def _record(self, data: memoryview, start: int) -> tuple[int, memoryview]:
-        if start + 9 > len(data):
-            raise _DamageError(f"is truncated at byte {len(data)}.")
-        opcode, length = struct.unpack_from("<BQ", data, start)
-        if length > len(data) - start - 9:
-            raise _DamageError(f"is truncated: a record at byte {start} of {length} bytes reaches past the end.")
-        return opcode, data[start + 9 : start + 9 + length]
 
     def _data_end(self, body: memoryview, crc: int) -> None:
         if bytes(body) != struct.pack("<I", crc):
@@ -158,15 +160,19 @@ class _Scanner:
         content = memoryview(self._decompress(chunk))
         if zlib.crc32(content) != chunk.uncompressed_crc:
             raise _DamageError("fails the checksum of a chunk.")
-        position = 0
-        while position < len(content):
-            opcode, message = self._record(content, position)
-            end = position + 9 + len(message)
-            if opcode == Opcode.MESSAGE and len(message) >= MIN_MESSAGE:
-                self.contents.messages[message[0] | message[1] << 8].append(content[position:end])
+        position, size = 0, len(content)
+        while position < size:
+            opcode, length = _RECORD_HEAD.unpack_from(content, position) if position + 9 <= size else (0, size)
+            end = position + 9 + length
+            if end > size:
+                raise _DamageError("has a chunk with a record that reaches past its end.")
+            if opcode == Opcode.MESSAGE and length >= MIN_MESSAGE:
+                self.contents.messages[content[position + 9] | content[position + 10] << 8].append(
+                    content[position:end]
+                )
                 self._count += 1
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._handlers[opcode](message)
+                self._handlers[opcode](content[position + 9 : end])
             else:
                 raise _DamageError(f"has an unexpected record 0x{opcode:02x} inside a chunk.")
             position = end

@@ -196,7 +196,10 @@ class Layout:
 
     def _pose_topics(self) -> list[Topic]:
         bodies = tuple(f.name.removesuffix("_pos") for f in self.spec.observation.fields if _is_position(f))
-        poses = [self._topic(f"/pose/{b}", messages.POSE_STAMPED, messages.pose_stamped("world"), self._pose(b)) for b in bodies]
+        poses = [
+            self._topic(f"/pose/{b}", messages.POSE_STAMPED, messages.pose_stamped("world"), self._pose(b))
+            for b in bodies
+        ]
 
         self._bodies = bodies
 

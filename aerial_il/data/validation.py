@@ -54,14 +54,23 @@ class Report:
     def check_finite(self, topic: str, field: str, values: np.ndarray) -> None:
         if not np.isfinite(values).all():
             where = tuple(np.argwhere(~np.isfinite(values))[0].tolist())
-            self.fail("has a value that is not finite.", topic, step=where[0], field=_name(field, where), got=values[where])
+            self.fail(
+                "has a value that is not finite.", topic, step=where[0], field=_name(field, where), got=values[where]
+            )
 
     def check_unit(self, topic: str, field: str, quats: np.ndarray) -> None:
         norms = np.linalg.norm(quats, axis=-1)
         wrong = ~(np.abs(norms - 1) <= UNIT_TOLERANCE)
         if wrong.any():
             step = int(np.argmax(wrong))
-            self.fail("has a quaternion that is not a unit quaternion.", topic, step=step, field=field, expected=1, got=norms[step])
+            self.fail(
+                "has a quaternion that is not a unit quaternion.",
+                topic,
+                step=step,
+                field=field,
+                expected=1,
+                got=norms[step],
+            )
 
 
 def check_episode(report: Report, episode: Episode) -> None:
@@ -103,7 +112,14 @@ def _check_time(report: Report, episode: Episode) -> None:
     if late.any() or episode.sim_time[0] < 0:
         step = int(np.argmax(late)) + 1
         got = episode.sim_time[step - 1 : step + 1]
-        report.fail("has time stamps that do not advance evenly.", "/step", step=step, field="sim_time", expected=f"steps of {dt} s", got=got)
+        report.fail(
+            "has time stamps that do not advance evenly.",
+            "/step",
+            step=step,
+            field="sim_time",
+            expected=f"steps of {dt} s",
+            got=got,
+        )
 
 
 def _check_end(report: Report, episode: Episode) -> None:

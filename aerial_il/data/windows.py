@@ -1,8 +1,8 @@
 """Training windows over demonstrations in memory: histories of observations and chunks of actions.
 
-The frames of all episodes lie one after the other, each episode padded once with copies of its first observation and its
-last action. A window is then a run of consecutive rows, so gathering a batch is one copy per window and needs no index
-table.
+The frames of all episodes lie one after the other, each episode padded once with copies of its first observation and
+its last action. A window is then a run of consecutive rows, so gathering a batch is one copy per window and needs no
+index table.
 """
 
 from __future__ import annotations

@@ -6,8 +6,9 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -25,6 +26,7 @@ MODEL = "model.xml"
 FULL_DISK_HINT = "Finished episodes are intact: free some space and run the same command again."
 
 Images = Mapping[str, Sequence[bytes]]
+NO_IMAGES: Images = MappingProxyType({})
 
 
 class BusyError(Exception):
@@ -48,9 +50,7 @@ class EpisodeWriter:
         StorageError: the folder cannot be written or the disk is full; so do all methods.
     """
 
-    def __init__(
-        self, path: Path, layout: Layout, *, uid: str, provenance: Mapping[str, Any], model_xml: str
-    ) -> None:
+    def __init__(self, path: Path, layout: Layout, *, uid: str, provenance: Mapping[str, Any], model_xml: str) -> None:
         self.path, self.part = Path(path), part_of(path)
         self._layout, self._seed = layout, int(provenance.get("seed", -1))
         self._steps, self._digest = 0, ContentDigest()
@@ -70,7 +70,7 @@ class EpisodeWriter:
             self._container.attachment(MODEL, "application/xml", self._attachments[MODEL])
             self._file.flush()
 
-    def append(self, block: Block, images: Images = {}) -> None:
+    def append(self, block: Block, images: Images = NO_IMAGES) -> None:
         """Append k steps as chunks of 64 KiB, and their images as one more.
 
         Args:
@@ -85,7 +85,9 @@ class EpisodeWriter:
         self._put(self._layout.steps(self._with_counters(block, count), self._steps), images)
         self._steps += count
 
-    def finish(self, last: Block, images: Images = {}, *, success: bool, path: Path | None = None, note: str = "") -> Path:
+    def finish(
+        self, last: Block, images: Images = NO_IMAGES, *, success: bool, path: Path | None = None, note: str = ""
+    ) -> Path:
         """Append the terminal record and give the file its name.
 
         Args:
@@ -116,10 +118,8 @@ class EpisodeWriter:
 
     def abandon(self) -> None:
         """Close the ``.part`` file and leave it for recovery."""
-        try:
+        with suppress(OSError):  # a full disk was reported where it was met
             self._file.close()
-        except OSError:  # a full disk was reported where it was met
-            pass
 
     def _put(self, records: np.ndarray, images: Images) -> None:
         for name in records.dtype.names or ():
@@ -197,7 +197,7 @@ def image_record(camera: Camera, sequence: int, time_ns: int, data: bytes) -> by
 
 def _open_locked(part: Path) -> BinaryIO:
     part.parent.mkdir(parents=True, exist_ok=True)
-    file = open(part, "ab")
+    file = open(part, "ab")  # noqa: SIM115 - it stays open and locked while the episode is flown
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if not part.exists() or os.fstat(file.fileno()).st_ino != part.stat().st_ino:

@@ -1,7 +1,7 @@
 """A small real-MuJoCo batch environment with the suite's interface: a crane that moves a hook to a goal.
 
-It keeps the tests of recording and collection fast, and brings outcomes about on demand: a fifth of the goals lie out of
-reach (time-out), and a goal at negative x is below the floor for an expert that dives (crash).
+It keeps the tests of recording and collection fast, and brings outcomes about on demand: a fifth of the goals lie out
+of reach (time-out), and a goal at negative x is below the floor for an expert that dives (crash).
 """
 
 from __future__ import annotations

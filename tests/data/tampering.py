@@ -34,7 +34,7 @@ def rewrite(
             new = schema(old)
             writer.register_schema(new.name, new.encoding, new.data)
         channels: dict[int, Channel] = summary.channels
-        used = {i for _, c, m in make_reader(open(source, "rb")).iter_messages() for i in [c.id] if message(c.topic, m)}
+        used = {channel.id for _, channel, m in reader.iter_messages() if message(channel.topic, replace(m))}
         ids = {
             i: writer.register_channel(c.topic, c.message_encoding, c.schema_id)
             for i, c in sorted(channels.items())

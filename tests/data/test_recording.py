@@ -13,13 +13,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from aerial_il.collection.collect import collect
 from aerial_il.data import messages
-from aerial_il.data.episode import Episode
 from aerial_il.data.reader import read_episode
 from tests.data.crane import CraneBatch, CraneExpert
 
-ARRAYS = (
-    "actions executed_actions expert_actions is_intervention phase rewards terminated truncated states ctrl sim_time"
-).split()
+STEP_ARRAYS = "actions executed_actions expert_actions is_intervention phase rewards terminated truncated ctrl"
+ARRAYS = (*STEP_ARRAYS.split(), "states", "sim_time")
 
 
 def fly(seed: int, steps: int) -> dict[str, np.ndarray]:
@@ -52,8 +50,10 @@ def test_every_value_comes_back_bit_for_bit(demo: Path) -> None:
         np.testing.assert_array_equal(episode.obs[name], flown[name], err_msg=name)
         assert episode.obs[name].dtype == episode.spec.observation[name].dtype
     assert episode.spec == CraneBatch().spec
-    assert episode.success and episode.uid == demo.stem
-    assert episode.provenance["policy"] == "expert" and episode.provenance["phases"] == ["fly", "hold"]
+    assert episode.success
+    assert episode.uid == demo.stem
+    assert episode.provenance["policy"] == "expert"
+    assert episode.provenance["phases"] == ["fly", "hold"]
 
 
 def test_standard_definitions_are_those_of_ros2() -> None:
@@ -92,11 +92,13 @@ def test_index_finds_every_message(demo: Path) -> None:
     with open(demo, "rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
-        assert summary is not None and summary.statistics is not None
+        assert summary is not None
+        assert summary.statistics is not None
         counts = summary.statistics.channel_message_counts
         topics = {channel.topic: counts[i] for i, channel in summary.channels.items()}
         assert topics["/observation"] == topics["/pose/ee"] == len(episode) + 1
-        assert topics["/step"] == len(episode) and topics["/terminal"] == 1
+        assert topics["/step"] == len(episode)
+        assert topics["/terminal"] == 1
         assert summary.statistics.message_count == sum(1 for _ in reader.iter_messages())
         later = sum(1 for _ in reader.iter_messages(topics=["/step"], starting_at=int(0.2e9)))
         assert later == len(episode) - 10
@@ -116,7 +118,8 @@ def test_images_are_kept_as_jpeg(filmed: Path) -> None:
     assert "scene_rgb" not in read_episode(filmed).obs
     episode = read_episode(filmed, cameras=["scene_rgb"])
     seen = episode.obs["scene_rgb"]
-    assert seen.shape == (len(episode) + 1, 48, 64, 3) and seen.dtype == np.uint8
+    assert seen.shape == (len(episode) + 1, 48, 64, 3)
+    assert seen.dtype == np.uint8
     env = CraneBatch(1, image_size=(48, 64), max_steps=70)
     for step in (0, len(episode)):
         real = env.set_state(episode.states[[step]])["scene_rgb"][0]

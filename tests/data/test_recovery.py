@@ -44,12 +44,11 @@ def test_truncated_episodes_are_salvaged(folder: DatasetFolder, tmp_path: Path, 
     whole, raw = read_episode(source), source.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(raw[: int(share * len(raw))])
-    try:
-        saved = recover_episode(cut, tmp_path / "saved.mcap")
-    except DemoError as error:
-        assert "less than two whole steps" in str(error)
-        assert share < 0.4
+    if share < 0.25:  # its first chunk is cut
+        with pytest.raises(DemoError, match="less than two whole steps"):
+            recover_episode(cut, tmp_path / "saved.mcap")
         return
+    saved = recover_episode(cut, tmp_path / "saved.mcap")
     episode = read_episode(saved.path)
     steps = len(episode)
     assert steps == saved.steps

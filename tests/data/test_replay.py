@@ -30,8 +30,8 @@ def test_names_the_first_divergence(demo: Path) -> None:
     actions[5] += 1e-3
     with pytest.raises(DemoError, match="step 5, field reward"):
         replay(CraneBatch(), replace(episode, executed_actions=actions))
-    with pytest.raises(DemoError, match="an outcome differs.*step 2, field reward"):
-        rewards = np.where(np.arange(len(episode)) == 2, 0.5, episode.rewards)
+    rewards = np.where(np.arange(len(episode)) == 2, 0.5, episode.rewards)
+    with pytest.raises(DemoError, match=r"an outcome differs.*step 2, field reward"):
         replay(CraneBatch(), replace(episode, rewards=rewards))
 
 

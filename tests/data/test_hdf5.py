@@ -1,0 +1,61 @@
+"""robomimic files keep everything that was recorded, foreign ones open, and none reaches outside itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from aerial_il.core.errors import DemoError
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.hdf5 import convert_to_hdf5
+from aerial_il.data.replay import replay
+from tests.data.crane import CraneBatch
+from tests.data.test_damage import episodes_equal
+
+
+@pytest.fixture
+def file(folder: DatasetFolder, tmp_path: Path) -> Path:
+    return convert_to_hdf5(list(open_dataset(folder.path, failures=True)), tmp_path / "robomimic.hdf5")
+
+
+def test_nothing_is_lost(folder: DatasetFolder, file: Path) -> None:
+    recorded, converted = open_dataset(folder.path, failures=True), open_dataset(file)
+    assert converted.uids == recorded.uids
+    assert all(episodes_equal(a, b) for a, b in zip(recorded, converted, strict=True))
+    assert replay(CraneBatch(), converted[0]) == len(converted[0])
+    with h5py.File(file) as raw:
+        assert raw["data"].attrs["total"] == sum(map(len, recorded))
+        assert raw["data/demo_0/dones"][-1] == 1
+        np.testing.assert_array_equal(raw["data/demo_0/next_obs/ee_pos"][:-1], raw["data/demo_0/obs/ee_pos"][1:])
+
+
+def test_a_foreign_file_opens(file: Path) -> None:
+    ours = open_dataset(file)[0]
+    with h5py.File(file, "a") as raw:
+        for demo in raw["data"].values():
+            del demo["aerial_il"], demo.attrs["uid"]
+        raw.move("data/demo_1", "data/demo_10")
+    foreign = open_dataset(file)
+    assert foreign.uids == ("demo_0", "demo_2", "demo_3", "demo_4", "demo_5", "demo_10")
+    np.testing.assert_array_equal(foreign[0].actions, ours.actions)
+    np.testing.assert_array_equal(foreign[0].obs["ee_pos"], ours.obs["ee_pos"])
+
+
+def test_links_and_damage_are_refused(file: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.bin"
+    secret.write_bytes(bytes(800))
+    with h5py.File(file, "a") as raw:
+        del raw["data/demo_0/rewards"], raw["data/demo_1/rewards"], raw["data/demo_2/actions"]
+        raw["data/demo_0/rewards"] = h5py.ExternalLink(str(tmp_path / "other.hdf5"), "/x")
+        raw["data/demo_1"].create_dataset("rewards", (100,), float, external=[(str(secret), 0, 800)])
+    dataset = open_dataset(file)
+    for i, says in enumerate(("outside itself: /data/demo_0/rewards", "outside itself: /data/demo_1/rewards", "lacks")):
+        with pytest.raises(DemoError, match=says):
+            dataset[i]
+    file.write_bytes(file.read_bytes()[:1000])
+    with pytest.raises(DemoError, match="cannot be read as HDF5"):
+        open_dataset(file)
