@@ -19,11 +19,17 @@ def build(settings: Mapping[str, Any]) -> Any:
         InvalidValueError: no ``_target_``, one outside ``aerial_il.*`` and ``torch.optim.*``, or one that is not there.
         UnknownNameError: a key that the constructor does not take.
     """
-    for target in _targets(settings):
+    return build_all(settings)[0]
+
+
+def build_all(*settings: Mapping[str, Any]) -> list[Any]:
+    """Build several objects as :func:`build` does; every ``_target_`` is checked before the first one is imported."""
+    for target in _targets(list(settings)):
         _check_allowed(target)
-    if "_target_" not in settings:
-        raise InvalidValueError(f"Nothing to build: no _target_ among {', '.join(settings) or 'no keys'}.")
-    return _built(settings)
+    for one in settings:
+        if "_target_" not in one:
+            raise InvalidValueError(f"Nothing to build: no _target_ among {', '.join(one) or 'no keys'}.")
+    return [_built(one) for one in settings]
 
 
 def locate(target: str) -> Any:
@@ -32,7 +38,7 @@ def locate(target: str) -> Any:
     module_name, _, attribute = target.rpartition(".")
     try:
         found = getattr(importlib.import_module(module_name), attribute)
-    except (ImportError, AttributeError) as error:
+    except (ModuleNotFoundError, AttributeError) as error:
         raise InvalidValueError(f"_target_={target} is not there: {error}.") from error
     home = getattr(found, "__module__", "") or ""
     if not callable(found) or not _is_allowed(f"{home}."):

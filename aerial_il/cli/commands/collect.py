@@ -47,6 +47,12 @@ class Config:
 
 def run(config: Config) -> None:
     """Record, and say what comes next."""
+    record(config)
+    print(f"Next: aerial-il train dataset={config.out} run=runs/{config.task.name}")
+
+
+def record(config: Config) -> None:
+    """Record what is missing, and derive the LeRobot dataset if it is wanted."""
     import aerial_il
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
@@ -77,4 +83,3 @@ def run(config: Config) -> None:
         env.close()
     if config.lerobot:
         convert.run(convert.Config(config.out, progress=config.progress))
-    print(f"Next: aerial-il train dataset={config.out} run=runs/{task}")

@@ -29,7 +29,7 @@ def run(config: Config) -> None:
 
     os.environ.setdefault("SVT_LOG", "1")  # the video encoder reports every setting otherwise
     out = Path(config.out or Path(config.path) / DEFAULT_OUT)
-    images = True if config.cameras is None else tuple(f"{name}_rgb" for name in config.cameras)
+    images: bool | tuple[str, ...] = True if config.cameras is None else tuple(f"{name}_rgb" for name in config.cameras)
     if not _is_current(Path(config.path), out, images):
         convert_to_lerobot(config.path, out, cameras=images, progress=config.progress)
     print(f"LeRobot dataset: {out}")
@@ -48,6 +48,7 @@ def _is_current(path: Path, out: Path, images: bool | tuple[str, ...]) -> bool:
     try:
         there = {name.removeprefix(IMAGES) for name in check_lerobot(out)["features"] if name.startswith(IMAGES)}
         recorded = tuple(f.name for f in dataset.spec.observation.of_group("image") if f.name.endswith("_rgb"))
-        return there == set(recorded if images is True else images) and open_dataset(out).uids == dataset.uids
+        wanted = recorded if isinstance(images, bool) else images
+        return there == set(wanted) and open_dataset(out).uids == dataset.uids
     except DemoError:
         return False

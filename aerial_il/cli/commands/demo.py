@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from aerial_il.cli import words
 from aerial_il.cli.commands import collect, convert, evaluate, report, train
 from aerial_il.cli.keys import Located, MaybeLocated, Named, at_least, group, key, output
 
@@ -42,19 +43,21 @@ def run(config: Config) -> None:
     out, started = Path(config.out), time.perf_counter()
     dataset, training, judged = out / "dataset", out / "training", out / "evaluation"
     cell = f"robot={config.robot.name} task={config.task.name} tier={config.tier.name}"
+    recipe = [*words.of_group("policy", config.policy, default="mlp")]
+    recipe += words.of_group("algorithm", config.algorithm, default="bc")
+    flown = f"tier={config.tier.name} episodes={config.evaluation_episodes} seed={config.evaluation_seed}"
 
-    _announce("Fly and record", f"collect {cell} episodes={config.episodes} out={dataset}")
-    collect.run(_collect(config, dataset))
+    _announce("Fly and record", f"collect {cell} episodes={config.episodes} seed={config.seed} out={dataset}")
+    collect.record(_collect(config, dataset))
     _announce("Convert for LeRobot", f"convert {dataset}")
     convert.run(convert.Config(str(dataset), progress=config.progress))
-    _announce("Learn", f"train dataset={dataset} run={training}")
-    train.run(_train(config, dataset, training))
-    _announce("Evaluate", f"evaluate policy={training} tier={config.tier.name} out={judged}")
+    _announce("Learn", " ".join(["train", f"dataset={dataset}", *recipe, f"seed={config.seed}", f"run={training}"]))
+    train.learn(_train(config, dataset, training))
+    _announce("Evaluate", f"evaluate policy={training} {flown} out={judged}")
     if not _is_current(judged, training, config):
         evaluate.run(_evaluate(config, training, judged))
     _announce("Report", f"report {judged} run={training} dataset={dataset}")
-    page = report.Config(result=str(judged), run=str(training), dataset=MaybeLocated(str(dataset)))
-    report.run(page)
+    report.run(report.Config(result=str(judged), run=str(training), dataset=MaybeLocated(str(dataset))))
 
     print(f"\nDone in {time.perf_counter() - started:.0f} s.")
     print(f"  demonstrations  {dataset}/demos (MCAP), {dataset}/derived/lerobot (LeRobot)")

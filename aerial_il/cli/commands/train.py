@@ -36,12 +36,17 @@ class Config:
 
 
 def run(config: Config) -> None:
+    """Train, and say what comes next."""
+    learn(config)
+    print(f"Next: aerial-il evaluate policy={config.run} out={config.run}/evaluation")
+
+
+def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
     from aerial_il.cli import data
-    from aerial_il.cli.build import build
+    from aerial_il.cli.build import build_all
 
-    algorithm, policy = build(config.algorithm), build(config.policy)
+    policy, algorithm = build_all(config.policy, config.algorithm)
     episodes = data.demonstrations(config.dataset.path, limit=config.dataset.episodes)
     algorithm.train(episodes, policy, run=config.run, seed=config.seed, resume=config.resume, progress=config.progress)
     print(f"Policy: {config.run}/policy")
-    print(f"Next:   aerial-il evaluate policy={config.run} out={config.run}/evaluation")
