@@ -1,4 +1,4 @@
-"""The whole path on the real robots: the expert flies, the recording replays from any step, files do not depend on n."""
+"""The whole path on real robots: the expert flies, the recording replays from any step, files do not depend on n."""
 
 from __future__ import annotations
 

@@ -39,16 +39,16 @@ def _is_current(path: Path, out: Path, images: bool | tuple[str, ...]) -> bool:
     """Whether ``out`` is whole and holds just the demonstrations and cameras that a new conversion would."""
     from aerial_il.core.errors import DemoError
     from aerial_il.data.dataset import open_dataset
-    from aerial_il.data.lerobot import IMAGES
+    from aerial_il.data.lerobot import IMAGES, image_key
     from aerial_il.data.lerobot_import import check_lerobot
 
     dataset = open_dataset(path)
     if not out.exists():
         return False
     try:
-        there = {name.removeprefix(IMAGES) for name in check_lerobot(out)["features"] if name.startswith(IMAGES)}
+        there = {name for name in check_lerobot(out)["features"] if name.startswith(IMAGES)}
         recorded = tuple(f.name for f in dataset.spec.observation.of_group("image") if f.name.endswith("_rgb"))
         wanted = recorded if isinstance(images, bool) else images
-        return there == set(wanted) and open_dataset(out).uids == dataset.uids
+        return there == {image_key(name) for name in wanted} and open_dataset(out).uids == dataset.uids
     except DemoError:
         return False
