@@ -47,7 +47,7 @@ def load(
     from aerial_il.suite.environment import AerialEnvironment
     from aerial_il.suite.simulation import Scenario
 
-    return AerialEnvironment(Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size)), seed)
+    return AerialEnvironment(Scenario(robot, task, tier, action, cameras, image_size), seed)
 
 
 def load_batch(
@@ -70,7 +70,7 @@ def load_batch(
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.suite.simulation import Scenario
 
-    scenario = Scenario(robot, task, tier, action, tuple(cameras), tuple(image_size))
+    scenario = Scenario(robot, task, tier, action, cameras, image_size)
     env = BatchEnvironment(scenario, num_envs, num_threads)
     env.reset(seed)
     return env

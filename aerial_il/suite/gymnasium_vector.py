@@ -52,8 +52,7 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
         render_camera: str = "scene",
         render_size: tuple[int, int] = (240, 320),
     ) -> None:
-        height, width = image_size
-        scenario = Scenario(robot, task, tier, action, tuple(cameras), (height, width))
+        scenario = Scenario(robot, task, tier, action, cameras, image_size)
         self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
         self.render_size, self.terminate_on_success = render_size, terminate_on_success
         self.num_envs, self.aerial = num_envs, BatchEnvironment(scenario, num_envs, num_threads)

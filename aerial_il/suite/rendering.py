@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from weakref import WeakSet
@@ -44,7 +45,7 @@ class CameraRequest:
         return (3,) if self.modality == "rgb" else ()
 
 
-def parse_cameras(cameras: tuple[str, ...]) -> tuple[CameraRequest, ...]:
+def parse_cameras(cameras: Sequence[str]) -> tuple[CameraRequest, ...]:
     """Read camera requests written as ``"wrist"`` or ``"wrist:depth"``.
 
     Raises:

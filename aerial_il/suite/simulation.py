@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -50,7 +50,7 @@ class Scenario:
     task_name: str
     tier_name: str = "calm"
     action: str = "ee_pose"
-    cameras: tuple[str, ...] = ()
+    cameras: Sequence[str] = ()
     image_size: tuple[int, int] = (240, 320)
 
     def __post_init__(self) -> None:
@@ -58,7 +58,9 @@ class Scenario:
         tiers.get(self.tier_name)
         ActionLevel.parse(self.action)
         parse_cameras(self.cameras)
-        if min(self.image_size) < 1 or self.image_size[0] > 960 or self.image_size[1] > 1280:
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+        object.__setattr__(self, "image_size", tuple(self.image_size))
+        if len(self.image_size) != 2 or not (0 < self.image_size[0] <= 960 and 0 < self.image_size[1] <= 1280):
             raise InvalidValueError(f"image_size is (height, width) up to (960, 1280), got {self.image_size}.")
 
     @property

@@ -1,0 +1,176 @@
+"""The physics is that of a real vehicle: weight, lag, drag torque, reaction, air."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from aerial_il import robots
+from aerial_il.control.allocation import wrench_matrix
+from aerial_il.control.vehicle import GRAVITY, Vehicle
+from aerial_il.core.rotations import IDENTITY
+from aerial_il.suite import tiers
+from aerial_il.suite.aerodynamics import GROUND_EFFECT, Air, advance_gusts, air_wrench, ground_effect, gust_wrench
+from aerial_il.suite.environment import AerialEnvironment
+from aerial_il.suite.simulation import Scenario
+from tests.contract.registered import batch, single
+
+DT = 0.004
+STEP_S = 0.02
+each_robot = pytest.mark.parametrize("robot", robots.names())
+
+
+def rotor_world(robot: str) -> tuple[AerialEnvironment, Vehicle, np.ndarray]:
+    """A world at a random start, its vehicle, and an action with all rotors off and the arm at rest."""
+    env = single(robot, "reach", "calm", "rotor")
+    env.reset(seed=2)
+    vehicle = env.simulation.robot.vehicle
+    off = np.concatenate([np.zeros(len(vehicle.rotor_max)), vehicle.rest_down, [1.0]])
+    return env, vehicle, off
+
+
+@each_robot
+def test_hovering_takes_the_weight(robot: str) -> None:
+    worlds = batch(robot, "reach")
+    obs = worlds.reset(0)
+    vehicle = worlds.simulation.robot.vehicle
+    weight = worlds.model.body_subtreemass[worlds.model.body("base").id] * GRAVITY
+    assert weight == pytest.approx(vehicle.mass * GRAVITY)
+    stay = np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((3, 1))], axis=1)
+    lift = []
+    for k in range(150):
+        worlds.step(stay)
+        if k >= 50:
+            act = worlds.simulation.worlds.bind("act")[:, : len(vehicle.rotor_max)]
+            lift.append(act @ vehicle.rotor_axis[:, 2])
+    np.testing.assert_allclose(np.mean(lift), weight, rtol=0.01)
+
+
+@each_robot
+def test_without_thrust_it_falls_freely(robot: str) -> None:
+    env, vehicle, off = rotor_world(robot)
+    env.simulation.worlds.bind("act")[:] = 0.0
+    before, steps = env.get_state(), 10
+    for _ in range(steps):
+        env.step(off)
+    assert env.simulation.view.base_vel[0, 2] == pytest.approx(-GRAVITY * steps * STEP_S, rel=0.03)
+    env.physics.model.opt.gravity[2] = 0.0
+    try:
+        env.set_state(before)
+        env.step(off)
+        assert abs(env.simulation.view.base_vel[0, 2]) < 1e-3
+    finally:
+        env.physics.model.opt.gravity[2] = -GRAVITY
+
+
+@each_robot
+def test_rotors_rise_and_fall_with_their_own_time_constants(robot: str) -> None:
+    env, vehicle, action = rotor_world(robot)
+    act, rotors = env.simulation.worlds.bind("act"), len(vehicle.rotor_max)
+    start = 0.3 * vehicle.rotor_max[0]
+    for target, tau in ((0.8, vehicle.rotor_tau_up), (0.1, vehicle.rotor_tau_down)):
+        env.reset(seed=2)
+        act[0, :rotors] = start
+        action[:rotors] = target * vehicle.rotor_max
+        env.step(action)
+        expected = action[0] + (start - action[0]) * np.exp(-STEP_S / tau)
+        np.testing.assert_allclose(act[0, :rotors], expected, rtol=1e-9)
+
+
+@each_robot
+def test_each_rotor_pushes_and_twists_as_the_controller_believes(robot: str) -> None:
+    env, vehicle, _ = rotor_world(robot)
+    model = env.physics.model.ptr
+    data, believed = (
+        mujoco.MjData(model),
+        wrench_matrix(vehicle.rotor_pos, vehicle.rotor_axis, vehicle.rotor_drag_ratio),
+    )
+    for i in range(len(vehicle.rotor_max)):
+        data.act[:] = 0.0
+        data.act[i] = data.ctrl[i] = 1.0
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(data.actuator_force[i], 1.0)
+        np.testing.assert_allclose(_rotor_force(model, data, i), believed[:, i], atol=1e-5)
+    own_axis = np.einsum("ri,ir->r", vehicle.rotor_axis, believed[3:]) - np.einsum(
+        "ri,ri->r", vehicle.rotor_axis, np.cross(vehicle.rotor_pos, vehicle.rotor_axis)
+    )
+    np.testing.assert_allclose(own_axis, vehicle.rotor_drag_ratio, atol=1e-12)
+    assert abs(vehicle.rotor_drag_ratio.sum()) < 1e-12, "drag torques must cancel in hover"
+
+
+def _rotor_force(model: mujoco.MjModel, data: mujoco.MjData, i: int) -> np.ndarray:
+    """Generalised force of one actuator on the free joint: force and torque in the base's frame at the origin."""
+    moment = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
+    return moment[i, :6] * data.actuator_force[i]
+
+
+@each_robot
+def test_a_swinging_arm_turns_the_base_and_conserves_momentum(robot: str) -> None:
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.gravity = [0, 0, 0]
+    spec.option.timestep = 0.0005
+    robots.get(robot).add_to(spec)
+    model = spec.compile()
+    data, vehicle = mujoco.MjData(model), robots.get(robot).vehicle
+    joints, rotors = len(vehicle.link_mass), len(vehicle.rotor_max)
+    data.qpos[7 : 7 + joints] = data.ctrl[rotors : rotors + joints] = vehicle.rest_down
+    data.ctrl[rotors + 1] += 0.8
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    scale = vehicle.link_mass.sum() * 0.2
+    np.testing.assert_allclose(vehicle.mass * data.subtree_linvel[1], 0.0, atol=5e-3 * scale)
+    np.testing.assert_allclose(data.subtree_angmom[1], 0.0, atol=5e-3 * scale)
+    pitch = 2.0 * np.arctan2(data.qpos[5], data.qpos[3])
+    assert pitch < -0.02, "the base must turn against the arm"
+
+
+def test_ground_effect_follows_its_curve() -> None:
+    radius = 0.15
+    for height in (0.1, 0.2, 0.5, 2.0):
+        assert ground_effect(height, radius) == pytest.approx(
+            1.0 / (1.0 - GROUND_EFFECT * (radius / (4 * height)) ** 2)
+        )
+    assert ground_effect(0.15, radius) > ground_effect(0.3, radius) > ground_effect(3.0, radius) > 1.0
+    assert ground_effect(0.0, radius) == ground_effect(0.5 * radius, radius) < 1.1
+    assert ground_effect(100.0, radius) == pytest.approx(1.0, abs=1e-6)
+
+
+@each_robot
+def test_the_air_brakes_and_carries(robot: str) -> None:
+    vehicle = robots.get(robot).vehicle
+    off, hover = np.zeros(len(vehicle.rotor_max)), vehicle.mixer[:, 2] * vehicle.mass * GRAVITY
+    drag, torque = air_wrench(vehicle, (0.0, 0.0, 50.0), IDENTITY, (1.0, -2.0, 0.5), off)
+    np.testing.assert_allclose(drag, -vehicle.drag * [1.0, -2.0, 0.5])
+    np.testing.assert_allclose(torque, 0.0)
+    sideways = (0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # yawed by a quarter turn
+    turned, _ = air_wrench(vehicle, (0.0, 0.0, 50.0), sideways, (1.0, 0.0, 0.0), off)
+    np.testing.assert_allclose(turned, [-vehicle.drag[1], 0.0, 0.0], atol=1e-12)
+    low, _ = air_wrench(vehicle, (0.0, 0.0, vehicle.rotor_radius), IDENTITY, (0.0, 0.0, 0.0), hover)
+    high, _ = air_wrench(vehicle, (0.0, 0.0, 3.0), IDENTITY, (0.0, 0.0, 0.0), hover)
+    assert 0.005 * vehicle.mass * GRAVITY < low[2] < 0.1 * vehicle.mass * GRAVITY
+    assert 0.0 < high[2] < 1e-3 * vehicle.mass * GRAVITY
+
+
+def test_gusts_have_the_strength_of_their_tier_and_stay_within_bounds() -> None:
+    tier = tiers.get("gusts")
+    air = Scenario("fa_hexa_arm4", "reach", "gusts").air
+    weight = robots.get("fa_hexa_arm4").vehicle.mass * GRAVITY
+    assert air.gust_limit == pytest.approx(tier.gust_limit * weight)
+    gust, forces = np.zeros(12), []
+    for tick in range(40_000):
+        advance_gusts(air, gust, 9.0, float(tick), DT)
+        forces.append(gust_wrench(air, gust)[0])
+    forces = np.array(forces)[5000:]
+    assert (np.abs(forces) <= air.gust_limit).all()
+    assert (np.abs(forces) == air.gust_limit).any(), "a bound that is never met binds nothing"
+    np.testing.assert_allclose(forces.std(axis=0), air.gust_force, rtol=0.35)
+    assert np.abs(forces.mean(axis=0)).max() < 0.5 * air.gust_force
+    assert np.abs(np.diff(forces, axis=0)).max() < 0.05 * air.gust_limit, "gusts do not jump"
+
+
+def test_calm_is_calm() -> None:
+    assert Scenario("ua_quad_arm4", "reach", "calm").air == Air(0.0, 0.0, 0.0, 0.0, tiers.get("calm").gust_time_s)
