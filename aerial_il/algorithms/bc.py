@@ -1,9 +1,8 @@
 """Behaviour cloning: supervised learning of the demonstrator's action chunks.
 
-One step draws a minibatch of windows, normalises nothing (the data in memory is normalised already), takes the
-network's own loss, clips the gradient, moves the weights with AdamW under a cosine schedule and averages them. The
-averaged weights are what flies. A run is a function of its data, settings, seed and thread count: killed at any moment
-and started again, it ends with the same bytes.
+One step draws a minibatch of windows, takes the network's own loss, clips the gradient, moves the weights with AdamW
+under a cosine schedule and averages them. The averaged weights are what flies. A run is a function of its data,
+settings, seed and thread count: killed at any moment and started again, it ends with the same bytes.
 """
 
 from __future__ import annotations
@@ -22,7 +21,15 @@ from aerial_il.algorithms.parts.learner import Learner
 from aerial_il.algorithms.parts.optimisation import cosine
 from aerial_il.algorithms.parts.run_folder import RunFolder
 from aerial_il.algorithms.parts.signals import SignalWatch
-from aerial_il.algorithms.parts.training_set import Frames, Shuffle, TrainingSet, fit_interface, read_demos, split
+from aerial_il.algorithms.parts.training_set import (
+    Shuffle,
+    TrainingSet,
+    cut_windows,
+    digest_of,
+    fit_interface,
+    read_demos,
+    split,
+)
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng
@@ -128,13 +135,14 @@ class BehaviourCloning:
         layout, demos = read_demos(dataset, policy)
         _check(layout.spec, expect or {})
         kept, held_out = split(demos, self.validation, seed=seed)
-        frames = Frames.of(kept)
-        interface = fit_interface(layout, policy, frames)
-        windows = TrainingSet(frames, interface, policy, self.device)
-        unseen = TrainingSet(Frames.of(held_out), interface, policy, self.device) if held_out else None
-        order = Shuffle(len(windows), self.batch_size, seed=seed)
-        origin = {"algorithm": "bc", "demonstrations": len(demos), "steps": len(frames.obs), "dataset": frames.digest}
-        config = {**origin, "seed": seed, "settings": asdict(self), "policy": policy.name, **policy.to_dict()}
+        windows = cut_windows(kept, layout, policy)
+        interface = fit_interface(layout, windows, policy)
+        training = TrainingSet(windows, interface, self.device)
+        unseen = TrainingSet(cut_windows(held_out, layout, policy), interface, self.device) if held_out else None
+        order = Shuffle(len(training), self.batch_size, seed=seed)
+        data = {"demonstrations": len(demos), "frames": len(training), "digest": digest_of(windows)}
+        origin = {"algorithm": "bc", "seed": seed, "dataset": data}
+        config = {**origin, "settings": asdict(self), "policy": {"name": policy.name, **policy.to_dict()}}
 
         with ExitStack() as stack:
             folder = stack.enter_context(RunFolder.open(run, config, cadence=CADENCE, resume=resume))
@@ -159,7 +167,7 @@ class BehaviourCloning:
                     break
                 started = time.perf_counter()
                 lr = self.lr * cosine(self._share(learner), step, warmup_steps=self.warmup_steps, floor=self.lr_floor)
-                obs, actions, valid = windows.gather(order[step])
+                obs, actions, valid = training.gather(order[step])
                 obs = obs + self.obs_noise * torch.randn_like(obs) if self.obs_noise else obs
                 loss, logged = learner.network.loss(obs, actions, valid)
                 learner.descend(loss, lr=lr, logged=logged)

@@ -79,7 +79,8 @@ def test_latest_passes_over_damage_and_says_so(tmp_path: Path, caplog: pytest.Lo
     arrays.write_bytes(arrays.read_bytes()[:-1])
     with caplog.at_level(logging.WARNING):
         found = ckpt.latest(tmp_path)
-    assert found is not None and found[1].state["step"] == 5
+    assert found is not None
+    assert found[1].state["step"] == 5
     assert str(arrays) in caplog.text
     (ckpt.step_folder(tmp_path, 5) / ckpt.CONFIG).unlink()
     with pytest.raises(CheckpointError, match="No other checkpoint is valid"):
@@ -105,10 +106,13 @@ def test_a_full_disk_leaves_the_last_checkpoint_readable(tmp_path: Path) -> None
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode != 0 and "CheckpointError" in done.stderr and "cannot be written" in done.stderr
+    assert done.returncode != 0
+    assert "CheckpointError" in done.stderr
+    assert "cannot be written" in done.stderr
     assert os.listdir(tmp_path / ckpt.FOLDER) == ["00000001"]
     found = ckpt.latest(tmp_path)
-    assert found is not None and found[1].state["step"] == 1
+    assert found is not None
+    assert found[1].state["step"] == 1
 
 
 def test_a_pickle_is_refused(tmp_path: Path) -> None:

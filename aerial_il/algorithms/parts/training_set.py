@@ -1,11 +1,9 @@
-"""Demonstrations as tensors in memory, and minibatches gathered from them by index."""
+"""Demonstrations as a network wants them: checked, split, normalised, in minibatches of tensors."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,99 +12,49 @@ from torch import Tensor
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.data.windows import Windows
+from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 
 VALIDATE = "Find out more: aerial-il validate PATH"
 
 
-class Demo(NamedTuple):
-    """One demonstration: frames (T, Do) in SI units and what the demonstrator would do there (T, Da).
-
-    The latter is the expert's label where there is one, else the action that was flown.
-    """
-
-    obs: np.ndarray
-    actions: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """All steps of several demonstrations, one after the other.
-
-    Attributes:
-        obs: (N, Do) frames as the policy's layout makes them.
-        actions: (N, Da).
-        first, last: (N,) index of the first and of the last step of the demonstration that each step belongs to.
-    """
-
-    obs: np.ndarray
-    actions: np.ndarray
-    first: np.ndarray
-    last: np.ndarray
-
-    @staticmethod
-    def of(demos: Sequence[Demo]) -> Frames:
-        """Put ``demos`` one after the other."""
-        lengths = np.array([len(demo.obs) for demo in demos])
-        ends = np.cumsum(lengths)
-        first, last = np.repeat(ends - lengths, lengths), np.repeat(ends - 1, lengths)
-        return Frames(np.concatenate([d.obs for d in demos]), np.concatenate([d.actions for d in demos]), first, last)
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 over everything that a network can learn from."""
-        seal = hashlib.sha256()
-        for array, kind in ((self.obs, "<f8"), (self.actions, "<f8"), (self.first, "<i8")):
-            seal.update(np.ascontiguousarray(array, kind).tobytes())
-        return seal.hexdigest()
-
-    def ahead(self, steps: int) -> np.ndarray:
-        """Return the indices (N, steps) of what follows each step, repeating the last one after an episode's end."""
-        return np.minimum(np.arange(len(self.obs))[:, None] + np.arange(steps), self.last[:, None])
-
-
-def read_demos(dataset: Iterable[Episode], policy: PolicyConfig) -> tuple[Layout, list[Demo]]:
-    """Read what ``policy`` needs of every successful episode, refusing what nothing should learn from.
+def read_demos(dataset: Iterable[Episode], policy: PolicyConfig) -> tuple[Layout, list[Episode]]:
+    """Return the successful episodes and the layout ``policy`` sees them in, refusing what nothing should learn from.
 
     Raises:
         InvalidValueError: there is no success, episodes come from different environments, one is shorter than the
             policy's chunk, or a value is not finite.
         UnknownNameError: the episodes lack an observation field.
     """
-    layout, demos = None, []
-    for episode in dataset:
-        if not episode.success:
-            continue
-        layout = layout or Layout.of(episode.spec, policy.obs_names, policy.anchor)
-        if differing := layout.spec.differences(episode.spec):
-            raise InvalidValueError(f"Episode {episode.uid} comes from another environment: {'; '.join(differing)}.")
-        demos.append(_read(episode, layout, policy.chunk))
-    if layout is None:
+    demos = [episode for episode in dataset if episode.success]
+    if not demos:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"The dataset holds no successful demonstration. {hint}")
+    layout = Layout.of(demos[0].spec, policy.obs_names, policy.anchor)
+    for episode in demos:
+        _check(episode, layout, policy.chunk)
     return layout, demos
 
 
-def _read(episode: Episode, layout: Layout, chunk: int) -> Demo:
+def _check(episode: Episode, layout: Layout, chunk: int) -> None:
+    if differing := layout.spec.differences(episode.spec):
+        raise InvalidValueError(f"Episode {episode.uid} comes from another environment: {'; '.join(differing)}.")
     if len(episode) < chunk:
         raise InvalidValueError(f"Episode {episode.uid} has {len(episode)} steps; chunk={chunk} must not be longer.")
     try:
-        obs = layout.frame(episode.obs)[: len(episode)]
+        layout.flatten(episode.obs)
     except NonFiniteActionError as error:
-        step = min(error.worlds)  # of a single episode the leading axis is time
-        raise InvalidValueError(
-            f"Episode {episode.uid}: {error.what} is not finite at step {step}. {VALIDATE}"
-        ) from error
-    actions = np.where(np.isfinite(episode.expert_actions), episode.expert_actions, episode.executed_actions)
-    if not np.isfinite(actions).all():
-        step = int(np.argmin(np.isfinite(actions).all(1)))
-        raise InvalidValueError(f"Episode {episode.uid}: the action is not finite at step {step}. {VALIDATE}")
-    return Demo(obs, actions)
+        where = f"at step {min(error.worlds)}"  # the leading axis of one episode is time
+        raise InvalidValueError(f"Episode {episode.uid}: {error.what} is not finite {where}. {VALIDATE}") from error
+    finite = np.isfinite(episode.executed_actions).all(1)
+    if not finite.all():
+        where = f"at step {int(np.argmin(finite))}"
+        raise InvalidValueError(f"Episode {episode.uid}: the action is not finite {where}. {VALIDATE}")
 
 
-def split(demos: Sequence[Demo], fraction: float, *, seed: int) -> tuple[list[Demo], list[Demo]]:
+def split(demos: Sequence[Episode], fraction: float, *, seed: int) -> tuple[list[Episode], list[Episode]]:
     """Draw ``fraction`` of the demonstrations, at least one where there are two, for validation.
 
     Returns:
@@ -117,44 +65,50 @@ def split(demos: Sequence[Demo], fraction: float, *, seed: int) -> tuple[list[De
     return [d for i, d in enumerate(demos) if i not in held], [d for i, d in enumerate(demos) if i in held]
 
 
-def fit_interface(layout: Layout, config: PolicyConfig, frames: Frames) -> Interface:
-    """Fit the normalisers of ``layout`` to ``frames``, that of anchored actions to their offsets over a whole chunk."""
-    action = Normaliser.fit(frames.actions, config.action_scaling)
-    if width := layout.anchored:
-        offsets = frames.actions[frames.ahead(config.chunk), :width] - layout.anchor_of(frames.obs)[:, None]
-        relative = Normaliser.fit(offsets.reshape(-1, width), config.action_scaling)
-        action = Normaliser(
-            np.concatenate([relative.centre, action.centre[width:]]),
-            np.concatenate([relative.scale, action.scale[width:]]),
-        )
-    return Interface(layout, Normaliser.fit(frames.obs), action)
+def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicyConfig) -> Windows:
+    """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown."""
+    return Windows(demos, layout.names, history=policy.history, chunk=policy.chunk, target="expert_actions")
+
+
+def digest_of(windows: Windows) -> str:
+    """Return the SHA-256 of everything that a network can learn from ``windows``."""
+    seal = hashlib.sha256()
+    for array in windows[np.arange(len(windows))]:
+        seal.update(np.ascontiguousarray(array).tobytes())
+    return seal.hexdigest()
+
+
+def fit_interface(layout: Layout, windows: Windows, policy: PolicyConfig) -> Interface:
+    """Fit the normalisers of ``layout``: observations as related frames, anchored actions as offsets."""
+    obs, actions, is_pad = windows[np.arange(len(windows))]
+    frames = layout.relate(obs[:, -1])
+    targets = to_offsets(layout, actions, obs)[~is_pad]
+    action = Normaliser.fit(targets, policy.action_scaling)
+    return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip)
 
 
 class TrainingSet:
-    """Normalised frames from which windows are gathered: histories behind each step and chunks of actions ahead.
+    """Windows as normalised tensors.
 
-    Before an episode's start its first observation is repeated, after its end its last action, marked as not valid.
+    Args:
+        windows: where they are gathered from.
+        interface: how they are normalised.
+        device: where the tensors go.
     """
 
-    def __init__(self, frames: Frames, interface: Interface, config: PolicyConfig, device: str = "cpu") -> None:
-        obs = interface.obs.normalise(frames.obs).clip(-config.obs_clip, config.obs_clip)
-        anchor = interface.layout.anchor_of(frames.obs) / interface.action.scale[: interface.layout.anchored]
-        arrays = (obs, interface.action.normalise(frames.actions), anchor.astype(np.float32), frames.first, frames.last)
-        tensors = (torch.as_tensor(array, device=device) for array in arrays)
-        self._obs, self._actions, self._anchor, self._first, self._last = tensors
-        self._back = torch.arange(1 - config.history, 1, device=device)
-        self._ahead = torch.arange(config.chunk, device=device)
+    def __init__(self, windows: Windows, interface: Interface, device: str = "cpu") -> None:
+        self._windows, self._interface, self._device = windows, interface, device
 
     def __len__(self) -> int:
-        return len(self._obs)
+        return len(self._windows)
 
-    def gather(self, steps: np.ndarray) -> tuple[Tensor, Tensor, Tensor]:
-        """Return obs (B, To, Do), actions (B, Ta, Da), valid (B, Ta) of the windows at ``steps`` (B,)."""
-        now = torch.as_tensor(steps, device=self._obs.device)[:, None]
-        first, last, ahead = self._first[now], self._last[now], now + self._ahead
-        actions = self._actions[torch.minimum(ahead, last)]
-        actions[..., : self._anchor.shape[-1]] -= self._anchor[now]
-        return self._obs[torch.maximum(now + self._back, first)], actions, (ahead <= last).float()
+    def gather(self, index: np.ndarray) -> tuple[Tensor, Tensor, Tensor]:
+        """Return obs (B, To, Do), actions (B, Ta, Da) and valid (B, Ta), 1 within the episode, at ``index`` (B,)."""
+        obs, actions, is_pad = self._windows[index]
+        inputs, targets = self._interface.encode_obs(obs), self._interface.encode_actions(actions, obs)
+        arrays = (inputs, targets, (~is_pad).astype(np.float32))
+        encoded, answers, valid = (torch.from_numpy(array).to(self._device) for array in arrays)
+        return encoded, answers, valid
 
 
 class Shuffle:

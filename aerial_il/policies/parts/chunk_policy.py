@@ -59,7 +59,7 @@ class ChunkPolicy:
             InvalidValueError: n changed without a :meth:`reset`.
             NonFiniteActionError: NaN or infinity in an observation or in the network's output.
         """
-        frame = self.interface.layout.frame(obs)
+        frame = self.interface.layout.flatten(obs)
         self._count(len(frame))
         history = self._history.push(frame)
         due = self._plan.due(len(frame))
@@ -68,18 +68,14 @@ class ChunkPolicy:
         return self.spec.action.clip(self._plan.pop().astype(np.float64))
 
     def predict(self, history: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
-        """Return chunks of actions (B, Ta, Da) in the environment's units for raw histories (B, To, Do)."""
-        limit = self.config.obs_clip
-        inputs = np.clip(self.interface.obs.normalise(history), -limit, limit)
+        """Return chunks of actions (B, Ta, Da) in the environment's units for histories (B, To, Do)."""
+        inputs = torch.from_numpy(self.interface.encode_obs(history))
         with torch.inference_mode():
-            outputs = self.network(torch.from_numpy(inputs)).numpy()
+            outputs = self.network(inputs.to(self._device)).cpu().numpy()
         if not np.isfinite(outputs).all():
             bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
             raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])
-        chunks = self.interface.action.denormalise(outputs)
-        anchor = self.interface.layout.anchor_of(history[:, -1:]).astype(np.float32)
-        chunks[..., : self.interface.layout.anchored] += anchor
-        return chunks
+        return self.interface.decode_actions(outputs, history)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
@@ -121,7 +117,12 @@ class ChunkPolicy:
         network.load_state_dict(
             {k: torch.from_numpy(saved.arrays[f"network.{k}"].copy()) for k in network.state_dict()}
         )
-        return ChunkPolicy(config, Interface(layout, obs, action), network, saved.state.get("origin"))
+        interface = Interface(layout, obs, action, config.obs_clip)
+        return ChunkPolicy(config, interface, network, saved.state.get("origin"))
+
+    @property
+    def _device(self) -> torch.device:
+        return next(self.network.parameters()).device
 
     def _count(self, n: int) -> None:
         if self._worlds not in (None, n):

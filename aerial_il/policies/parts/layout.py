@@ -37,9 +37,6 @@ class Layout:
                 raise InvalidValueError(f"Observation {name!r} is an image; this policy can see {choices}.")
         if self.anchor is not None and self.anchor not in self._positions:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
-        if self.anchor is not None and self.spec.action.level != "ee_pose":
-            level = self.spec.action.level
-            raise InvalidValueError(f"anchor={self.anchor} needs ee_pose actions, not {level}. Set anchor=null.")
 
     @staticmethod
     def of(spec: EnvSpec, names: tuple[str, ...], anchor: str | None) -> Layout:
@@ -53,11 +50,11 @@ class Layout:
 
     @property
     def anchored(self) -> int:
-        """How many elements at the front of an action are relative to the anchor."""
-        return 3 if self.anchor else 0
+        """How many elements at the front of an action are relative to the anchor: the position of an ``ee_pose``."""
+        return 3 if self.anchor and self.spec.action.level == "ee_pose" else 0
 
-    def frame(self, obs: Observation) -> np.ndarray:
-        """Return frames (n, Do) for observations ``name -> (n, ...)``.
+    def flatten(self, obs: Observation) -> np.ndarray:
+        """Return frames (n, Do), every position still in the world, for observations ``name -> (n, ...)``.
 
         Raises:
             UnknownNameError: a field is missing.
@@ -66,16 +63,21 @@ class Layout:
         for name in self.names:
             if name not in obs:
                 raise UnknownNameError("observation", name, obs, "The policy was trained with this field.")
-        frame = self.spec.observation.flatten(obs, self.names)
-        if not np.isfinite(frame).all():
+        frames = self.spec.observation.flatten(obs, self.names)
+        if not np.isfinite(frames).all():
             raise NonFiniteActionError(*_first_bad(obs, self.names))
-        for columns in self._relative:
-            frame[..., columns] -= frame[..., self._anchor]
-        return frame
+        return frames
 
-    def anchor_of(self, frames: np.ndarray) -> np.ndarray:
-        """Return the anchor's position (..., 3) in the world for frames (..., Do); (..., 0) without an anchor."""
-        return frames[..., self._anchor]
+    def relate(self, frames: np.ndarray) -> np.ndarray:
+        """Return frames (..., Do) with every position but the anchor's own relative to it."""
+        frames = frames.copy()
+        for columns in self._relative:
+            frames[..., columns] -= frames[..., self._anchor]
+        return frames
+
+    def offset_of(self, frames: np.ndarray) -> np.ndarray:
+        """Return what turns the anchored elements of an action into world positions (..., anchored)."""
+        return frames[..., self._anchor][..., : self.anchored]
 
     @cached_property
     def _positions(self) -> tuple[str, ...]:
@@ -97,17 +99,41 @@ class Layout:
 
 @dataclass(frozen=True)
 class Interface:
-    """A layout with the normalisers fitted to it.
+    """A layout with the normalisers fitted to it: the way into a network and the way out.
 
     Attributes:
         layout: what goes in and comes out.
-        obs: normaliser of frames (Do,).
+        obs: normaliser of related frames (Do,).
         action: normaliser of actions (Da,), anchored ones as offsets from the anchor.
+        obs_clip: limit of normalised observations.
     """
 
     layout: Layout
     obs: Normaliser
     action: Normaliser
+    obs_clip: float
+
+    def encode_obs(self, history: np.ndarray) -> np.ndarray:
+        """Return the network's input, float32, for frames (B, To, Do) in the world."""
+        normalised = self.obs.normalise(self.layout.relate(history))
+        return np.clip(normalised, -self.obs_clip, self.obs_clip, out=normalised)
+
+    def encode_actions(self, actions: np.ndarray, history: np.ndarray) -> np.ndarray:
+        """Return what the network should answer, float32, for actions (B, Ta, Da) demonstrated after ``history``."""
+        return self.action.normalise(to_offsets(self.layout, actions, history))
+
+    def decode_actions(self, outputs: np.ndarray, history: np.ndarray) -> np.ndarray:
+        """Return actions (B, Ta, Da) in the environment's units for the network's answer to ``history``."""
+        actions = self.action.denormalise(outputs)
+        actions[..., : self.layout.anchored] += self.layout.offset_of(history[:, -1:]).astype(np.float32)
+        return actions
+
+
+def to_offsets(layout: Layout, actions: np.ndarray, history: np.ndarray) -> np.ndarray:
+    """Return actions (B, Ta, Da) with their anchored elements relative to the last frame of ``history``."""
+    actions = actions.copy()
+    actions[..., : layout.anchored] -= layout.offset_of(history[:, -1:])
+    return actions
 
 
 def _first_bad(obs: Observation, names: tuple[str, ...]) -> tuple[str, np.ndarray]:

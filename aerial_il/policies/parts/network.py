@@ -40,8 +40,8 @@ class PolicyConfig(ABC):
         chunk: actions Ta that it predicts at once.
         execute: steps flown before it predicts again.
         ensemble: decay of the weights over overlapping chunks, oldest first; None flies the newest chunk alone.
-        anchor: observation field, e.g. ``"ee_pos"``, relative to which the network sees every other position and
-            predicts those of an ``ee_pose`` action; None keeps all positions in the world.
+        anchor: observation field relative to which the network sees every other position and predicts those of an
+            ``ee_pose`` action; None keeps all positions in the world.
         obs_names: observation fields; empty for all that are not images.
         action_scaling: ``standard`` or ``minmax``.
         obs_clip: normalised observations are limited to ±``obs_clip``, so that what was never seen cannot overwhelm.
@@ -51,7 +51,7 @@ class PolicyConfig(ABC):
     chunk: int = 20
     execute: int = 1
     ensemble: float | None = 0.01
-    anchor: str | None = None
+    anchor: str | None = "ee_pos"
     obs_names: tuple[str, ...] = ()
     action_scaling: Scaling = "standard"
     obs_clip: float = 10.0

@@ -1,0 +1,137 @@
+"""What a policy refuses, and what each world's actions depend on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerial_il.core import checkpoint
+from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError, UnknownNameError
+from aerial_il.core.policy import attach
+from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.layout import Layout
+from tests.algorithms.point_mass import SPEC, PointMassBatch
+from tests.policies.test_registry import fresh_policy
+
+
+def with_fields(spec: EnvSpec, *fields: Field) -> EnvSpec:
+    return replace(spec, observation=ObservationSpec(fields))
+
+
+def test_worlds_do_not_influence_each_other() -> None:
+    """A world's actions are those it would get alone, also when others are reset at other times."""
+    rng = np.random.default_rng(0)
+    together, alone = fresh_policy("mlp", execute=2), fresh_policy("mlp", execute=2)
+    for t in range(12):
+        obs = {f.name: rng.normal(size=(4, *f.shape)) for f in SPEC.observation.fields}
+        together.reset(np.array([False, t == 3, False, t % 5 == 2]))
+        actions = together.act(obs)
+        np.testing.assert_allclose(alone.act({k: v[:1] for k, v in obs.items()})[0], actions[0], atol=1e-6)
+
+
+def test_reset_brings_back_the_first_action() -> None:
+    policy, obs = fresh_policy("mlp"), PointMassBatch(2).reset(5)
+    first = policy.act(obs)
+    policy.act({k: v + 0.1 for k, v in obs.items()})
+    policy.reset()
+    np.testing.assert_array_equal(policy.act(obs), first)
+
+
+def test_anchor_makes_positions_relative_and_actions_absolute() -> None:
+    """Moving everything by one vector moves the commanded positions by it, as the end effector's column is blind."""
+    policy, env = fresh_policy("mlp"), PointMassBatch(3)
+    layout, obs = policy.interface.layout, env.reset(0)
+    related = layout.relate(layout.flatten(obs))
+    np.testing.assert_allclose(related[:, 10:13], obs["cube_pos"] - obs["ee_pos"])
+    np.testing.assert_allclose(related[:, :3], obs["ee_pos"])
+    policy.network.get_submodule("layers.1.0").weight.data[:, [0, 1, 2, 16, 17, 18]] = 0  # two frames of ee_pos
+    before = policy.predict(np.repeat(layout.flatten(obs)[:, None], 2, 1))
+    shift = np.array([0.1, -0.2, 0.05])
+    moved = {k: v + shift if k.endswith("_pos") else v for k, v in obs.items()}
+    after = policy.predict(np.repeat(layout.flatten(moved)[:, None], 2, 1))
+    np.testing.assert_allclose(after[..., :3] - before[..., :3], np.broadcast_to(shift, (3, 5, 3)), atol=1e-5)
+    np.testing.assert_allclose(after[..., 3:], before[..., 3:], atol=1e-5)
+
+
+def test_without_an_anchor_positions_stay_in_the_world() -> None:
+    obs = PointMassBatch(2).reset(0)
+    layout = Layout.of(SPEC, (), None)
+    frames = layout.relate(layout.flatten(obs))
+    np.testing.assert_array_equal(frames, SPEC.observation.flatten(obs, SPEC.observation.state_names))
+
+
+def test_unknown_fields_anchors_and_images_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'cube_pos'"):
+        Layout.of(SPEC, ("ee_pos", "cube_position"), None)
+    with pytest.raises(UnknownNameError, match="anchor=null"):
+        Layout.of(SPEC, (), "base_pos")
+    with pytest.raises(InvalidValueError, match="is an image"):
+        Layout.of(SPEC, ("scene_rgb",), None)
+
+
+def test_a_missing_observation_is_named() -> None:
+    obs = PointMassBatch(2).reset(0)
+    del obs["goal_pos"]
+    with pytest.raises(UnknownNameError, match="goal_pos"):
+        fresh_policy("mlp").act(obs)
+
+
+def test_another_number_of_worlds_needs_a_reset() -> None:
+    policy = fresh_policy("mlp")
+    policy.act(PointMassBatch(3).reset(0))
+    with pytest.raises(InvalidValueError, match="3 worlds and was shown 2"):
+        policy.act(PointMassBatch(2).reset(0))
+    policy.reset()
+    assert policy.act(PointMassBatch(2).reset(0)).shape == (2, 10)
+
+
+def test_nan_is_told_with_its_field_and_worlds() -> None:
+    policy, obs = fresh_policy("mlp"), PointMassBatch(4).reset(0)
+    obs["cube_pos"][2, 1] = np.inf
+    with pytest.raises(NonFiniteActionError, match="observation cube_pos in world 2") as caught:
+        policy.act(obs)
+    assert caught.value.worlds == (2,)
+    broken = fresh_policy("mlp")
+    next(broken.network.parameters()).data[:] = np.nan
+    with pytest.raises(NonFiniteActionError, match="network output in world 0, 1"):
+        broken.act(PointMassBatch(2).reset(0))
+
+
+def test_actions_are_limited_to_their_bounds() -> None:
+    policy, obs = fresh_policy("mlp"), PointMassBatch(4).reset(0)
+    for parameter in policy.network.parameters():
+        parameter.data *= 50
+    action = policy.act(obs)
+    assert ((action == SPEC.action.low) | (action == SPEC.action.high)).any()
+    np.testing.assert_array_equal(action, SPEC.action.clip(action))
+
+
+def test_it_flies_across_tiers_and_added_cameras_only() -> None:
+    policy = fresh_policy("mlp")
+    fields = SPEC.observation.fields
+    camera = Field("wrist_rgb", (8, 8, 3), "image", dtype="uint8")
+    policy.check(replace(with_fields(SPEC, *fields, camera), tier="gusts", max_steps=7))
+    with pytest.raises(InvalidValueError, match="robot: 'point' != 'cloud'"):
+        policy.check(replace(SPEC, robot="cloud"))
+    with pytest.raises(InvalidValueError, match="control_dt_s"):
+        policy.check(replace(SPEC, control_dt_s=0.1))
+    with pytest.raises(InvalidValueError, match=r"action\.level: 'ee_pose' != 'velocity'"):
+        policy.check(replace(SPEC, action=replace(SPEC.action, level="velocity")))
+    with pytest.raises(InvalidValueError, match="goal_pos"):
+        policy.check(with_fields(SPEC, *(f for f in fields if f.name != "goal_pos")))
+    env = PointMassBatch(1)
+    env.spec = replace(SPEC, task="drop")
+    with pytest.raises(InvalidValueError, match="task"):
+        attach(policy, env)
+
+
+def test_a_policy_of_another_make_is_refused(tmp_path: Path) -> None:
+    saved = fresh_policy("mlp").to_checkpoint()
+    for change in ({"policy": "gpt"}, {"settings": {"width": 3}}, {"spec": {}}, {"settings": {"hidden": [7]}}):
+        folder = checkpoint.save(tmp_path / "policy", replace(saved, config={**saved.config, **change}))
+        with pytest.raises(CheckpointError, match="no policy that this release can rebuild"):
+            load_policy(folder)

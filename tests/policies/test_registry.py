@@ -1,0 +1,90 @@
+"""Every policy file obeys the same contract; a new one is found and tested without an edit here."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from subprocess import run
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from aerial_il.core.errors import CheckpointError, InvalidValueError, UnknownNameError
+from aerial_il.policies import list_policies, load_policy, policy_config
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.policies.parts.normaliser import Normaliser
+from tests.algorithms.point_mass import SPEC, PointMassBatch
+
+SIZES = {"history": 2, "chunk": 5}
+
+
+def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
+    config = policy_config(name)(**{**SIZES, **settings})
+    layout = Layout.of(SPEC, config.obs_names, config.anchor)
+    data = np.random.default_rng(0)
+    scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, SPEC.action.size))
+    interface = Interface(layout, *scalers, config.obs_clip)
+    torch.manual_seed(0)
+    return ChunkPolicy(config, interface, config.build(layout.size, SPEC.action.size), {"step": 3})
+
+
+@pytest.mark.parametrize("name", list_policies())
+def test_network_maps_histories_to_chunks_and_its_loss_ignores_what_is_not_valid(name: str) -> None:
+    network = fresh_policy(name).network
+    obs, actions = torch.randn(4, 2, 16), torch.randn(4, 5, 10)
+    assert network(obs).shape == (4, 5, 10)
+    valid = torch.ones(4, 5)
+    valid[:, 3:] = 0
+    loss, _ = network.loss(obs, actions, valid)
+    actions[:, 3:] += 100
+    assert loss.ndim == 0
+    assert torch.equal(loss, network.loss(obs, actions, valid)[0])
+    assert not torch.equal(loss, network.loss(obs, actions, torch.ones(4, 5))[0])
+
+
+@pytest.mark.parametrize("name", list_policies())
+def test_a_saved_policy_flies_alone_and_alike(name: str, tmp_path: Path) -> None:
+    policy = fresh_policy(name)
+    again = load_policy(policy.save(tmp_path / "policy"))
+    assert (again.config, again.spec, again.origin) == (policy.config, policy.spec, {"step": 3})
+    env = PointMassBatch(3)
+    obs = env.reset(0)
+    for _ in range(4):
+        action = policy.act(obs)
+        np.testing.assert_array_equal(again.act(obs), action)
+        assert action.shape == (3, 10)
+        assert action.dtype == np.float64
+        assert (action >= SPEC.action.low).all()
+        assert (action <= SPEC.action.high).all()
+        obs = env.step(action).obs
+
+
+@pytest.mark.parametrize("name", list_policies())
+def test_settings_survive_yaml(name: str) -> None:
+    config = policy_config(name)(**SIZES)
+    assert policy_config(name)(**yaml.safe_load(yaml.safe_dump(config.to_dict()))) == config
+    assert config.name == name
+
+
+@pytest.mark.parametrize("settings", [{"history": 0}, {"chunk": 0}, {"execute": 6}, {"obs_clip": 0}])
+@pytest.mark.parametrize("name", list_policies())
+def test_impossible_settings_are_refused(name: str, settings: dict[str, int]) -> None:
+    with pytest.raises(InvalidValueError, match=next(iter(settings))):
+        policy_config(name)(**{**SIZES, **settings})
+
+
+def test_names_come_without_importing_torch() -> None:
+    code = "import sys; from aerial_il.policies import list_policies; list_policies(); print('torch' in sys.modules)"
+    assert run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"
+
+
+def test_unknown_policies_and_paths_say_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'mlp'"):
+        policy_config("mpl")
+    with pytest.raises(CheckpointError, match="does not exist"):
+        load_policy(tmp_path / "nowhere")
+    with pytest.raises(CheckpointError, match="neither a policy nor a run"):
+        load_policy(tmp_path)
