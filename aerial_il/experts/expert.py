@@ -82,13 +82,13 @@ class Expert(ABC):
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return ``ee_pose`` actions (n, 10); the observation is ignored in favour of the simulator's state."""
+        bounds = self._attached.spec.action
         fresh = self.phase == UNDECIDED
         old = self.phase.copy()
         self.phase = np.where(fresh, self.first_phase(), self.phase)
         self.phase = self.next_phase()
         self.timer = np.where(self.phase == old, self.timer + 1, 0)
         position, rot6d, gripper = self.command()
-        bounds = self._attached.spec.action
         self.expert_action = bounds.clip(np.concatenate([position, rot6d, gripper[:, None]], axis=1))
         if self.noise == 0.0:
             return self.expert_action

@@ -49,7 +49,7 @@ def test_hovering_takes_the_weight(robot: str) -> None:
 
 @each_robot
 def test_without_thrust_it_falls_freely(robot: str) -> None:
-    env, vehicle, off = rotor_world(robot)
+    env, _, off = rotor_world(robot)
     env.simulation.worlds.bind("act")[:] = 0.0
     before, steps = env.get_state(), 10
     for _ in range(steps):

@@ -1,0 +1,133 @@
+"""Experts are closed loop: they retry, take over anywhere, and forget when told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il import experts
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.policy import Policy, PrivilegedPolicy
+from aerial_il.experts.expert import UNDECIDED, Expert
+from aerial_il.experts.pick_place import CARRY, HOVER, LIFT
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
+from tests.contract.registered import CELLS, batch, each_cell, single
+
+PICK = ("ua_quad_arm4", "pick_place")
+
+
+def attached(worlds: BatchEnvironment, first_seed: int = 40_000, **options: float) -> Expert:
+    """An expert at the start of episodes ``first_seed``, ``first_seed + 1``, …"""
+    expert = aerial_il.expert(worlds.spec.robot, worlds.spec.task, **options)
+    expert.attach(worlds)
+    worlds.reset(first_seed)
+    expert.reset()
+    return expert
+
+
+def fly_until_solved(worlds: BatchEnvironment, expert: Expert) -> np.ndarray:
+    solved = np.zeros(worlds.num_envs, bool)
+    while not solved.all() and worlds.simulation.steps.max() < worlds.spec.max_steps:
+        solved |= worlds.step(expert.act({}), ~solved).info["success"]
+    return solved
+
+
+def test_every_task_of_a_cell_has_an_expert() -> None:
+    assert {task for _, task in CELLS} <= set(experts.names())
+
+
+@each_cell
+def test_an_expert_is_a_policy_with_phases(robot: str, task: str) -> None:
+    worlds = batch(robot, task)
+    expert = attached(worlds)
+    assert isinstance(expert, Policy)
+    assert isinstance(expert, PrivilegedPolicy)
+    assert (expert.phase == UNDECIDED).all()
+    action = expert.act({})
+    assert action.shape == (3, worlds.spec.action.size)
+    np.testing.assert_array_equal(worlds.spec.action.clip(action), action)
+    assert ((expert.phase >= 0) & (expert.phase < len(expert.phase_names))).all()
+    expert.reset(np.array([True, False, False]))
+    assert (expert.phase == UNDECIDED).tolist() == [True, False, False]
+
+
+def test_it_acts_in_a_single_environment_as_in_a_batch() -> None:
+    worlds, env = batch(*PICK), single(*PICK)
+    ours, alone = attached(worlds, 40_000), aerial_il.expert(*PICK)
+    alone.attach(env)
+    env.reset(seed=40_001)
+    for _ in range(30):
+        action = ours.act({})
+        np.testing.assert_array_equal(alone.act({})[0], action[1])
+        worlds.step(action)
+        env.step(action[1])
+
+
+def test_it_picks_the_cube_up_again_when_it_is_taken_away() -> None:
+    worlds = batch(*PICK)
+    expert = attached(worlds)
+    for _ in range(worlds.spec.max_steps):
+        worlds.step(expert.act({}))
+        if (expert.phase >= CARRY).all():
+            break
+    pose, speed = worlds.simulation.view.free_joint("cube")
+    states = worlds.get_state()
+    worlds.simulation.view.qpos[:, pose] = [0.1, 0.3, TABLE_HEIGHT_M + CUBE_HALF_M, 1.0, 0.0, 0.0, 0.0]
+    worlds.simulation.view.qvel[:, speed] = 0.0
+    worlds.set_state(worlds.get_state())
+    for _ in range(20):
+        worlds.step(expert.act({}))
+    assert (expert.phase < LIFT).all(), "it noticed"
+    assert not np.array_equal(states, worlds.get_state())
+    assert fly_until_solved(worlds, expert).all()
+
+
+def test_another_expert_takes_over_in_mid_flight() -> None:
+    worlds = batch(*PICK)
+    first = attached(worlds)
+    for _ in range(worlds.spec.max_steps):
+        worlds.step(first.act({}))
+        if (first.phase >= CARRY).all():
+            break
+    second = aerial_il.expert(*PICK)
+    second.attach(worlds)
+    second.act({})
+    assert (second.phase >= LIFT).all(), "the cube is in the gripper already"
+    assert fly_until_solved(worlds, second).all()
+
+
+def test_noise_is_seeded_by_episode_changes_the_path_and_is_recovered_from() -> None:
+    worlds = batch(*PICK)
+
+    def commands(**options: float) -> np.ndarray:
+        expert = attached(worlds, **options)
+        actions = []
+        for _ in range(40):
+            actions.append(expert.act({}))
+            worlds.step(actions[-1])
+        return np.array(actions)
+
+    plain, noisy = commands(), commands(noise=1.0, seed=1)
+    np.testing.assert_array_equal(noisy, commands(noise=1.0, seed=1))
+    assert not np.array_equal(noisy, commands(noise=1.0, seed=2))
+    assert 0.005 < np.std(noisy[..., :3] - plain[..., :3]) < 0.1
+    assert fly_until_solved(worlds, attached(worlds, noise=0.3)).all()
+
+
+def test_it_hovers_over_the_cube_before_anything_else() -> None:
+    expert = attached(batch(*PICK))
+    expert.act({})
+    assert (expert.phase == HOVER).all()
+
+
+def test_wrong_uses_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="not attached to an environment"):
+        aerial_il.expert(*PICK).act({})
+    with pytest.raises(InvalidValueError, match="Experts act at level 'ee_pose', the environment takes 'rotor'"):
+        aerial_il.expert(*PICK).attach(single(*PICK, "calm", "rotor"))
+    with pytest.raises(InvalidValueError, match="noise lies between 0 and 1, got 2"):
+        aerial_il.expert(*PICK, noise=2.0)
+    with pytest.raises(UnknownNameError, match="Did you mean 'reach'"):
+        aerial_il.expert("ua_quad_arm4", "reech")

@@ -1,0 +1,1 @@
+"""Pictures: what each camera must show, whichever renderer draws it."""

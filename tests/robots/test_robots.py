@@ -1,0 +1,121 @@
+"""Robots are what their parameters say, and strong enough for what they claim."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from aerial_il import robots
+from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.errors import UnknownNameError
+from aerial_il.robots.parts.camera import look_along
+from aerial_il.robots.parts.rotorcraft import ring
+from aerial_il.robots.robot import LATERAL_SHARE, Robot
+
+ROBOTS = [robots.get(name) for name in robots.names()]
+each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=robots.names())
+
+
+def compiled(robot: Robot) -> mujoco.MjModel:
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    robot.add_to(spec)
+    return spec.compile()
+
+
+@pytest.mark.parametrize(
+    ("name", "actuation", "mass", "thrust_to_weight"),
+    [("ua_quad_arm4", "under", 2.3, 2.4), ("fa_hexa_arm4", "full", 6.42, 2.24)],
+)
+def test_published_figures(name: str, actuation: str, mass: float, thrust_to_weight: float) -> None:
+    robot = robots.get(name)
+    assert robot.name == name
+    assert robot.actuation == actuation
+    assert robot.vehicle.mass == pytest.approx(mass, rel=0.01)
+    assert robot.vehicle.thrust_to_weight == pytest.approx(thrust_to_weight, rel=0.02)
+
+
+def test_the_hexarotor_pushes_sideways_at_level_hover() -> None:
+    assert 13.0 < robots.get("fa_hexa_arm4").lateral_force < 18.0
+    assert robots.get("ua_quad_arm4").lateral_force == 0.0
+
+
+@each_robot
+def test_actuators_come_in_the_order_rotors_joints_gripper(robot: Robot) -> None:
+    model = compiled(robot)
+    names = [model.actuator(i).name for i in range(model.nu)]
+    rotors, joints = [f"rotor_{i}" for i in range(robot.num_rotors)], [f"joint_{j}" for j in range(robot.num_joints)]
+    assert names == [*rotors, *joints, "gripper"]
+    assert model.joint(0).name == "base"
+    assert [model.joint(1 + j).name for j in range(robot.num_joints)] == joints
+
+
+@each_robot
+def test_servos_are_limited_to_honest_torques_and_can_hold_the_arm(robot: Robot) -> None:
+    model, vehicle = compiled(robot), robot.vehicle
+    for j, link in enumerate(robot.arm.links):
+        low, high = model.actuator(f"joint_{j}").forcerange
+        assert (low, high) == (-link.torque, link.torque)
+        assert 0.0 < link.torque <= 12.0
+        np.testing.assert_allclose(model.joint(f"joint_{j}").range, [vehicle.joint_low[j], vehicle.joint_high[j]])
+    outstretched, payload = robot.arm.reach + robot.gripper.tool_distance, 0.1
+    assert robot.arm.links[1].torque > (vehicle.link_mass[1:] @ np.full(3, 0.5) + payload) * GRAVITY * outstretched
+
+
+@each_robot
+def test_rest_postures_are_within_limits_and_point_where_they_say(robot: Robot) -> None:
+    model, vehicle = compiled(robot), robot.vehicle
+    data = mujoco.MjData(model)
+    for posture, along in ((robot.rest_forward, [1.0, 0.0, 0.0]), (robot.rest_down, [0.0, 0.0, -1.0])):
+        assert (vehicle.joint_low < posture).all()
+        assert (posture < vehicle.joint_high).all()
+        data.qpos[7 : 7 + robot.num_joints] = posture
+        mujoco.mj_forward(model, data)
+        assert data.site("tool").xmat.reshape(3, 3)[:, 0] @ along > np.cos(0.02)
+        assert data.site("tool").xpos[2] < -robot.base.hub_size[2], "the tool hangs below the base"
+
+
+@each_robot
+def test_the_gripper_opens_closes_and_squeezes(robot: Robot) -> None:
+    model = compiled(robot)
+    model.opt.gravity[:] = 0.0
+    data, stroke = mujoco.MjData(model), robot.gripper.stroke
+    left, right = (model.joint(f"finger_{side}").qposadr[0] for side in ("left", "right"))
+    for target in (stroke, 0.0):
+        data.actuator("gripper").ctrl[:] = target
+        for _ in range(400):
+            mujoco.mj_step(model, data)
+        assert data.qpos[left] == pytest.approx(target, abs=0.002)
+        assert data.qpos[right] == pytest.approx(data.qpos[left], abs=0.001)
+    data.actuator("gripper").ctrl[:] = stroke
+    mujoco.mj_forward(model, data)
+    assert robot.gripper.force >= 6.0
+    assert abs(data.actuator("gripper").force[0]) == pytest.approx(2.0 * robot.gripper.force)
+
+
+def test_a_rotor_ring_is_level_or_canted_about_its_booms() -> None:
+    pos, axis = ring(6, 0.4, first_angle=0.0, height=0.02, cant=0.4)
+    np.testing.assert_allclose(np.linalg.norm(pos[:, :2], axis=1), 0.4)
+    np.testing.assert_allclose(axis[:, 2], np.cos(0.4))
+    np.testing.assert_allclose(np.einsum("ri,ri->r", pos[:, :2], axis[:, :2]), 0.0, atol=1e-12)
+    np.testing.assert_allclose(axis.sum(axis=0)[:2], 0.0, atol=1e-12)
+
+
+@each_robot
+def test_the_controller_keeps_a_reserve_of_sideways_force(robot: Robot) -> None:
+    assert robot.vehicle.lateral_limit == pytest.approx(LATERAL_SHARE * robot.lateral_force)
+
+
+def test_a_camera_looks_where_it_is_told() -> None:
+    rot = np.empty(9)
+    mujoco.mju_quat2Mat(rot, look_along(np.array([1.0, 1.0, -1.0])))
+    axes = rot.reshape(3, 3)
+    np.testing.assert_allclose(-axes[:, 2], np.array([1.0, 1.0, -1.0]) / np.sqrt(3.0), atol=1e-12)
+    assert axes[2, 0] == pytest.approx(0.0), "the horizon is level"
+    assert axes[2, 1] > 0.0, "and the right way up"
+
+
+def test_an_unknown_robot_is_answered_with_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'fa_hexa_arm4'"):
+        robots.get("fa_hexa_arm")
