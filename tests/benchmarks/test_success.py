@@ -59,7 +59,7 @@ def test_the_curve_has_a_point_for_each_size(report: Report) -> None:
 def test_each_size_learns_from_the_first_demonstrations(report: Report, folder: Path) -> None:
     for size in (1, 2):
         policy = aerial_il.load_policy(str(folder / "training" / "ua_quad_arm4-reach" / str(size)))
-        assert policy.origin["demonstrations"] == size
+        assert policy.origin["dataset"]["demonstrations"] == size
     demos = aerial_il.open_dataset(str(folder / "datasets" / "ua_quad_arm4-reach"))
     assert [episode.provenance["seed"] for episode in demos] == [0, 1]
 

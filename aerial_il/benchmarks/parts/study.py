@@ -83,10 +83,11 @@ def _title(study: Mapping[str, Any]) -> str:
 
 
 def _origin(study: Mapping[str, Any]) -> str:
-    """Return commit, machine and time in words."""
+    """Return commit, machine, its load and the time taken in words."""
     git, machine = study["provenance"]["git"], study["machine"]
     commit = "an installed package" if git is None else f"commit `{git['sha'][:10]}`{' with changes' * git['dirty']}"
-    return f"{_capital(commit)}, {machine['cores']} cores of {machine['cpu']}, {study['wall_time_s']:.0f} s"
+    where = f"{machine['cores']} cores of {machine['cpu']}, load {machine['load_average']:g} at the end"
+    return f"{_capital(commit)}, {where}, {study['wall_time_s']:.0f} s"
 
 
 def _capital(words: str) -> str:
