@@ -13,6 +13,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from aerial_il.core.arrays import length
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
@@ -20,6 +21,7 @@ from aerial_il.suite.simulation import Simulation
 from aerial_il.suite.view import View
 
 UNDECIDED = -1
+LEAD_M = 0.15  # a commanded position is at most this far ahead of the tool: smooth actions, bounded speed
 NOISE_M = 0.03  # standard deviation of the position command at noise = 1
 NOISE_TIME_STEPS = 25.0  # its correlation time
 
@@ -88,8 +90,8 @@ class Expert(ABC):
         self.phase = np.where(fresh, self.first_phase(), self.phase)
         self.phase = self.next_phase()
         self.timer = np.where(self.phase == old, self.timer + 1, 0)
-        position, rot6d, gripper = self.command()
-        self.expert_action = bounds.clip(np.concatenate([position, rot6d, gripper[:, None]], axis=1))
+        target, rot6d, gripper = self.command()
+        self.expert_action = bounds.clip(np.concatenate([self._led(target), rot6d, gripper[:, None]], axis=1))
         if self.noise == 0.0:
             return self.expert_action
         action = self.expert_action.copy()
@@ -107,6 +109,12 @@ class Expert(ABC):
     @abstractmethod
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Target position (n, 3), rot6d (n, 6) and gripper opening (n,) for the present phases."""
+
+    def _led(self, target: np.ndarray) -> np.ndarray:
+        """Return the point on the way from the tool to ``target`` (n, 3) that is ``LEAD_M`` ahead, or the target."""
+        tool = self.view.tool_pos
+        ahead = target - tool
+        return tool + ahead * np.minimum(1.0, LEAD_M / np.maximum(length(ahead), 1e-9))[:, None]
 
     @property
     def _attached(self) -> HasSimulation:

@@ -16,6 +16,7 @@ from aerial_il.policies import list_policies, load_policy, policy_config
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.switches import Switches
 from tests.algorithms.point_mass import SPEC, PointMassBatch
 
 SIZES = {"history": 2, "chunk": 5}
@@ -26,7 +27,7 @@ def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
     layout = Layout.of(SPEC, config.obs_names, config.anchor)
     data = np.random.default_rng(0)
     scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, SPEC.action.size))
-    interface = Interface(layout, *scalers, config.obs_clip)
+    interface = Interface(layout, *scalers, config.obs_clip, Switches.none(layout.spec.action.size))
     torch.manual_seed(0)
     return ChunkPolicy(config, interface, config.build(layout.size, SPEC.action.size), {"step": 3})
 

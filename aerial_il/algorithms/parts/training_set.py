@@ -16,6 +16,7 @@ from aerial_il.data.windows import Windows
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.switches import Switches
 
 VALIDATE = "Find out more: aerial-il validate PATH"
 
@@ -79,12 +80,12 @@ def digest_of(windows: Windows) -> str:
 
 
 def fit_interface(layout: Layout, windows: Windows, policy: PolicyConfig) -> Interface:
-    """Fit the normalisers of ``layout``: observations as related frames, anchored actions as offsets."""
+    """Fit normalisers and switches of ``layout``: observations as related frames, anchored actions as offsets."""
     obs, actions, is_pad = windows[np.arange(len(windows))]
     frames = layout.relate(obs[:, -1])
     targets = to_offsets(layout, actions, obs)[~is_pad]
     action = Normaliser.fit(targets, policy.action_scaling)
-    return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip)
+    return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip, Switches.fit(targets))
 
 
 class TrainingSet:

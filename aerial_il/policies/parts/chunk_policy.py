@@ -20,6 +20,7 @@ from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.switches import Switches
 
 UNIMPORTANT = ("tier", "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
 
@@ -65,7 +66,8 @@ class ChunkPolicy:
         due = self._plan.due(len(frame))
         if due.any():
             self._plan.add(self.predict(history if due.all() else history[due], np.flatnonzero(due)), due)
-        return self.spec.action.clip(self._plan.pop().astype(np.float64))
+        planned = self.interface.switches.snap(self._plan.pop())
+        return self.spec.action.clip(planned.astype(np.float64))
 
     def predict(self, history: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
         """Return chunks of actions (B, Ta, Da) in the environment's units for histories (B, To, Do)."""
@@ -103,7 +105,8 @@ class ChunkPolicy:
     def to_checkpoint(self) -> Checkpoint:
         """Return everything that rebuilds the policy."""
         weights = {f"network.{k}": v.detach().cpu().numpy() for k, v in self.network.state_dict().items()}
-        arrays = {**weights, **self.interface.obs.arrays("obs"), **self.interface.action.arrays("action")}
+        wiring = self.interface
+        arrays = {**weights, **wiring.obs.arrays("obs"), **wiring.action.arrays("action"), **wiring.switches.arrays()}
         config = {"policy": self.config.name, "settings": self.config.to_dict(), "spec": self.spec.to_dict()}
         return Checkpoint(arrays, {"origin": self.origin}, config)
 
@@ -117,7 +120,7 @@ class ChunkPolicy:
         network.load_state_dict(
             {k: torch.from_numpy(saved.arrays[f"network.{k}"].copy()) for k in network.state_dict()}
         )
-        interface = Interface(layout, obs, action, config.obs_clip)
+        interface = Interface(layout, obs, action, config.obs_clip, Switches.from_arrays(saved.arrays))
         return ChunkPolicy(config, interface, network, saved.state.get("origin"))
 
     @property

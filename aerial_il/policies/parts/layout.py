@@ -11,6 +11,7 @@ from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, Unkno
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec
 from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.switches import Switches
 
 
 @dataclass(frozen=True)
@@ -106,12 +107,14 @@ class Interface:
         obs: normaliser of related frames (Do,).
         action: normaliser of actions (Da,), anchored ones as offsets from the anchor.
         obs_clip: limit of normalised observations.
+        switches: action elements with two values only.
     """
 
     layout: Layout
     obs: Normaliser
     action: Normaliser
     obs_clip: float
+    switches: Switches
 
     def encode_obs(self, history: np.ndarray) -> np.ndarray:
         """Return the network's input, float32, for frames (B, To, Do) in the world."""
