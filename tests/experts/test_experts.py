@@ -34,6 +34,18 @@ def fly_until_solved(worlds: BatchEnvironment, expert: Expert) -> np.ndarray:
     return solved
 
 
+def fly_until_carried(worlds: BatchEnvironment, expert: Expert) -> None:
+    """Fly every world to where the cube is first carried, and let it wait there."""
+    flying = np.ones(worlds.num_envs, bool)
+    for _ in range(worlds.spec.max_steps):
+        action = expert.act({})
+        flying &= expert.phase < CARRY
+        worlds.step(action, flying)
+        if not flying.any():
+            return
+    raise AssertionError("no cube was ever carried")
+
+
 def test_every_task_of_a_cell_has_an_expert() -> None:
     assert {task for _, task in CELLS} <= set(experts.names())
 
@@ -68,10 +80,7 @@ def test_it_acts_in_a_single_environment_as_in_a_batch() -> None:
 def test_it_picks_the_cube_up_again_when_it_is_taken_away() -> None:
     worlds = batch(*PICK)
     expert = attached(worlds)
-    for _ in range(worlds.spec.max_steps):
-        worlds.step(expert.act({}))
-        if (expert.phase >= CARRY).all():
-            break
+    fly_until_carried(worlds, expert)
     pose, speed = worlds.simulation.view.free_joint("cube")
     states = worlds.get_state()
     worlds.simulation.view.qpos[:, pose] = [0.1, 0.3, TABLE_HEIGHT_M + CUBE_HALF_M, 1.0, 0.0, 0.0, 0.0]
@@ -86,11 +95,7 @@ def test_it_picks_the_cube_up_again_when_it_is_taken_away() -> None:
 
 def test_another_expert_takes_over_in_mid_flight() -> None:
     worlds = batch(*PICK)
-    first = attached(worlds)
-    for _ in range(worlds.spec.max_steps):
-        worlds.step(first.act({}))
-        if (first.phase >= CARRY).all():
-            break
+    fly_until_carried(worlds, attached(worlds))
     second = aerial_il.expert(*PICK)
     second.attach(worlds)
     second.act({})
