@@ -1,8 +1,8 @@
 """The end-effector reference: smooth, limited in speed and acceleration, without lag behind a steady motion.
 
 A policy may command anything inside the action bounds, fifty times a second. The reference follows the command with a
-second-order law whose speed and acceleration are limited; the command's own rate is fed forward, so that a target
-that moves steadily is tracked without delay and a jump is approached along a braking curve.
+second-order law whose speed and acceleration are limited; near the command its own rate is fed forward, so that a target
+that moves steadily is tracked without delay, while a distant one is approached along a braking curve.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from aerial_il.core.rotations import (
 
 APPROACH = 4.0  # 1/s: speed wanted per metre of error
 RESPONSE = 10.0  # 1/s: how fast the reference takes up the wanted speed
+NEAR = 0.06  # m: a command's own rate counts only this close to it; farther off it may be a carrot held out ahead
 TURN_APPROACH = 4.0  # 1/s: the same for orientation
 
 
@@ -77,7 +78,8 @@ def advance_position(memory, target, gains, dt):
     distance = norm(error)
     braking = math.sqrt(1.4 * gains.reference_acceleration * distance)
     speed = min(APPROACH * distance, min(braking, gains.reference_speed))
-    wanted = add(vec(memory, mem.TARGET_VEL), scale(speed / max(distance, 1e-9), error))
+    near = max(0.0, 1.0 - (distance / NEAR) ** 2)
+    wanted = add(scale(near, vec(memory, mem.TARGET_VEL)), scale(speed / max(distance, 1e-9), error))
     wanted = limit_norm(wanted, gains.reference_speed)
     acc = limit_norm(scale(RESPONSE, sub(wanted, vel)), gains.reference_acceleration)
     put(memory, mem.TOOL_POS, add(pos, add(scale(dt, vel), scale(0.5 * dt * dt, acc))))
