@@ -245,7 +245,9 @@ def test_a_loss_that_is_not_finite_stops_with_its_step_and_spoils_no_checkpoint(
     found = checkpoint.latest(tmp_path / "run")
     assert found is not None
     assert saved_step(tmp_path / "run") == 20
-    assert all(np.isfinite(array).all() for array in found[1].arrays.values())
+    weights = [array for name, array in found[1].arrays.items() if "network" in name or "optimizer" in name]
+    assert len(weights) > 8
+    assert all(np.isfinite(array).all() for array in weights)
 
 
 def test_all_checkpoints_damaged_is_an_error(tmp_path: Path, demos: list[Episode]) -> None:

@@ -13,6 +13,7 @@ from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteA
 from aerial_il.core.policy import attach
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.policies import load_policy
+from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.layout import Layout
 from tests.algorithms.point_mass import SPEC, PointMassBatch
 from tests.policies.test_registry import fresh_policy
@@ -46,9 +47,9 @@ def test_anchor_makes_positions_relative_and_actions_absolute() -> None:
     policy, env = fresh_policy("mlp"), PointMassBatch(3)
     layout, obs = policy.interface.layout, env.reset(0)
     related = layout.relate(layout.flatten(obs))
-    np.testing.assert_allclose(related[:, 10:13], obs["cube_pos"] - obs["ee_pos"])
+    np.testing.assert_allclose(related[:, 9:12], obs["cube_pos"] - obs["ee_pos"])
     np.testing.assert_allclose(related[:, :3], obs["ee_pos"])
-    policy.network.get_submodule("layers.1.0").weight.data[:, [0, 1, 2, 16, 17, 18]] = 0  # two frames of ee_pos
+    policy.network.get_submodule("layers.1.0").weight.data[:, [0, 1, 2, 15, 16, 17]] = 0  # two frames of ee_pos
     before = policy.predict(np.repeat(layout.flatten(obs)[:, None], 2, 1))
     shift = np.array([0.1, -0.2, 0.05])
     moved = {k: v + shift if k.endswith("_pos") else v for k, v in obs.items()}
@@ -59,18 +60,24 @@ def test_anchor_makes_positions_relative_and_actions_absolute() -> None:
 
 def test_without_an_anchor_positions_stay_in_the_world() -> None:
     obs = PointMassBatch(2).reset(0)
-    layout = Layout.of(SPEC, (), None)
+    layout = Layout(SPEC, SPEC.observation.state_names)
     frames = layout.relate(layout.flatten(obs))
-    np.testing.assert_array_equal(frames, SPEC.observation.flatten(obs, SPEC.observation.state_names))
+    np.testing.assert_array_equal(frames, SPEC.observation.flatten(obs, layout.names))
+
+
+def test_blindness_leaves_out_fields_unless_they_are_asked_for() -> None:
+    assert "gripper" not in Layout.of(SPEC, MlpConfig()).names
+    assert Layout.of(SPEC, MlpConfig(blind_to=())).names == SPEC.observation.state_names
+    assert Layout.of(SPEC, MlpConfig(obs_names=("ee_pos", "gripper"))).names == ("ee_pos", "gripper")
 
 
 def test_unknown_fields_anchors_and_images_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'cube_pos'"):
-        Layout.of(SPEC, ("ee_pos", "cube_position"), None)
+        Layout(SPEC, ("ee_pos", "cube_position"))
     with pytest.raises(UnknownNameError, match="anchor=null"):
-        Layout.of(SPEC, (), "base_pos")
+        Layout(SPEC, ("ee_pos",), anchor="base_pos")
     with pytest.raises(InvalidValueError, match="is an image"):
-        Layout.of(SPEC, ("scene_rgb",), None)
+        Layout(SPEC, ("scene_rgb",))
 
 
 def test_a_missing_observation_is_named() -> None:

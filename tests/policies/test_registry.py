@@ -24,7 +24,7 @@ SIZES = {"history": 2, "chunk": 5}
 
 def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
     config = policy_config(name)(**{**SIZES, **settings})
-    layout = Layout.of(SPEC, config.obs_names, config.anchor)
+    layout = Layout.of(SPEC, config)
     data = np.random.default_rng(0)
     scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, SPEC.action.size))
     interface = Interface(layout, *scalers, config.obs_clip, Switches.none(layout.spec.action.size))
@@ -35,7 +35,7 @@ def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
 @pytest.mark.parametrize("name", list_policies())
 def test_network_maps_histories_to_chunks_and_its_loss_ignores_what_is_not_valid(name: str) -> None:
     network = fresh_policy(name).network
-    obs, actions = torch.randn(4, 2, 16), torch.randn(4, 5, 10)
+    obs, actions = torch.randn(4, 2, 15), torch.randn(4, 5, 10)
     assert network(obs).shape == (4, 5, 10)
     valid = torch.ones(4, 5)
     valid[:, 3:] = 0

@@ -33,7 +33,7 @@ def read_demos(dataset: Iterable[Episode], policy: PolicyConfig) -> tuple[Layout
     if not demos:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"The dataset holds no successful demonstration. {hint}")
-    layout = Layout.of(demos[0].spec, policy.obs_names, policy.anchor)
+    layout = Layout.of(demos[0].spec, policy)
     for episode in demos:
         _check(episode, layout, policy.chunk)
     return layout, demos

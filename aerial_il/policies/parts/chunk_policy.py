@@ -114,7 +114,7 @@ class ChunkPolicy:
     def from_checkpoint(saved: Checkpoint, config: PolicyConfig) -> ChunkPolicy:
         """Rebuild a policy whose settings were read as ``config``."""
         spec = EnvSpec.from_dict(saved.config["spec"])
-        layout = Layout.of(spec, config.obs_names, config.anchor)
+        layout = Layout.of(spec, config)
         obs, action = (Normaliser.from_arrays(saved.arrays, prefix) for prefix in ("obs", "action"))
         network = config.build(layout.size, spec.action.size)
         network.load_state_dict(

@@ -10,6 +10,7 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 
@@ -40,9 +41,10 @@ class Layout:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
 
     @staticmethod
-    def of(spec: EnvSpec, names: tuple[str, ...], anchor: str | None) -> Layout:
-        """Return the layout of ``names``, or of all fields that are not images if there are none."""
-        return Layout(spec, names or spec.observation.state_names, anchor)
+    def of(spec: EnvSpec, config: PolicyConfig) -> Layout:
+        """Return the layout that a policy of this configuration sees ``spec`` in."""
+        default = tuple(name for name in spec.observation.state_names if name not in config.blind_to)
+        return Layout(spec, config.obs_names or default, config.anchor)
 
     @property
     def size(self) -> int:

@@ -42,7 +42,9 @@ class PolicyConfig(ABC):
         ensemble: decay of the weights over overlapping chunks, oldest first; None flies the newest chunk alone.
         anchor: observation field relative to which the network sees every other position and predicts those of an
             ``ee_pose`` action; None keeps all positions in the world.
-        obs_names: observation fields; empty for all that are not images.
+        obs_names: observation fields; empty for all that are neither images nor named in ``blind_to``.
+        blind_to: fields that show what was decided before, such as how far the gripper has closed. A network that sees
+            them repeats the decision rather than making it, and cannot recover from a wrong one.
         action_scaling: ``standard`` or ``minmax``.
         obs_clip: normalised observations are limited to ±``obs_clip``, so that what was never seen cannot overwhelm.
     """
@@ -53,6 +55,7 @@ class PolicyConfig(ABC):
     ensemble: float | None = 0.01
     anchor: str | None = "ee_pos"
     obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper",)
     action_scaling: Scaling = "standard"
     obs_clip: float = 10.0
 

@@ -1,0 +1,35 @@
+"""Two-valued action elements are found in the data and flown at one of their values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aerial_il.policies.parts.switches import Switches
+
+
+@pytest.fixture
+def fitted() -> Switches:
+    """Of a continuous, a two-valued and a constant element."""
+    rng = np.random.default_rng(0)
+    actions = np.stack([rng.normal(size=99), rng.choice([0.2, 1.0], 99), np.full(99, 0.5)], axis=1)
+    return Switches.fit(actions.astype(np.float32))
+
+
+def test_only_elements_with_two_values_are_switches(fitted: Switches) -> None:
+    np.testing.assert_array_equal(np.isnan(fitted.low), [True, False, True])
+    np.testing.assert_allclose([fitted.low[1], fitted.high[1]], [0.2, 1.0])
+
+
+def test_they_snap_to_the_nearer_value_and_others_are_left_alone(fitted: Switches) -> None:
+    actions = np.array([[0.3, 0.5, 0.1], [0.4, 0.7, 0.2], [-9.0, -3.0, 7.0]])
+    snapped = fitted.snap(actions)
+    np.testing.assert_allclose(snapped[:, 1], [0.2, 1.0, 0.2])
+    np.testing.assert_array_equal(snapped[:, [0, 2]], actions[:, [0, 2]])
+
+
+def test_arrays_bring_them_back(fitted: Switches) -> None:
+    again = Switches.from_arrays(fitted.arrays())
+    np.testing.assert_array_equal([again.low, again.high], [fitted.low, fitted.high])
+    actions = np.random.default_rng(1).normal(size=(5, 3))
+    np.testing.assert_array_equal(Switches.none(3).snap(actions), actions)
