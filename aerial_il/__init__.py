@@ -45,7 +45,7 @@ def load(
         UnknownNameError: a name no registry knows. CellError: the robot cannot do the task.
     """
     from aerial_il.suite.environment import AerialEnvironment
-    from aerial_il.suite.simulation import Scenario
+    from aerial_il.suite.scenario import Scenario
 
     return AerialEnvironment(Scenario(robot, task, tier, action, cameras, image_size), seed)
 
@@ -68,7 +68,7 @@ def load_batch(
         num_envs: number of worlds. num_threads: threads of the engine, 0 for all cores. The rest: see :func:`load`.
     """
     from aerial_il.suite.batch import BatchEnvironment
-    from aerial_il.suite.simulation import Scenario
+    from aerial_il.suite.scenario import Scenario
 
     scenario = Scenario(robot, task, tier, action, cameras, image_size)
     env = BatchEnvironment(scenario, num_envs, num_threads)

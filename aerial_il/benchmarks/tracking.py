@@ -27,7 +27,7 @@ from aerial_il.core.arrays import length, rotation_cosine
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite import tiers
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.suite.simulation import Scenario
+from aerial_il.suite.scenario import Scenario
 
 TASK = "reach"
 KINDS: tuple[Kind, ...] = ("hover", "moving")

@@ -275,6 +275,7 @@ class Controller:
         self._ticks += 1
         thrust, servo = np.empty(len(self.vehicle.rotor_max)), np.empty(len(self.vehicle.link_mass))
         tick(
-            self.vehicle, self.gains, int(self.level), action, qpos, qvel, thrust_now, self.memory, self.dt, thrust, servo
+            self.vehicle, self.gains, int(self.level), action, qpos, qvel, thrust_now, self.memory, self.dt,
+            thrust, servo,
         )  # fmt: skip
         return thrust, servo

@@ -1,8 +1,8 @@
 """Rigid-body dynamics of a floating base with a serial arm: kinematics, momentum, recursive Newton–Euler.
 
 Everything is expressed in the world frame about the base origin (Featherstone, *Rigid Body Dynamics Algorithms*,
-2008, ch. 5, with the spatial vectors written out). The state of a vehicle is the base pose (``pos``, ``rot`` = world from
-base), the base twist (``vel`` world, ``omega`` world), and joint positions and velocities.
+2008, ch. 5, with the spatial vectors written out). The state of a vehicle is the base pose (``pos``, ``rot`` = world
+from base), the base twist (``vel`` world, ``omega`` world), and joint positions and velocities.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def momentum(vehicle, frames, pos, rot, vel, omega, joint_vel):
     angular = _spin_momentum(vehicle.base_inertia, rot, omega)
     moment = (0.0, 0.0, 0.0)  # Σ m (p - pos)
     mass = vehicle.base_mass
-    origin, omega_base = pos, omega
+    origin = pos
     link_vel = vel
     for j in range(vehicle.link_mass.size):
         joint, link = vec(frames[j], POSITION), link_rotation(frames[j])

@@ -1,8 +1,8 @@
 """The end-effector reference: smooth, limited in speed and acceleration, without lag behind a steady motion.
 
 A policy may command anything inside the action bounds, fifty times a second. The reference follows the command with a
-second-order law whose speed and acceleration are limited; near the command its own rate is fed forward, so that a target
-that moves steadily is tracked without delay, while a distant one is approached along a braking curve.
+second-order law whose speed and acceleration are limited; near the command its own rate is fed forward, so that a
+target that moves steadily is tracked without delay, while a distant one is approached along a braking curve.
 """
 
 from __future__ import annotations

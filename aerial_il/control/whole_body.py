@@ -63,7 +63,7 @@ def pose_error(tool, tool_rot, target, target_rot, error):
 
 @kernel
 def _workspace(count):
-    """Arrays for one solution, from one allocation: link frames, Jacobian, error, weights, mobility, rest pull, step."""
+    """Arrays for one solution: link frames, Jacobian, error, weights, mobility, rest pull, step."""
     size = 4 + count
     block = np.empty((11, size))
     frames = np.empty((count, FRAME_SIZE))

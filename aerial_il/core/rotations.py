@@ -226,7 +226,7 @@ def rot6d_from_mat(mats: np.ndarray) -> np.ndarray:
     Returns:
         (..., 6).
     """
-    flat = mats.reshape(mats.shape[:-2] + (9,)) if mats.shape[-1] == 3 else mats
+    flat = mats.reshape((*mats.shape[:-2], 9)) if mats.shape[-1] == 3 else mats
     return flat[..., [0, 3, 6, 1, 4, 7]]
 
 
@@ -234,4 +234,4 @@ def mat_from_rot6d(rot6d: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) of rot6d vectors (..., 6)."""
     flat = rot6d.reshape(-1, 6)
     mats = [orthonormalise(tuple(r[:3]), tuple(r[3:])) for r in flat.astype(float)]
-    return np.asarray(mats).reshape(rot6d.shape[:-1] + (3, 3))
+    return np.asarray(mats).reshape((*rot6d.shape[:-1], 3, 3))

@@ -88,7 +88,7 @@ class ObservationSpec:
         for name in names:
             rank = len(self[name].shape)
             value = np.asarray(obs[name])
-            parts.append(value.reshape(value.shape[: value.ndim - rank] + (-1,)))
+            parts.append(value.reshape((*value.shape[: value.ndim - rank], -1)))
         return np.concatenate(parts, axis=-1)
 
 
@@ -172,12 +172,16 @@ class EnvSpec:
             )
             a = raw["action"]
             action = ActionSpec(
-                a["level"], tuple(a["labels"]), tuple(a["units"]), np.asarray(a["low"], float), np.asarray(a["high"], float)
+                a["level"],
+                tuple(a["labels"]),
+                tuple(a["units"]),
+                np.asarray(a["low"], float),
+                np.asarray(a["high"], float),
             )
-            rest = {k: raw[k] for k in ("robot", "task", "tier", "control_dt_s", "max_steps", "instruction", "state_size")}
-            return EnvSpec(
-                observation=ObservationSpec(fields), action=action, subtasks=tuple(raw["subtasks"]), **rest
-            )
+            rest = {
+                k: raw[k] for k in ("robot", "task", "tier", "control_dt_s", "max_steps", "instruction", "state_size")
+            }
+            return EnvSpec(observation=ObservationSpec(fields), action=action, subtasks=tuple(raw["subtasks"]), **rest)
         except (KeyError, TypeError) as error:
             raise InvalidValueError(f"Not an environment specification: {error!r} is missing or malformed.") from error
 

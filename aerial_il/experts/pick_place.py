@@ -1,4 +1,4 @@
-"""Expert for pick and place: hover over the cube, descend, close, lift, carry, lower, let go, back off; retry on a miss."""
+"""Expert for pick and place: hover, descend, close, lift, carry, lower, let go, back off; retry on a miss."""
 
 from __future__ import annotations
 

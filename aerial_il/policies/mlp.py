@@ -35,7 +35,7 @@ class MlpConfig(PolicyConfig):
         loss: distance between predicted and demonstrated actions, both normalised.
     """
 
-    hidden: tuple[int, ...] = (512, 512)
+    hidden: tuple[int, ...] = (256, 256)
     dropout: float = 0.0
     loss: Loss = "l1"
 

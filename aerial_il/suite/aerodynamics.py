@@ -34,8 +34,8 @@ class Air(NamedTuple):
 def lagged_command(command, thrust_now, tau_up, tau_down, dt):
     """Shift a thrust command so that a first-order lag of ``tau_up`` acts as one of ``tau_down`` when thrust falls.
 
-    The actuator integrates ``act' = (ctrl - act) / tau_up`` exactly; this returns the ctrl for which one step gives what
-    ``tau_down`` would have given. N and s.
+    The actuator integrates ``act' = (ctrl - act) / tau_up`` exactly; this returns the ctrl for which one step gives
+    what ``tau_down`` would have given. N and s.
     """
     if command >= thrust_now:
         return command
@@ -80,8 +80,8 @@ def advance_gusts(air, gust, seed, tick, dt):
     A Gauss–Markov process per axis, the longitudinal Dryden form (MIL-F-8785C), smoothed by the airframe's rise time.
 
     Args:
-        air: strengths. gust: (12,) filter states (6) and outputs (6): force, torque, world frame, in units of one standard
-            deviation; changed in place. seed: episode seed. tick: physics steps since the start.
+        air: strengths. gust: (12,) filter states (6) and outputs (6): force, torque, world frame, in units of one
+            standard deviation; changed in place. seed: episode seed. tick: physics steps since the start.
     """
     decay = math.exp(-dt / air.gust_time)
     kick = math.sqrt(1.0 - decay * decay)

@@ -10,7 +10,8 @@ from aerial_il.control.vehicle import Gains
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
-from aerial_il.suite.simulation import Judgement, Scenario, Simulation
+from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.simulation import Judgement, Simulation
 from aerial_il.suite.worlds import BatchWorlds
 
 
@@ -80,11 +81,11 @@ class BatchEnvironment:
         Returns:
             Observations of all worlds.
         """
-        seeds = np.asarray(seeds)
-        seeds = seeds + np.arange(self.num_envs) if seeds.ndim == 0 else seeds
-        if seeds.shape != (self.num_envs,):
-            raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {seeds.shape}.")
-        self.simulation.reset(seeds, mask)
+        given = np.asarray(seeds)
+        each = given + np.arange(self.num_envs) if given.ndim == 0 else given
+        if each.shape != (self.num_envs,):
+            raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {each.shape}.")
+        self.simulation.reset(each, mask)
         return self.observe()
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:

@@ -7,9 +7,7 @@ import mujoco
 FOUND, KEEP_FIRST, ONE_SLOT = 1, 0, 1  # data, reduction and number of MuJoCo's contact sensor
 
 
-def add_contact_sensor(
-    spec: mujoco.MjSpec, name: str, *, body: str = "", geoms: tuple[str, str] | None = None
-) -> None:
+def add_contact_sensor(spec: mujoco.MjSpec, name: str, *, body: str = "", geoms: tuple[str, str] | None = None) -> None:
     """Add a sensor that counts contacts: of a body's own geoms with anything, or between two geoms."""
     sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_CONTACT)
     if geoms is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -24,7 +25,7 @@ class Crew:
     def __init__(self, n: int, num_threads: int = 0) -> None:
         hands = 1 if n < FEWEST_WORLDS else min(num_threads or available_cores(), n)
         edges = [round(n * k / hands) for k in range(hands + 1)]
-        self._slices = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        self._slices = [slice(a, b) for a, b in itertools.pairwise(edges)]
         self._pool = ThreadPoolExecutor(hands - 1, "aerial_il-crew") if hands > 1 else None
 
     def run(self, work: Callable[[slice], None]) -> None:

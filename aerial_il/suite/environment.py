@@ -13,8 +13,9 @@ from aerial_il.control.vehicle import Gains
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.batch import info_of
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
+from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import SUBSTEPS
-from aerial_il.suite.simulation import Judgement, Scenario, Simulation
+from aerial_il.suite.simulation import Judgement, Simulation
 from aerial_il.suite.worlds import Physics, SingleWorlds
 
 

@@ -27,13 +27,15 @@ def receive_actions(vehicle, gains, level, actions, active, qpos, userdata, inte
 
 
 @kernel
-def fly(vehicle, gains, air, sensors, level, actions, active, qpos, qvel, act, ctrl, xfrc, userdata, gripper_stroke, dt):
+def fly(
+    vehicle, gains, air, sensors, level, actions, active, qpos, qvel, act, ctrl, xfrc, userdata, gripper_stroke, dt
+):
     """One controller tick in every active world: measures the state, writes ctrl and the base's external wrench.
 
     Args:
         vehicle, gains, air, sensors: parameters. level: action level. actions: (n, Da).
-        active: (n,) bool. qpos, qvel, act, ctrl: (n, ...) simulator state; rotors come first in act and ctrl, then servos,
-            then the gripper. xfrc: (n, nbody, 6), base is body 1. userdata: (n, U). dt: s.
+        active: (n,) bool. qpos, qvel, act, ctrl: (n, ...) simulator state; rotors come first in act and ctrl, then
+            servos, then the gripper. xfrc: (n, nbody, 6), base is body 1. userdata: (n, U). dt: s.
     """
     rotors, joints = vehicle.rotor_max.size, vehicle.link_mass.size
     thrust, measured_pos, measured_vel = np.empty(rotors), np.empty(7 + joints), np.empty(6 + joints)

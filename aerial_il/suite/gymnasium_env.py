@@ -13,8 +13,8 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
 from aerial_il.suite.environment import AerialEnvironment
 from aerial_il.suite.rendering import CameraRequest
+from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import CONTROL_DT_S
-from aerial_il.suite.simulation import Scenario
 
 METADATA = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_DT_S)}
 

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.batch import BatchEnvironment, info_of
 from aerial_il.suite.gymnasium_env import METADATA, action_space, check_rendering, observation_space
-from aerial_il.suite.simulation import Scenario
+from aerial_il.suite.scenario import Scenario
 
 
 class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):

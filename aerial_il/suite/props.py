@@ -11,7 +11,12 @@ TABLE_HEIGHT_M = 0.4
 CUBE_HALF_M = 0.02
 CUBE_MASS_KG = 0.1
 BOWL_RADIUS_M, BOWL_WALL_M = 0.07, 0.035
-GRASPABLE = {"friction": [1.2, 0.02, 0.001], "solref": [0.01, 1.0], "solimp": [0.95, 0.99, 0.001, 0.5, 2.0], "condim": 4}
+GRASPABLE = {
+    "friction": [1.2, 0.02, 0.001],
+    "solref": [0.01, 1.0],
+    "solimp": [0.95, 0.99, 0.001, 0.5, 2.0],
+    "condim": 4,
+}
 
 BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 
@@ -19,16 +24,19 @@ BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 def add_table(spec: mujoco.MjSpec, half_width: float = 0.40, half_length: float = 0.50) -> None:
     """A table top at ``TABLE_HEIGHT_M`` around the origin, on one post; half sizes along x and y, m."""
     top = [half_width, half_length, 0.015]
-    spec.worldbody.add_geom(name="table", type=BOX, pos=[0, 0, TABLE_HEIGHT_M - 0.015], size=top, rgba=[0.78, 0.68, 0.55, 1], **WORLD)  # fmt: skip
+    centre, wood = [0, 0, TABLE_HEIGHT_M - 0.015], [0.78, 0.68, 0.55, 1]
+    spec.worldbody.add_geom(name="table", type=BOX, pos=centre, size=top, rgba=wood, **WORLD)
     post = [0.06, 0.5 * TABLE_HEIGHT_M - 0.015, 0]
-    spec.worldbody.add_geom(name="table_post", type=CYLINDER, pos=[0, 0, post[1]], size=post, rgba=[0.45, 0.42, 0.40, 1], **WORLD)  # fmt: skip
+    foot, grey = [0, 0, post[1]], [0.45, 0.42, 0.40, 1]
+    spec.worldbody.add_geom(name="table_post", type=CYLINDER, pos=foot, size=post, rgba=grey, **WORLD)
 
 
 def add_cube(spec: mujoco.MjSpec) -> None:
     """A free cube ``cube`` of 4 cm and 100 g."""
     body = spec.worldbody.add_body(name="cube")
     body.add_freejoint(name="cube")
-    body.add_geom(name="cube", type=BOX, size=[CUBE_HALF_M] * 3, mass=CUBE_MASS_KG, rgba=[0.95, 0.45, 0.12, 1], **WORLD, **GRASPABLE)  # fmt: skip
+    look = {"size": [CUBE_HALF_M] * 3, "rgba": [0.95, 0.45, 0.12, 1]}
+    body.add_geom(name="cube", type=BOX, mass=CUBE_MASS_KG, **look, **WORLD, **GRASPABLE)
     body.add_site(name="cube", size=[0.003] * 3, group=4)
 
 
@@ -36,7 +44,9 @@ def add_bowl(spec: mujoco.MjSpec) -> None:
     """A bowl ``bowl`` with eight flat walls, fixed in the air or on a table: a mocap body, origin at its underside."""
     body = spec.worldbody.add_body(name="bowl", mocap=True)
     colour = [0.22, 0.42, 0.72, 1]
-    body.add_geom(name="bowl_floor", type=CYLINDER, pos=[0, 0, 0.004], size=[BOWL_RADIUS_M, 0.004, 0], rgba=colour, **WORLD)
+    body.add_geom(
+        name="bowl_floor", type=CYLINDER, pos=[0, 0, 0.004], size=[BOWL_RADIUS_M, 0.004, 0], rgba=colour, **WORLD
+    )
     for i, angle in enumerate(np.arange(8) * np.pi / 4):
         c, s = np.cos(angle), np.sin(angle)
         pos = [BOWL_RADIUS_M * c, BOWL_RADIUS_M * s, 0.5 * BOWL_WALL_M]

@@ -56,7 +56,12 @@ def measure(sensors, noise, qpos, qvel, measured_pos, measured_vel):
     put(measured_vel, 3, add(vec(qvel, 3), scale(sensors.rate, vec(noise, 9))))
     x, y, z = scale(0.5 * sensors.attitude, vec(noise, 6))
     w, qx, qy, qz = qpos[3], qpos[4], qpos[5], qpos[6]  # times the small rotation (1, x, y, z), then normalised
-    turned = (w - x * qx - y * qy - z * qz, qx + w * x + qy * z - qz * y, qy + w * y + qz * x - qx * z, qz + w * z + qx * y - qy * x)  # fmt: skip
+    turned = (
+        w - x * qx - y * qy - z * qz,
+        qx + w * x + qy * z - qz * y,
+        qy + w * y + qz * x - qx * z,
+        qz + w * z + qx * y - qy * x,
+    )
     length = math.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
     for k in range(4):
         measured_pos[3 + k] = turned[k] / length

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NoReturn
 
 import mujoco
 import numpy as np
 
-from aerial_il import robots
-from aerial_il.control.actions import ActionLevel, action_spec
-from aerial_il.control.vehicle import GRAVITY, Gains
+from aerial_il.control.actions import ActionLevel
+from aerial_il.control.vehicle import Gains
 from aerial_il.core.arrays import length
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.seeding import episode_rng
-from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
-from aerial_il.robots.robot import Robot
 from aerial_il.suite import memory as mem
-from aerial_il.suite import tasks, tiers
-from aerial_il.suite.aerodynamics import Air
+from aerial_il.suite import tiers
 from aerial_il.suite.crew import Crew
 from aerial_il.suite.flight_loop import fly, receive_actions
-from aerial_il.suite.observations import observe_robot, robot_fields
-from aerial_il.suite.rendering import CameraRequest, parse_cameras
-from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS, build_xml
-from aerial_il.suite.tasks.task import Task
+from aerial_il.suite.observations import observe_robot
+from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
 from aerial_il.suite.view import View
 from aerial_il.suite.worlds import STATE, PhysicsError, Worlds
 
@@ -35,85 +29,6 @@ FENCE_M = 4.0  # a base farther than this from the origin has flown away
 LARGEST_SEED = 2**53
 FLIGHT = slice(mem.SEED, mem.STEP + 1)  # what identifies a moment: seed first, step last
 STATE_OFFSET = int(STATE) & (int(mujoco.mjtState.mjSTATE_USERDATA) - 1)  # parts of a state that precede userdata
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """What is flown: one cell, one tier, one action level, some cameras.
-
-    Raises:
-        UnknownNameError: unknown robot, task, tier, action level or camera.
-        CellError: the robot cannot do the task.
-    """
-
-    robot_name: str
-    task_name: str
-    tier_name: str = "calm"
-    action: str = "ee_pose"
-    cameras: Sequence[str] = ()
-    image_size: tuple[int, int] = (240, 320)
-
-    def __post_init__(self) -> None:
-        tasks.check_cell(self.robot_name, self.task_name)
-        tiers.get(self.tier_name)
-        ActionLevel.parse(self.action)
-        parse_cameras(self.cameras)
-        object.__setattr__(self, "cameras", tuple(self.cameras))
-        object.__setattr__(self, "image_size", tuple(self.image_size))
-        if len(self.image_size) != 2 or not (0 < self.image_size[0] <= 960 and 0 < self.image_size[1] <= 1280):
-            raise InvalidValueError(f"image_size is (height, width) up to (960, 1280), got {self.image_size}.")
-
-    @property
-    def robot(self) -> Robot:
-        return robots.get(self.robot_name)
-
-    @property
-    def task(self) -> Task:
-        return tasks.get(self.task_name)
-
-    @property
-    def level(self) -> ActionLevel:
-        return ActionLevel.parse(self.action)
-
-    @property
-    def camera_requests(self) -> tuple[CameraRequest, ...]:
-        return parse_cameras(self.cameras)
-
-    @property
-    def air(self) -> Air:
-        """The tier's gusts on this robot, in newtons and newton metres."""
-        tier, weight = tiers.get(self.tier_name), self.robot.vehicle.mass * GRAVITY
-        force, limit = tier.gust_force * weight, tier.gust_limit * weight
-        return Air(force, limit, force * tier.gust_arm_m, limit * tier.gust_arm_m, tier.gust_time_s)
-
-    @cached_property
-    def xml(self) -> str:
-        """The scene as stand-alone MJCF."""
-        return build_xml(self.robot, self.task)
-
-    def compile(self) -> mujoco.MjModel:
-        """Compile the scene from its XML, so that a stored XML gives the same model bit for bit."""
-        return mujoco.MjModel.from_xml_string(self.xml)
-
-    @cached_property
-    def spec(self) -> EnvSpec:
-        """Specification of observations and actions."""
-        images = tuple(
-            Field(c.key, (*self.image_size, *c.channels), "image", dtype=c.dtype) for c in self.camera_requests
-        )
-        state = (*robot_fields(self.robot), *self.task.fields())
-        return EnvSpec(
-            robot=self.robot_name,
-            task=self.task_name,
-            tier=self.tier_name,
-            observation=ObservationSpec((*state, *images)),
-            action=action_spec(self.level, self.robot.vehicle),
-            control_dt_s=CONTROL_DT_S,
-            max_steps=round(self.task.time_limit_s / CONTROL_DT_S),
-            instruction=self.task.instruction,
-            subtasks=self.task.subtasks,
-            state_size=mujoco.mj_stateSize(self.compile(), STATE),
-        )
 
 
 @dataclass(frozen=True)
@@ -145,9 +60,7 @@ class Simulation:
         num_threads: threads for the controllers, 0 for all cores.
     """
 
-    def __init__(
-        self, scenario: Scenario, worlds: Worlds, gains: Gains | None = None, num_threads: int = 0
-    ) -> None:
+    def __init__(self, scenario: Scenario, worlds: Worlds, gains: Gains | None = None, num_threads: int = 0) -> None:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot)
@@ -220,7 +133,14 @@ class Simulation:
         self._actions = self._checked(actions, self._mask)
         self._flights = self._userdata[:, FLIGHT].copy()
         receive_actions(
-            self._vehicle, self.gains, self._level, self._actions, self._mask, self.view.qpos, self._userdata, CONTROL_DT_S
+            self._vehicle,
+            self.gains,
+            self._level,
+            self._actions,
+            self._mask,
+            self.view.qpos,
+            self._userdata,
+            CONTROL_DT_S,
         )
         return self._actions
 
@@ -231,8 +151,8 @@ class Simulation:
     def _fly(self, part: slice) -> None:
         view = self.view
         fly(
-            self._vehicle, self.gains, self._air, self._sensors, self._level, self._actions[part], self._mask[part], view.qpos[part],
-            view.qvel[part], self._act[part], self._ctrl[part], self._xfrc[part], self._userdata[part],
+            self._vehicle, self.gains, self._air, self._sensors, self._level, self._actions[part], self._mask[part],
+            view.qpos[part], view.qvel[part], self._act[part], self._ctrl[part], self._xfrc[part], self._userdata[part],
             self.robot.gripper.stroke, PHYSICS_DT_S,
         )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.suite.sensing import Sensors
@@ -26,7 +26,7 @@ class Tier:
     gust_limit: float = 0.0
     gust_time_s: float = 1.0
     gust_arm_m: float = 0.0
-    sensors: Sensors = Sensors()
+    sensors: Sensors = field(default_factory=Sensors)
 
 
 _TIERS = {

@@ -66,8 +66,8 @@ class View:
     @property
     def gripper(self) -> np.ndarray:
         """(n, 1) opening of the gripper: 0 closed, 1 open."""
-        stroke = self.robot.gripper.stroke
-        return 0.5 * (self.qpos[:, self._finger : self._finger + 1] + self.qpos[:, self._finger + 1 : self._finger + 2]) / stroke  # fmt: skip
+        left, right = (self.qpos[:, k : k + 1] for k in (self._finger, self._finger + 1))
+        return 0.5 * (left + right) / self.robot.gripper.stroke
 
     @property
     def base_touched(self) -> np.ndarray:
@@ -77,7 +77,10 @@ class View:
     @property
     def unwanted_contacts(self) -> np.ndarray:
         """(n,) number of robot parts, fingers and last link aside, that touch something."""
-        return sum((self._sensors[:, i] > 0.0).astype(float) for i in self._contact_ids)
+        count = np.zeros(self.n)
+        for i in self._contact_ids:
+            count += self._sensors[:, i] > 0.0
+        return count
 
     def site_pos(self, name: str) -> np.ndarray:
         """(n, 3) position of a site, world, m."""

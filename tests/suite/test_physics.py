@@ -13,7 +13,7 @@ from aerial_il.core.rotations import IDENTITY
 from aerial_il.suite import tiers
 from aerial_il.suite.aerodynamics import GROUND_EFFECT, Air, advance_gusts, air_wrench, ground_effect, gust_wrench
 from aerial_il.suite.environment import AerialEnvironment
-from aerial_il.suite.simulation import Scenario
+from aerial_il.suite.scenario import Scenario
 from tests.contract.registered import batch, single
 
 DT = 0.004

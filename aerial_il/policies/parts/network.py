@@ -50,7 +50,7 @@ class PolicyConfig(ABC):
     """
 
     history: int = 1
-    chunk: int = 20
+    chunk: int = 10
     execute: int = 1
     ensemble: float | None = 0.01
     anchor: str | None = "ee_pos"

@@ -58,7 +58,7 @@ class Arm:
         return sum(link.length for link in self.links)
 
     def add_to(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> mujoco.MjsBody:
-        """Hang the arm from ``base`` as bodies ``link_0`` … with joints and servos ``joint_0`` …; return the last body."""
+        """Hang bodies ``link_0`` … with joints and servos ``joint_0`` … from ``base``; return the last body."""
         body = base
         for i, link in enumerate(self.links):
             body = self._add_link(spec, body, i, link)
@@ -66,15 +66,22 @@ class Arm:
 
     def _add_link(self, spec: mujoco.MjSpec, parent: mujoco.MjsBody, i: int, link: Link) -> mujoco.MjsBody:
         body = parent.add_body(
-            name=f"link_{i}", pos=link.offset, mass=link.mass, ipos=link.com, inertia=link.inertia, explicitinertial=True
+            name=f"link_{i}",
+            pos=link.offset,
+            mass=link.mass,
+            ipos=link.com,
+            inertia=link.inertia,
+            explicitinertial=True,
         )
         body.add_joint(
             name=f"joint_{i}", axis=link.axis, range=link.limits, limited=True, armature=link.armature, damping=0.01
         )
         capsule, sphere = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
         tip = [max(link.length, 0.01), 0.0, 0.0]
-        body.add_geom(name=f"link_{i}", type=capsule, fromto=[0, 0, 0, *tip], size=[link.radius, 0, 0], rgba=LINK_COLOURS[i % 2], mass=0, **ROBOT)  # fmt: skip
-        body.add_geom(name=f"elbow_{i}", type=sphere, size=[1.3 * link.radius, 0, 0], rgba=LINK_COLOURS[0], mass=0, **NOTHING)  # fmt: skip
+        look = {"size": [link.radius, 0, 0], "rgba": LINK_COLOURS[i % 2], "mass": 0}
+        body.add_geom(name=f"link_{i}", type=capsule, fromto=[0, 0, 0, *tip], **look, **ROBOT)
+        look = {"size": [1.3 * link.radius, 0, 0], "rgba": LINK_COLOURS[0], "mass": 0}
+        body.add_geom(name=f"elbow_{i}", type=sphere, **look, **NOTHING)
         servo = spec.add_actuator(name=f"joint_{i}", target=f"joint_{i}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=link.stiffness, kv=link.damping)
         servo.forcelimited, servo.forcerange = True, [-link.torque, link.torque]

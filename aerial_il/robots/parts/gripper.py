@@ -9,7 +9,12 @@ import mujoco
 from aerial_il.robots.parts.collision import ROBOT
 
 METAL, RUBBER = [0.75, 0.77, 0.80, 1.0], [0.15, 0.15, 0.16, 1.0]
-PAD_CONTACT = {"friction": [1.2, 0.02, 0.001], "solref": [0.01, 1.0], "solimp": [0.95, 0.99, 0.001, 0.5, 2.0], "condim": 4}
+PAD_CONTACT = {
+    "friction": [1.2, 0.02, 0.001],
+    "solref": [0.01, 1.0],
+    "solimp": [0.95, 0.99, 0.001, 0.5, 2.0],
+    "condim": 4,
+}
 
 
 @dataclass(frozen=True)
@@ -49,12 +54,15 @@ class Gripper:
         palm_mass, finger_mass = 0.6 * self.mass, 0.2 * self.mass
         palm = link.add_body(name="palm", pos=[start, 0, 0])
         thickness = 0.12 * self.finger_length
-        palm.add_geom(name="palm", type=box, size=[thickness, self.stroke + 0.012, self.pad_height], mass=palm_mass, rgba=METAL, **ROBOT)  # fmt: skip
+        size = [thickness, self.stroke + 0.012, self.pad_height]
+        palm.add_geom(name="palm", type=box, size=size, mass=palm_mass, rgba=METAL, **ROBOT)
         tendon = spec.add_tendon(name="gripper")
         for side, sign in (("left", 1.0), ("right", -1.0)):
             self._add_finger(palm, side, sign, finger_mass)
             tendon.wrap_joint(f"finger_{side}", 0.5)
-        equal = spec.add_equality(name="fingers", type=mujoco.mjtEq.mjEQ_JOINT, name1="finger_left", name2="finger_right")
+        equal = spec.add_equality(
+            name="fingers", type=mujoco.mjtEq.mjEQ_JOINT, name1="finger_left", name2="finger_right"
+        )
         equal.objtype = mujoco.mjtObj.mjOBJ_JOINT
         equal.data[1] = 1.0
         equal.solref = [0.01, 1.0]
@@ -71,5 +79,7 @@ class Gripper:
             name=f"finger_{side}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0], range=[0, self.stroke],
             limited=True, armature=0.02, damping=0.5,
         )  # fmt: skip
-        finger.add_geom(name=f"finger_{side}", type=box, pos=[0, sign * 1.5 * thick, 0], size=[half, 0.5 * thick, 0.7 * self.pad_height], mass=0.5 * mass, rgba=METAL, **ROBOT)  # fmt: skip
-        finger.add_geom(name=f"pad_{side}", type=box, pos=[0.2 * half, sign * 0.5 * thick, 0], size=[0.8 * half, 0.5 * thick, self.pad_height], mass=0.5 * mass, rgba=RUBBER, **ROBOT, **PAD_CONTACT)  # fmt: skip
+        back = {"pos": [0, sign * 1.5 * thick, 0], "size": [half, 0.5 * thick, 0.7 * self.pad_height], "rgba": METAL}
+        finger.add_geom(name=f"finger_{side}", type=box, mass=0.5 * mass, **back, **ROBOT)
+        front = {"pos": [0.2 * half, sign * 0.5 * thick, 0], "size": [0.8 * half, 0.5 * thick, self.pad_height]}
+        finger.add_geom(name=f"pad_{side}", type=box, mass=0.5 * mass, rgba=RUBBER, **front, **ROBOT, **PAD_CONTACT)

@@ -48,13 +48,16 @@ class Rotorcraft:
 
     def add_to(self, spec: mujoco.MjSpec) -> mujoco.MjsBody:
         """Add the base as a free body called ``base`` with actuators ``rotor_0`` … and return it."""
-        body = spec.worldbody.add_body(name="base", mass=self.mass, ipos=[0, 0, 0], inertia=self.inertia, explicitinertial=True)
+        body = spec.worldbody.add_body(
+            name="base", mass=self.mass, ipos=[0, 0, 0], inertia=self.inertia, explicitinertial=True
+        )
         body.add_freejoint(name="base")
         body.add_site(name="imu", size=[0.005] * 3, group=4)
         box, ellipsoid = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID
         body.add_geom(name="hub", type=box, size=self.hub_size, rgba=CARBON, mass=0, **ROBOT)
         x, y, z = self.hub_size
-        body.add_geom(name="shell", type=ellipsoid, pos=[0, 0, z], size=[0.9 * x, 0.9 * y, 0.8 * z], rgba=SHELL, mass=0, **NOTHING)  # fmt: skip
+        shell = {"pos": [0, 0, z], "size": [0.9 * x, 0.9 * y, 0.8 * z], "rgba": SHELL, "mass": 0}
+        body.add_geom(name="shell", type=ellipsoid, **shell, **NOTHING)
         for i in range(len(self.rotor_pos)):
             self._add_rotor(spec, body, i)
         return body
@@ -63,10 +66,12 @@ class Rotorcraft:
         pos, axis = self.rotor_pos[i], self.rotor_axis[i]
         capsule, cylinder = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER
         radius = 0.035 * np.linalg.norm(pos)
-        body.add_geom(name=f"boom_{i}", type=capsule, fromto=[0, 0, 0, *pos], size=[radius, 0, 0], rgba=CARBON, mass=0, **NOTHING)  # fmt: skip
+        boom = {"fromto": [0, 0, 0, *pos], "size": [radius, 0, 0], "rgba": CARBON, "mass": 0}
+        body.add_geom(name=f"boom_{i}", type=capsule, **boom, **NOTHING)
         ends = [*(pos + 0.010 * axis), *(pos + 0.018 * axis)]
         rgba = DISC_FRONT if pos[0] > 0 else DISC_REAR
-        body.add_geom(name=f"disc_{i}", type=cylinder, fromto=ends, size=[self.rotor_radius, 0, 0], rgba=rgba, mass=0, **ROBOT)  # fmt: skip
+        disc = {"fromto": ends, "size": [self.rotor_radius, 0, 0], "rgba": rgba, "mass": 0}
+        body.add_geom(name=f"disc_{i}", type=cylinder, **disc, **ROBOT)
         body.add_site(name=f"rotor_{i}", pos=pos, size=[0.004] * 3, group=4, quat=_quat_with_z_along(axis))
         motor = spec.add_actuator(name=f"rotor_{i}", target=f"rotor_{i}", trntype=mujoco.mjtTrn.mjTRN_SITE)
         motor.gear = [0, 0, 1, 0, 0, self.rotor_drag_ratio[i]]
@@ -75,7 +80,9 @@ class Rotorcraft:
         motor.ctrllimited, motor.ctrlrange = True, [0.0, self.max_thrust]
 
 
-def ring(count: int, radius: float, *, first_angle: float, height: float = 0.0, cant: float = 0.0) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+def ring(
+    count: int, radius: float, *, first_angle: float, height: float = 0.0, cant: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions (count, 3) and thrust axes (count, 3) of rotors on a circle, canted alternately about their booms.
 
     Args:

@@ -8,8 +8,8 @@ import numpy as np
 from aerial_il.core.arrays import closeness, length, planar_length
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
 from aerial_il.suite.contact_sensors import add_contact_sensor
+from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
 from aerial_il.suite.tasks.task import Task, hover_start
 from aerial_il.suite.view import View
 

@@ -38,9 +38,12 @@ class Reach(Task):
         target = spec.worldbody.add_body(name="target", mocap=True)
         target.add_site(name="target", size=[0.004] * 3, group=4)
         capsule, sphere = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
-        target.add_geom(name="target", type=sphere, size=[POSITION_TOLERANCE_M, 0, 0], rgba=[0.1, 0.65, 0.3, 0.6], **NOTHING)
+        target.add_geom(
+            name="target", type=sphere, size=[POSITION_TOLERANCE_M, 0, 0], rgba=[0.1, 0.65, 0.3, 0.6], **NOTHING
+        )
         arrow = [-0.12, 0, 0, -0.025, 0, 0]
-        target.add_geom(name="target_direction", type=capsule, fromto=arrow, size=[0.006, 0, 0], rgba=[0.1, 0.65, 0.3, 0.9], **NOTHING)  # fmt: skip
+        green = [0.1, 0.65, 0.3, 0.9]
+        target.add_geom(name="target_direction", type=capsule, fromto=arrow, size=[0.006, 0, 0], rgba=green, **NOTHING)
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
