@@ -76,7 +76,7 @@ class LearningCurve:
     robots: tuple[str, ...] = ()
     tasks: tuple[str, ...] = ()
     tier: str = "calm"
-    noise: float = 0.0
+    noise: float = 0.3
     episodes: int = 200
     seed: int = 0
     num_envs: int = 64

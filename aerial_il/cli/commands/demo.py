@@ -23,10 +23,11 @@ class Config:
     robot: Named = group("which vehicle")
     task: Named = group("what it does")
     tier: Named = group("how rough the air is")
+    expert: collect.Expert = group("how the demonstrator flies")
     policy: dict[str, Any] = group("what is trained")
     algorithm: dict[str, Any] = group("how it is trained")
     out: str = output("runs/demo", "folder for everything")
-    episodes: int = key(150, "demonstrations flown")
+    episodes: int = key(100, "demonstrations flown")
     evaluation_episodes: int = key(200, "unseen seeds flown by the policy")
     evaluation_seed: int = key(10000, "the first of them")
     seed: int = key(0, "first seed of the demonstrations, and seed of the training")
@@ -47,7 +48,8 @@ def run(config: Config) -> None:
     recipe += words.of_group("algorithm", config.algorithm, default="bc")
     flown = f"tier={config.tier.name} episodes={config.evaluation_episodes} seed={config.evaluation_seed}"
 
-    _announce("Fly and record", f"collect {cell} episodes={config.episodes} seed={config.seed} out={dataset}")
+    flight = f"expert.noise={config.expert.noise} episodes={config.episodes} seed={config.seed}"
+    _announce("Fly and record", f"collect {cell} {flight} out={dataset}")
     collect.record(_collect(config, dataset))
     _announce("Convert for LeRobot", f"convert {dataset}")
     convert.run(convert.Config(str(dataset), progress=config.progress))
@@ -71,7 +73,7 @@ def _collect(config: Config, dataset: Path) -> collect.Config:
         robot=config.robot,
         task=config.task,
         tier=config.tier,
-        expert=collect.Expert(),
+        expert=config.expert,
         out=str(dataset),
         episodes=config.episodes,
         seed=config.seed,
