@@ -35,7 +35,7 @@ def learn(demos: list[Episode], run: Path, **policy: object) -> float:
 
 def test_chunks_solve_what_single_steps_do_not(demos: list[Episode], tmp_path: Path) -> None:
     """On unseen seeds, far beyond chance: the demonstrator pauses, and a single-step policy stays in the pause."""
-    chunked, single = learn(demos, tmp_path / "a"), learn(demos, tmp_path / "b", chunk=1)
+    chunked, single = learn(demos, tmp_path / "a", chunk=20), learn(demos, tmp_path / "b", chunk=1)
     table = [[round(EPISODES * rate), round(EPISODES * (1 - rate))] for rate in (chunked, single)]
     assert stats.fisher_exact(table, alternative="greater").pvalue < 1e-6
     assert chunked >= 0.5
