@@ -3,6 +3,10 @@
 One step draws a minibatch of windows, takes the network's own loss, clips the gradient, moves the weights with AdamW
 under a cosine schedule and averages them. The averaged weights are what flies. A run is a function of its data,
 settings, seed and thread count: killed at any moment and started again, it ends with the same bytes.
+
+Metrics: ``loss`` and ``grad_norm`` (means since the last row), ``lr``, ``elapsed_s``; on held-out demonstrations
+``validation/loss`` and, in the action's units, ``validation/<element>``; ``evaluate/<name>`` from closed-loop flights.
+The loss on held-out demonstrations does not tell which of two policies flies better: only flights do.
 """
 
 from __future__ import annotations
@@ -184,11 +188,11 @@ class BehaviourCloning:
                 if row:
                     folder.log(step, row)
                 if done or signals.pending or due(self.checkpoint_every, step) or due(self.evaluate_every, step):
+                    flying.origin["step"] = step
                     folder.save(step, learner.to_checkpoint(flying), keep=self.keep_checkpoints)
                 if signals.pending:
                     signals.stop()
 
-            flying.origin["step"] = learner.step
             folder.finish(flying)
             return flying
 

@@ -1,7 +1,7 @@
 """A perceptron from an observation history to a chunk of actions.
 
 Predicting a chunk at once is what lets so plain a network fly a task with pauses: a single-step policy stalls where
-the demonstrator waits.
+the demonstrator waits. It fails where what to do next depends on what was done long before and shows nowhere.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def demos() -> list[Episode]:
 
 def learn(demos: list[Episode], run: Path, **policy: object) -> float:
     settings = BehaviourCloning(steps=500, batch_size=128, lr=2e-3, warmup_steps=50, ema=0.99)
-    config = MlpConfig(hidden=(128, 128), blind_to=(), **policy)  # type: ignore[arg-type]
+    config = MlpConfig(**{"hidden": (128, 128), "chunk": 20, "blind_to": (), **policy})  # type: ignore[arg-type]
     learned = settings.train(demos, config, run=run, progress=False)
     return success_rate(learned, episodes=EPISODES, seed=10_000)
 

@@ -161,6 +161,7 @@ def test_a_damaged_checkpoint_is_passed_over(
     newest = checkpoint.step_folder(run, 80) / checkpoint.ARRAYS
     newest.write_bytes(newest.read_bytes()[:-7])
     assert load_policy(run).config == train_tiny.POLICY
+    assert load_policy(run).origin["step"] == 70
     with caplog.at_level(logging.WARNING):
         train_tiny.train(str(run), demos)
     assert str(newest) in caplog.text

@@ -46,6 +46,8 @@ class SignalWatch:
     @contextmanager
     def at_once(self) -> Iterator[None]:
         """Let the first signal stop what runs inside; for long work that has nothing to save."""
+        if self.pending is not None:
+            self.stop()
         self._at_once = True
         try:
             yield
