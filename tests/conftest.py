@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 
 import pytest
 
@@ -19,10 +18,8 @@ def _skip_without_rendering(request: pytest.FixtureRequest) -> None:
 
 
 @pytest.fixture(autouse=True)
-def _package_logger() -> Iterator[None]:
-    """Undo what a command does to the package's logger, so that no test depends on those before it."""
+def _package_logger() -> None:
+    """Undo what a command did to the package's logger, so that no test depends on those before it."""
     logger = logging.getLogger("aerial_il")
-    before = (logger.handlers[:], logger.propagate, logger.level)
-    yield
-    logger.handlers, logger.propagate = before[0], before[1]
-    logger.setLevel(before[2])
+    logger.handlers, logger.propagate = [], True
+    logger.setLevel(logging.NOTSET)
