@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import mujoco
 import numpy as np
 
+from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 
@@ -82,7 +83,7 @@ def hover_start(view: View, world: int, base_pos: np.ndarray, yaw: float) -> Non
     qpos[7 + robot.num_joints : 9 + robot.num_joints] = robot.gripper.stroke
     rotors = robot.num_rotors
     vehicle = robot.vehicle
-    view.worlds.bind("act")[world, :rotors] = vehicle.mixer[:, 2] * vehicle.mass * 9.81
+    view.worlds.bind("act")[world, :rotors] = vehicle.mixer[:, 2] * vehicle.mass * GRAVITY
     view.worlds.bind("ctrl")[world, :rotors] = view.worlds.bind("act")[world, :rotors]
     view.worlds.bind("ctrl")[world, rotors : rotors + robot.num_joints] = robot.rest_down
     view.worlds.bind("ctrl")[world, rotors + robot.num_joints] = robot.gripper.stroke
