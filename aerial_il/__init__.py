@@ -30,24 +30,27 @@ def load(
     cameras: Sequence[str] = (),
     image_size: tuple[int, int] = (240, 320),
     seed: int = 0,
+    controller: str = "geometric_observer",
 ) -> AerialEnvironment:
     """Return one world as a ``dm_control.rl.control.Environment``.
 
     Args:
         robot, task: registry names, see :func:`list_cells`.
-        tier: disturbance tier, e.g. ``calm`` or ``gusts``.
+        tier: disturbance tier, e.g. ``gusts``, ``hard-payload`` or ``calm+latency``; see ``docs/tiers.md``.
         action: action level, e.g. ``ee_pose``, ``velocity``, ``ctbr`` or ``rotor``.
         cameras: images among the observations: ``"wrist"``, ``"scene"``, ``"base"``, or ``"wrist:depth"`` and the like.
         image_size: (height, width) of those images.
         seed: seed of the first episode; each reset takes the next.
+        controller: flight law: ``geometric_observer``, ``geometric``, ``pid`` or ``lqr``.
 
     Raises:
-        UnknownNameError: a name no registry knows. CellError: the robot cannot do the task.
+        UnknownNameError: a name no registry knows. InvalidValueError: a tier's component is added or removed in vain.
+        CellError: the robot cannot do the task.
     """
     from aerial_il.suite.environment import AerialEnvironment
     from aerial_il.suite.scenario import Scenario
 
-    return AerialEnvironment(Scenario(robot, task, tier, action, cameras, image_size), seed)
+    return AerialEnvironment(Scenario(robot, task, tier, action, cameras, image_size, controller), seed)
 
 
 def load_batch(
@@ -61,6 +64,7 @@ def load_batch(
     image_size: tuple[int, int] = (240, 320),
     seed: int = 0,
     num_threads: int = 0,
+    controller: str = "geometric_observer",
 ) -> BatchEnvironment:
     """Return ``num_envs`` worlds on MuJoCo's batch engine, started with seeds ``seed``, ``seed + 1``, ….
 
@@ -70,7 +74,7 @@ def load_batch(
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.suite.scenario import Scenario
 
-    scenario = Scenario(robot, task, tier, action, cameras, image_size)
+    scenario = Scenario(robot, task, tier, action, cameras, image_size, controller)
     env = BatchEnvironment(scenario, num_envs, num_threads)
     env.reset(seed)
     return env

@@ -16,13 +16,13 @@ from typing import Any, ClassVar
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.parts.run_folder import PROVENANCE, read_metrics
+from aerial_il.benchmarks.parts.claim import claim
 from aerial_il.benchmarks.parts.figures import learning_lines
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
 from aerial_il.benchmarks.parts.success import failed_seeds, success_row, success_target
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.files import write_json
 from aerial_il.core.policy import Policy
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import LOG, DatasetFolder
@@ -34,7 +34,6 @@ from aerial_il.suite.batch import BatchEnvironment
 
 JUDGED_SIZE, LIMITS_PERCENT, LIMIT_MINUTES = 100, {"reach": 99.0, "pick_place": 90.0}, 10.0
 EVALUATION_SEED = 10_000
-SETTINGS = "settings.json"
 NOTES = (
     "One training run per point, its final policy; the interval is that of the evaluation (Wilson, 95 %) and does not "
     "cover the spread between training seeds.",
@@ -90,7 +89,7 @@ class LearningCurve:
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Collect, train and evaluate what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        self._claim(folder)
+        claim(folder, self._plain(), free=("sizes", "robots", "tasks"))
         cells = [c for c in aerial_il.list_cells() if c[0] in (self.robots or c) and c[1] in (self.tasks or c)]
         points = [Point(*cell, demos) for cell in cells for demos in sorted(self.sizes)]
         results = {point: self._result(point, folder, progress) for point in bar(points, self.name, progress)}
@@ -154,18 +153,6 @@ class LearningCurve:
     def _plain(self) -> dict[str, Any]:
         """The settings as JSON gives them back."""
         return json.loads(json.dumps({**asdict(self), "policy": {"name": self.policy.name, **self.policy.to_dict()}}))
-
-    def _claim(self, folder: Path) -> None:
-        """Refuse a folder with results of other settings, which would be mixed with those of these."""
-        kept = folder / SETTINGS
-        if not kept.exists():
-            write_json(kept, self._plain())
-            return
-        before, now = json.loads(kept.read_text()), self._plain()
-        changed = [key for key in now if key not in ("sizes", "robots", "tasks") and before.get(key) != now[key]]
-        if changed:
-            differing = ", ".join(changed)
-            raise InvalidValueError(f"{folder} holds results of other settings ({differing}). Choose another out=PATH.")
 
 
 def _dataset(folder: Path, point: Point) -> Path:

@@ -16,13 +16,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerial_il import robots
 from aerial_il.benchmarks.parts.figures import tracking_bars
 from aerial_il.benchmarks.parts.motions import Kind, Motion, curves, poses
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
 from aerial_il.control import memory
-from aerial_il.control.vehicle import Gains
+from aerial_il.control.laws import Law
 from aerial_il.core.arrays import length, rotation_cosine
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite import tiers
@@ -30,6 +29,8 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.scenario import Scenario
 
 TASK = "reach"
+STUDIED = ("fa_hexa_arm4", "ua_quad_arm4", "big_four_z1")
+DEFAULT = Law.GEOMETRIC_OBSERVER.label
 KINDS: tuple[Kind, ...] = ("hover", "moving")
 LIMITS_CM: dict[tuple[str, str], dict[str, float]] = {
     ("fa_hexa_arm4", "calm"): {"hover": 0.8, "moving": 2.5},
@@ -41,7 +42,7 @@ NOTES = (
     "RMSE: root mean square distance between tool and reference over the measured time of all runs together.",
     "Seed SD: standard deviation over seeds of each seed's own RMSE. Worst run: largest RMSE of one motion and seed.",
     "Base RMSE: distance between the base and the reference that the whole-body controller made for it.",
-    "Observer off: the same seeds with the disturbance observer switched off; nothing else changes.",
+    "Controllers: the same seeds under each flight law (docs/controllers.md); targets are those of the default law.",
     "Errors are the true ones; the controllers fly on the tier's noisy estimate of the state.",
 )
 
@@ -86,8 +87,8 @@ class Tracking:
     """Settings.
 
     Attributes:
-        robots: names; empty for all. tiers: disturbance tiers. observer_off: fly everything without the observer too.
-        seeds: how many. seed: the first of them. settle_s: flown before measuring. duration_s: measured.
+        robots: names; empty for those that the suite states figures for. tiers: disturbance tiers. controllers: flight
+            laws. seeds: how many. seed: the first of them. settle_s: flown before measuring. duration_s: measured.
         speed_m_s: of the moving reference. threads: of the simulation; 0 for all cores.
     """
 
@@ -96,7 +97,7 @@ class Tracking:
 
     robots: tuple[str, ...] = ()
     tiers: tuple[str, ...] = ("calm", "gusts")
-    observer_off: bool = True
+    controllers: tuple[str, ...] = (DEFAULT, "geometric", "pid")
     seeds: int = 16
     seed: int = 10_000
     settle_s: float = 6.0
@@ -112,31 +113,31 @@ class Tracking:
             )
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
-        """Fly every robot, tier and observer setting in one batch each; see :class:`Benchmark`."""
+        """Fly every robot, tier and flight law in one batch each; see :class:`Benchmark`."""
         started = time.perf_counter()
-        observers = (True, False) if self.observer_off else (True,)
-        arms = list(product(self.robots or robots.names(), self.tiers, observers))
+        arms = list(product(self.robots or STUDIED, self.tiers, self.controllers))
         flown = {arm: self.fly(*arm) for arm in bar(arms, "tracking", progress)}
-        rows = [row for arm in arms for row in _rows(arm, flown[arm])]
-        by_motion = [row for arm in arms if arm[2] for row in _motion_rows(arm, flown[arm])]
+        rows = [row for arm in arms for row in tracking_rows(arm, flown[arm])]
+        by_motion = [row for arm in arms if arm[2] == DEFAULT for row in _motion_rows(arm, flown[arm])]
         return Report(
             name=self.name,
             question=self.question,
             settings=asdict(self),
-            targets=tuple(t for (robot, tier, on), f in flown.items() if on for t in _targets(robot, tier, f)),
-            tables={"Tracking": rows, "By motion, observer on": by_motion},
+            targets=tuple(
+                t for (robot, tier, law), f in flown.items() if law == DEFAULT for t in _targets(robot, tier, f)
+            ),
+            tables={"Tracking": rows, f"By motion, {DEFAULT}": by_motion},
             notes=(*NOTES, *map(_air, self.tiers)),
             figures={"tracking.svg": tracking_bars(rows, LIMITS_CM)},
-            details={", ".join((arm[0], arm[1], f"observer {_switch(arm[2])}")): _runs(flown[arm]) for arm in arms},
+            details={", ".join(arm): _runs(flown[arm]) for arm in arms},
             wall_time_s=time.perf_counter() - started,
         )
 
-    def fly(self, robot: str, tier: str, observer: bool) -> Flights:
+    def fly(self, robot: str, tier: str, controller: str) -> Flights:
         """Fly every motion with every seed, all at once."""
-        gains = Gains() if observer else Gains(observer=0.0, observer_loaded=0.0)
         motions = [motion for motion in (*poses(), *curves()) for _ in range(self.seeds)]
         seeds = np.resize(np.arange(self.seed, self.seed + self.seeds), len(motions))
-        env = BatchEnvironment(Scenario(robot, TASK, tier), len(motions), self.threads, gains)
+        env = BatchEnvironment(Scenario(robot, TASK, tier, controller=controller), len(motions), self.threads)
         try:
             env.reset(seeds)
             return self._measure(env, motions, seeds)
@@ -161,17 +162,17 @@ class Tracking:
         return Flights(tuple(motions), seeds, error, base_error, angle, crashed)
 
 
-def _rows(arm: tuple[str, str, bool], flights: Flights) -> list[Row]:
+def tracking_rows(arm: tuple[str, str, str], flights: Flights) -> list[Row]:
     return [_row(arm, kind, flights.select(m.kind == kind for m in flights.motions)) for kind in KINDS]
 
 
-def _row(arm: tuple[str, str, bool], kind: Kind, flights: Flights) -> Row:
-    robot, tier, observer = arm
+def _row(arm: tuple[str, str, str], kind: Kind, flights: Flights) -> Row:
+    robot, tier, controller = arm
     return {
         "robot": robot,
         "tier": tier,
         "reference": kind,
-        "observer": _switch(observer),
+        "controller": controller,
         "rmse_cm": _cm(_rms(flights.run_rmse_m)),
         "seed_sd_cm": _cm(_sd(flights.seed_rmse_m)),
         "worst_run_cm": _cm(flights.run_rmse_m.max()),
@@ -182,7 +183,7 @@ def _row(arm: tuple[str, str, bool], kind: Kind, flights: Flights) -> Row:
     }
 
 
-def _motion_rows(arm: tuple[str, str, bool], flights: Flights) -> list[Row]:
+def _motion_rows(arm: tuple[str, str, str], flights: Flights) -> list[Row]:
     """One row per motion, with the error along each world axis."""
     rows = []
     for name in dict.fromkeys(motion.name for motion in flights.motions):
@@ -228,13 +229,9 @@ def _angle(tool_mat: np.ndarray, rot6d: np.ndarray) -> np.ndarray:
 
 
 def _air(tier: str) -> str:
-    limit = 100.0 * tiers.get(tier).gust_limit
-    air = f"gusts up to {limit:g} % of weight on each axis of the base" if limit else "still air"
+    wind = tiers.get(tier).wind
+    air = f"wind whose gusts change the drag by up to {100.0 * wind.share:g} % of weight" if wind else "still air"
     return f"{tier.capitalize()}: {air}."
-
-
-def _switch(on: bool) -> str:
-    return "on" if on else "off"
 
 
 def _rms(values: np.ndarray, axis: int | None = None) -> np.ndarray:

@@ -12,6 +12,7 @@ from aerial_il.cli.commands import Command
 _ORDER = (
     "demo",
     "list",
+    "view",
     "collect",
     "train",
     "evaluate",

@@ -29,22 +29,28 @@ def key(default: Any, help: str, *, choices: tuple[str, ...] = (), position: int
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def group(help: str, *, path: bool = False, optional: bool = False, position: int | None = None) -> Any:
+def group(
+    help: str, *, path: bool = False, composed: bool = False, optional: bool = False, position: int | None = None
+) -> Any:
     """Declare a key that a file of ``conf/<key>/`` fills.
 
     Args:
         help: what it chooses.
         path: whether ``key=some/folder`` is short for ``key.path=some/folder``.
+        composed: whether ``key=a+b-c``, made of the files' names and others, is short for ``key.name=a+b-c``.
         optional: whether ``key=null`` is a valid choice, and the default.
         position: see :func:`key`.
     """
-    metadata = {"help": help, "group": True, "path": path, "position": position}
+    metadata = {"help": help, "group": True, "path": path, "composed": composed, "position": position}
     return dataclasses.field(default=None if optional else MISSING, metadata=metadata)
 
 
-def path(kind: type[Located] | type[MaybeLocated], help: str, *, position: int | None = None) -> Any:
-    """Declare a key whose value is a path although ``conf/`` has a group of that name."""
-    return dataclasses.field(default_factory=kind, metadata={"help": help, "path": True, "position": position})
+def path(
+    kind: type[Located] | type[MaybeLocated], help: str, *, value: str | None = None, position: int | None = None
+) -> Any:
+    """Declare a key whose value is a path although ``conf/`` has a group of that name; ``value`` is its default."""
+    metadata = {"help": help, "path": True, "position": position}
+    return dataclasses.field(default_factory=kind if value is None else lambda: kind(value), metadata=metadata)
 
 
 def output(default: Any, help: str) -> Any:
@@ -62,6 +68,16 @@ class Named:
     """A group whose files only name an entry of a registry."""
 
     name: str = MISSING
+
+
+@dataclass
+class TierName(Named):
+    """A tier, or one of them with components added or removed, e.g. ``hard-payload``."""
+
+    def __post_init__(self) -> None:
+        from aerial_il.suite import tiers
+
+        tiers.get(self.name)
 
 
 @dataclass
@@ -84,6 +100,10 @@ def is_group(field: Field[Any]) -> bool:
 
 def takes_path(field: Field[Any]) -> bool:
     return bool(field.metadata.get("path"))
+
+
+def takes_composition(field: Field[Any]) -> bool:
+    return bool(field.metadata.get("composed"))
 
 
 def positional(config: type) -> list[str]:

@@ -13,6 +13,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
 _TAKES_VALUE = ("--cfg",)
 _PLAIN = re.compile(r"[\w.\-]+")
+_COMPOSED = re.compile(r"[+-]")
 _SWEEP = re.compile(r"(choice|range|glob|interval|shuffle|sort|tag)\(")
 
 
@@ -83,6 +84,8 @@ def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str
     field = {f.name: f for f in fields(command.config)}.get(plain_name)
     if field is not None and keys.takes_path(field) and not _all_options(plain_name, value, chosen):
         return f"{sign}{plain_name}.path={value}"
+    if field is not None and keys.takes_composition(field) and _COMPOSED.search(value):
+        return f"{sign}{plain_name}.name={value}"
     if plain_name in chosen and equals:
         _check_choice(plain_name, value, field)
     return word

@@ -81,7 +81,7 @@ def collect(
         policy_name: who flies, for the provenance; part of what makes two episodes the same.
         settings: plain values that change the flight, e.g. the expert's noise; likewise.
         expert: labels each observation with what it would do, while ``policy`` flies.
-        progress: show a progress bar.
+        progress: show a progress bar, and in the end a summary.
 
     Raises:
         SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
@@ -93,7 +93,10 @@ def collect(
     folder.claim(env.spec)
     folder.keep_model(env.model_xml)
     flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}))
-    with _accounted(flight, seeds), tqdm(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar:
+    with (
+        _accounted(flight, seeds, progress),
+        tqdm(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
+    ):
         for _ in flight.fly(seeds):
             result = flight.result
             done = sum(map(len, (result.demos, result.failures, result.skipped, result.busy)))
@@ -167,6 +170,7 @@ class _Flight:
             settings=self._settings,
             model_xml=self.env.model_xml,
             phases=tuple(getattr(self.policy, "phase_names", ())),
+            drawn=self.env.drawn(seed) if hasattr(self.env, "drawn") else None,
         )
         try:
             return EpisodeWriter(
@@ -231,7 +235,7 @@ class _Flight:
 
 
 @contextmanager
-def _accounted(flight: _Flight, seeds: list[int]) -> Iterator[None]:
+def _accounted(flight: _Flight, seeds: list[int], progress: bool) -> Iterator[None]:
     """Whatever ends the flight, close its files, bring the index up to date and log the run."""
     clock, started = time.perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
 
@@ -243,7 +247,7 @@ def _accounted(flight: _Flight, seeds: list[int]) -> Iterator[None]:
         counts = {name: len(getattr(result, name)) for name in ("demos", "failures", "skipped", "busy")}
         run = {"started": started, "seconds": round(result.seconds, 3), "num_envs": flight.env.num_envs}
         flight.folder.log({**run, "seeds": [min(seeds), max(seeds)], **counts, "provenance": provenance()})
-        log.info("%s: %s.", flight.folder.path, result.summary())
+        log.log(logging.INFO if progress else logging.DEBUG, "%s: %s.", flight.folder.path, result.summary())
 
     try:
         yield

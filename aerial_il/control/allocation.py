@@ -8,6 +8,8 @@ PX4's prioritised mixer.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
@@ -56,33 +58,33 @@ def mixer_matrix(wrench_from_thrust: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def allocate(mixer, rotor_max, force, torque, thrust):
+def allocate(mixer, rotor_min, rotor_max, force, torque, thrust):
     """Distribute a body wrench over the rotors, within their limits.
 
     Args:
-        mixer: (R, 6), rotor_max: (R,) N.
+        mixer: (R, 6). rotor_min, rotor_max: (R,) N.
         force: body-frame force, N. torque: body-frame torque about the base origin, N m.
-        thrust: (R,) written: thrust of every rotor in [0, rotor_max], N.
+        thrust: (R,) written: thrust of every rotor in [rotor_min, rotor_max], N.
     """
-    if _meets_demand(mixer, rotor_max, force, torque, thrust):
+    if _meets_demand(mixer, rotor_min, rotor_max, force, torque, thrust):
         return
+    lift = _make_headroom(mixer, force[2], torque, rotor_min, rotor_max)
     for i in range(thrust.size):
-        thrust[i] = mixer[i, 2] * force[2]
-    _make_headroom(mixer, torque, thrust, rotor_max)
-    _add_within_limits(mixer, 3, torque[0], torque[1], thrust, rotor_max)
-    _add_within_limits(mixer, 0, force[0], force[1], thrust, rotor_max)
-    _add_within_limits(mixer, 5, torque[2], 0.0, thrust, rotor_max)
+        thrust[i] = min(max(mixer[i, 2] * lift, rotor_min[i]), rotor_max[i])
+    _add_within_limits(mixer, 3, torque[0], torque[1], thrust, rotor_min, rotor_max)
+    _add_within_limits(mixer, 0, force[0], force[1], thrust, rotor_min, rotor_max)
+    _add_within_limits(mixer, 5, torque[2], 0.0, thrust, rotor_min, rotor_max)
 
 
 @kernel
-def _meets_demand(mixer, limit, force, torque, thrust):
-    """Write the thrusts of the whole wrench; return whether all lie within [0, limit]."""
+def _meets_demand(mixer, low, high, force, torque, thrust):
+    """Write the thrusts of the whole wrench; return whether all lie within their limits."""
     fits = True
     for i in range(thrust.size):
         tilt = _demand(mixer, i, 3, torque[0], torque[1])
         sideways = _demand(mixer, i, 0, force[0], force[1])
         thrust[i] = mixer[i, 2] * force[2] + tilt + sideways + _demand(mixer, i, 5, torque[2], 0.0)
-        fits = fits and 0.0 <= thrust[i] <= limit[i]
+        fits = fits and low[i] <= thrust[i] <= high[i]
     return fits
 
 
@@ -95,28 +97,29 @@ def _demand(mixer, i, row, first, second):
 
 
 @kernel
-def _add_within_limits(mixer, row, first, second, thrust, limit):
+def _add_within_limits(mixer, row, first, second, thrust, low, high):
     """Add as much of two wrench components as fits: the largest share s in [0, 1] for all rotors alike."""
     s = 1.0
     for i in range(thrust.size):
         extra = _demand(mixer, i, row, first, second)
         if extra > 1e-12:
-            s = min(s, max(0.0, (limit[i] - thrust[i]) / extra))
+            s = min(s, max(0.0, (high[i] - thrust[i]) / extra))
         elif extra < -1e-12:
-            s = min(s, max(0.0, thrust[i] / -extra))
+            s = min(s, max(0.0, (thrust[i] - low[i]) / -extra))
     for i in range(thrust.size):
         wanted = thrust[i] + s * _demand(mixer, i, row, first, second)
-        thrust[i] = min(max(wanted, 0.0), limit[i])
+        thrust[i] = min(max(wanted, low[i]), high[i])
 
 
 @kernel
-def _make_headroom(mixer, torque, thrust, limit):
-    """Shift collective thrust so that roll and pitch torque fit: attitude before altitude."""
-    lowest, highest = 0.0, 0.0
-    for i in range(thrust.size):
-        wanted = thrust[i] + _demand(mixer, i, 3, torque[0], torque[1])
-        lowest = min(lowest, wanted)
-        highest = max(highest, wanted - limit[i])
-    shift = -lowest if highest <= 0.0 else (-highest if lowest >= 0.0 else 0.5 * (-lowest - highest))
-    for i in range(thrust.size):
-        thrust[i] = min(max(thrust[i] + shift, 0.0), limit[i])
+def _make_headroom(mixer, lift, torque, low, high):
+    """Return the force along z nearest to ``lift`` (N) that leaves room for the tilting torque: attitude first."""
+    least, most = -math.inf, math.inf
+    for i in range(mixer.shape[0]):
+        if mixer[i, 2] > 1e-9:  # others add nothing to the lift and cannot be helped by it
+            tilt = _demand(mixer, i, 3, torque[0], torque[1])
+            least = max(least, (low[i] - tilt) / mixer[i, 2])
+            most = min(most, (high[i] - tilt) / mixer[i, 2])
+    if least > most:
+        return 0.5 * (least + most)
+    return min(max(lift, least), most)

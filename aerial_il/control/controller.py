@@ -14,24 +14,35 @@ from aerial_il.control import memory as mem
 from aerial_il.control.actions import ActionLevel, action_spec
 from aerial_il.control.allocation import allocate
 from aerial_il.control.dynamics import (
-    FRAME_SIZE,
     forward_kinematics,
     inverse_dynamics,
     momentum,
     put,
     rotational_inertia,
+    row,
     vec,
 )
 from aerial_il.control.flight import (
     attitude_loop,
     desired_attitude,
+    hasten_rotors,
     observe_disturbance,
     position_loop,
     rotor_wrench,
 )
-from aerial_il.control.reference import advance_position, advance_rotation, observe_target_rate
+from aerial_il.control.laws import Law
+from aerial_il.control.lqr import lqr_wrench
+from aerial_il.control.pid import pid_wrench
+from aerial_il.control.reference import (
+    advance_tool,
+    displaced_target,
+    observe_target_rate,
+    steer_position,
+    steer_rotation,
+)
+from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import GRAVITY, Gains, Vehicle
-from aerial_il.control.whole_body import seat_references, solve_arm, solve_reference
+from aerial_il.control.whole_body import advance_base, plan_reference, seat_references, solve_arm
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
@@ -48,35 +59,42 @@ from aerial_il.core.rotations import (
     wrap_angle,
 )
 
-EE_POSE, BASE_JOINT, VELOCITY = int(ActionLevel.EE_POSE), int(ActionLevel.BASE_JOINT), int(ActionLevel.VELOCITY)
-CTBR, ROTOR = int(ActionLevel.CTBR), int(ActionLevel.ROTOR)
+EE_POSE, EE_DELTA, BASE_JOINT, VELOCITY, CTBR, ROTOR = (int(level) for level in ActionLevel)
+PID = int(Law.PID)  # the laws from here on take the vehicle for one rigid body
 LEASH = 0.3  # m: how far a velocity command may run ahead of the base
 GRIP_RESPONSE = 10.0  # 1/s: how fast the observer takes the gripper for closed
 
 
 @kernel
-def receive_action(vehicle, gains, level, action, qpos, memory, interval):
+def receive_action(vehicle, gains, scratch, level, action, qpos, memory, interval):
     """Take note of a new action; call once per action, before the ticks that fly it.
 
     Args:
-        vehicle, gains: model and tuning. level: an :class:`ActionLevel`. action: (Da,).
+        vehicle, gains: model and tuning. scratch: working memory. level: an :class:`ActionLevel`. action: (Da,).
         qpos: base position, base quaternion and joint positions, at least 7 + J numbers.
         memory: (MEMORY_SIZE,) controller memory. interval: seconds between actions.
     """
     if memory[mem.READY] == 0.0:
-        joints = qpos[7 : 7 + vehicle.link_mass.size]
+        joints = qpos[7 : 7 + vehicle.num_joints]
         rot = mat_from_quat((qpos[3], qpos[4], qpos[5], qpos[6]))
-        seat_references(vehicle, memory, vec(qpos, 0), rot, math.atan2(rot[3], rot[0]), joints)
-    if level == EE_POSE:
-        observe_target_rate(memory, vec(action, 0), gains, interval)
+        seat_references(vehicle, scratch, memory, vec(qpos, 0), rot, math.atan2(rot[3], rot[0]), joints)
+    if level <= EE_DELTA:
+        if level == EE_POSE:
+            target, target_rot = vec(action, 0), orthonormalise(vec(action, 3), vec(action, 6))
+        else:
+            target, target_rot = displaced_target(memory, vec(action, 0), vec(action, 3))
+        observe_target_rate(memory, target, gains, interval)
+        steer_position(memory, target, gains)
+        steer_rotation(memory, target_rot, gains, interval)
+        plan_reference(vehicle, scratch, memory, interval)
 
 
 @kernel
-def tick(vehicle, gains, level, action, qpos, qvel, thrust_now, memory, dt, thrust, servo):
+def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory, dt, thrust, servo):
     """Compute rotor and servo commands for the next ``dt`` seconds.
 
     Args:
-        vehicle, gains: nominal model and tuning.
+        vehicle, gains: nominal model and tuning. scratch: working memory.
         level: an :class:`ActionLevel` as an integer. action: (Da,).
         qpos: base position (m), base quaternion (w, x, y, z), joint positions (rad).
         qvel: base velocity (world, m/s), base angular velocity (body, rad/s), joint velocities (rad/s).
@@ -86,27 +104,37 @@ def tick(vehicle, gains, level, action, qpos, qvel, thrust_now, memory, dt, thru
         thrust: (R,) written: commanded thrusts, N.
         servo: (J,) written: servo set-points, rad, shifted by the feed-forward torque over the servo's stiffness.
     """
-    count = vehicle.link_mass.size
+    count = vehicle.num_joints
     pos, vel = vec(qpos, 0), vec(qvel, 0)
     rot = mat_from_quat((qpos[3], qpos[4], qpos[5], qpos[6]))
     omega_body = vec(qvel, 3)
     omega = rotate(rot, omega_body)
-    joints, joint_vel = qpos[7 : 7 + count], qvel[6 : 6 + count]
-    frames, vectors = np.empty((count, FRAME_SIZE)), np.zeros((3, count))
-    zero_acc, servo_vel, servo_torque = vectors[0], vectors[1], vectors[2]
-    forward_kinematics(vehicle, pos, rot, joints, frames)
+    joint_vel = qvel[6 : 6 + count]
+    frames = scratch.frames
+    feed_forward = _advance_references(vehicle, gains, scratch, level, action, pos, rot, memory, dt)
+    forward_kinematics(vehicle, pos, rot, qpos, 7, frames)
     lever = _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, memory, dt)
-    feed_forward = _advance_references(vehicle, gains, level, action, pos, rot, memory, dt, servo_vel)
-    if level <= VELOCITY:
-        acc = position_loop(gains, memory, pos, vel, feed_forward)
-    else:
+    textbook = gains.law >= PID and level <= VELOCITY
+    if level > VELOCITY:
         acc = _thrust_acceleration(vehicle, rot, thrust_now)
+    elif textbook:
+        acc = (0.0, 0.0, 0.0)
+    else:
+        acc = scale(vehicle.base_mobility, position_loop(gains, memory, pos, vel, feed_forward))
     force, torque = inverse_dynamics(
-        vehicle, frames, pos, rot, omega, joint_vel, acc, (0.0, 0.0, 0.0), zero_acc, servo_torque
+        vehicle, frames, pos, rot, omega, joint_vel, acc, (0.0, 0.0, 0.0), scratch.rest, scratch.servo_torque
     )
     if level == ROTOR:
         for i in range(thrust.size):
-            thrust[i] = clip(action[i], 0.0, vehicle.rotor_max[i])
+            thrust[i] = clip(action[i], vehicle.rotor_min[i], vehicle.rotor_max[i])
+    elif textbook:
+        if gains.law == PID:
+            body_force, torque = pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, dt)
+        else:
+            body_force, torque = lqr_wrench(vehicle, gains, memory, pos, vel, rot, omega_body)
+        body_force = _limit_lateral(body_force, vehicle.lateral_limit)
+        allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, body_force, torque, thrust)
+        hasten_rotors(vehicle, gains, thrust_now, thrust)
     else:
         disturbance = vec(memory, mem.FORCE)
         torque = sub(sub(torque, vec(memory, mem.TORQUE)), cross(lever, disturbance))
@@ -121,9 +149,11 @@ def tick(vehicle, gains, level, action, qpos, qvel, thrust_now, memory, dt, thru
             body_force = rotate_back(rot, force)
         torque = add(torque, rotational_inertia(vehicle, frames, pos, rot, rotate(rot, alpha)))
         body_force = _limit_lateral(body_force, vehicle.lateral_limit)
-        allocate(vehicle.mixer, vehicle.rotor_max, body_force, rotate_back(rot, torque), thrust)
+        torque = rotate_back(rot, torque)
+        allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, body_force, torque, thrust)
+        hasten_rotors(vehicle, gains, thrust_now, thrust)
     for j in range(count):
-        wanted_torque = servo_torque[j] + vehicle.joint_damping[j] * servo_vel[j]
+        wanted_torque = scratch.servo_torque[j] + vehicle.joint_damping[j] * scratch.servo_vel[j]
         servo[j] = memory[mem.JOINT_CMD + j] + wanted_torque / vehicle.joint_stiffness[j]
 
 
@@ -132,8 +162,8 @@ def _thrust_acceleration(vehicle, rot, thrust_now):
     """Acceleration (world, m/s²) that the rotors' actual thrusts and gravity give the vehicle."""
     force, mass = (0.0, 0.0, 0.0), vehicle.base_mass
     for i in range(thrust_now.size):
-        force = add(force, scale(thrust_now[i], vec(vehicle.rotor_axis[i], 0)))
-    for j in range(vehicle.link_mass.size):
+        force = add(force, scale(thrust_now[i], row(vehicle.rotor_axis, i)))
+    for j in range(vehicle.num_joints):
         mass += vehicle.link_mass[j]
     return sub(scale(1.0 / mass, rotate(rot, force)), (0.0, 0.0, GRAVITY))
 
@@ -148,7 +178,7 @@ def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, th
         put(memory, mem.ANGULAR, angular)
         memory[mem.READY] = 2.0
         return lever
-    closing = 1.0 - clip(action[action.size - 1], 0.0, 1.0)
+    closing = 1.0 - gripper_opening(vehicle, action)
     memory[mem.CLOSED] += min(1.0, GRIP_RESPONSE * dt) * (closing - memory[mem.CLOSED])
     bandwidth = gains.observer + memory[mem.CLOSED] * (gains.observer_loaded - gains.observer)
     force, torque = rotor_wrench(vehicle, thrust_now, rot, lever)
@@ -159,28 +189,35 @@ def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, th
 
 
 @kernel
-def _advance_references(vehicle, gains, level, action, pos, rot, memory, dt, servo_vel):
+def _advance_references(vehicle, gains, scratch, level, action, pos, rot, memory, dt):
     """Move the base and joint references on; return the base acceleration to feed forward, m/s²."""
-    count = vehicle.link_mass.size
-    if level == EE_POSE:
-        feed_forward = advance_position(memory, vec(action, 0), gains, dt)
-        advance_rotation(memory, orthonormalise(vec(action, 3), vec(action, 6)), gains, dt)
-        solve_reference(vehicle, gains, memory, dt)
-        solve_arm(vehicle, gains, memory, pos, rot, dt, servo_vel)
-        return feed_forward
-    if level == VELOCITY:
+    count = vehicle.num_joints
+    if level <= EE_DELTA:
+        advance_tool(memory, dt)
+        advance_base(memory, dt)
+        solve_arm(vehicle, gains, scratch, memory, pos, rot, dt)
+        return vec(memory, mem.TOOL_ACC)
+    first = vehicle.num_rotors if level == ROTOR else 4
+    if vehicle.base_mobility == 0.0:
+        first = 0
+    elif level == VELOCITY:
         _integrate_base(memory, vec(action, 0), action[3], pos, gains, dt)
     elif level == BASE_JOINT:
         _approach_base(memory, vec(action, 0), action[3], gains, dt)
-    first = vehicle.rotor_max.size if level == ROTOR else 4
     for j in range(count):
         old = memory[mem.JOINT_CMD + j]
         wanted = old + dt * action[first + j] if level == VELOCITY else action[first + j]
         reach = vehicle.joint_speed[j] * dt
         new = clip(clip(wanted, old - reach, old + reach), vehicle.joint_low[j], vehicle.joint_high[j])
         memory[mem.JOINT_CMD + j] = new
-        servo_vel[j] = (new - old) / dt
+        scratch.servo_vel[j] = (new - old) / dt
     return (0.0, 0.0, 0.0)
+
+
+@kernel
+def gripper_opening(vehicle, action):
+    """Commanded opening of the gripper in [0, 1]; 1 for a vehicle without one."""
+    return clip(action[action.size - 1], 0.0, 1.0) if vehicle.gripper_stroke > 0.0 else 1.0
 
 
 @kernel
@@ -220,7 +257,7 @@ class Controller:
     Args:
         vehicle: nominal model, e.g. ``aerial_il.robots.get("ua_quad_arm4").vehicle``.
         level: name of the action level.
-        gains: tuning.
+        law: name of the flight law, e.g. ``pid``. gains: tuning, None for the law's own.
         dt: seconds between ticks.
         ticks_per_action: ticks between two new actions.
 
@@ -230,13 +267,15 @@ class Controller:
     """
 
     def __init__(
-        self, vehicle: Vehicle, *, level: str = "ee_pose", gains: Gains | None = None, dt: float = 0.004,
-        ticks_per_action: int = 5,
+        self, vehicle: Vehicle, *, level: str = "ee_pose", law: str = "geometric_observer",
+        gains: Gains | None = None, dt: float = 0.004, ticks_per_action: int = 5,
     ) -> None:  # fmt: skip
-        self.vehicle, self.gains = vehicle, gains or Gains()
+        self.vehicle, self.law = vehicle, Law.parse(law)
+        self.gains = (gains or self.law.gains)._replace(law=int(self.law)).eased(vehicle.agility)
         self.level = ActionLevel.parse(level)
         self.spec = action_spec(self.level, vehicle)
         self.dt, self.ticks_per_action = dt, ticks_per_action
+        self._record, self._scratch = self.law.record(vehicle), make_scratch()
         self.reset()
 
     def reset(self) -> None:
@@ -271,11 +310,13 @@ class Controller:
             raise InvalidValueError(f"{self.level.label} takes {self.spec.size} finite numbers, got {action!r}.")
         if self._ticks % self.ticks_per_action == 0:
             interval = self.dt * self.ticks_per_action
-            receive_action(self.vehicle, self.gains, int(self.level), action, qpos, self.memory, interval)
+            receive_action(
+                self._record, self.gains, self._scratch, int(self.level), action, qpos, self.memory, interval
+            )
         self._ticks += 1
-        thrust, servo = np.empty(len(self.vehicle.rotor_max)), np.empty(len(self.vehicle.link_mass))
+        thrust, servo = np.empty(self.vehicle.num_rotors), np.empty(self.vehicle.num_joints)
         tick(
-            self.vehicle, self.gains, int(self.level), action, qpos, qvel, thrust_now, self.memory, self.dt,
-            thrust, servo,
+            self._record, self.gains, self._scratch, int(self.level), action, qpos, qvel, thrust_now, self.memory,
+            self.dt, thrust, servo,
         )  # fmt: skip
         return thrust, servo

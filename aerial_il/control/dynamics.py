@@ -21,9 +21,9 @@ from aerial_il.core.rotations import (
     sub,
 )
 
-# Columns of a row of ``frames`` (J, 15): joint position, link rotation, joint axis; all in the world frame.
+# Columns of a row of ``frames`` (J + 1, 15): joint position, link rotation, joint axis; all in the world frame. The
+# last row holds position and rotation of the tool.
 POSITION, ROTATION, AXIS = 0, 3, 12
-FRAME_SIZE = 15
 
 
 @kernel
@@ -39,37 +39,57 @@ def put(array, start, value):
 
 
 @kernel
-def link_rotation(frame):
-    """Rotation (world from link) stored in a row of ``frames``."""
-    return (frame[3], frame[4], frame[5], frame[6], frame[7], frame[8], frame[9], frame[10], frame[11])
+def row(array, j, start=0):
+    """Read three consecutive numbers of row ``j`` as a vector; a slice ``array[j]`` would cost reference counting."""
+    return (array[j, start], array[j, start + 1], array[j, start + 2])
 
 
 @kernel
-def forward_kinematics(vehicle, pos, rot, joints, frames):
-    """Place every link.
+def put_row(array, j, start, value):
+    """Write a vector into three consecutive numbers of row ``j``."""
+    array[j, start], array[j, start + 1], array[j, start + 2] = value
+
+
+@kernel
+def link_rotation(frames, j):
+    """Rotation (world from link) stored in row ``j`` of ``frames``."""
+    return (
+        frames[j, 3], frames[j, 4], frames[j, 5], frames[j, 6], frames[j, 7], frames[j, 8], frames[j, 9],
+        frames[j, 10], frames[j, 11],
+    )  # fmt: skip
+
+
+@kernel
+def forward_kinematics(vehicle, pos, rot, joints, start, frames):
+    """Place every link and the tool; a base without an arm is its own tool.
 
     Args:
         vehicle: the nominal model.
         pos, rot: base position (m) and rotation, world from base.
-        joints: (J,) rad.
-        frames: (J, 15) written: joint position, link rotation, joint axis, world frame.
+        joints: joint positions, rad, from index ``start`` on.
+        frames: (J + 1, 15) written: joint position, link rotation, joint axis, world frame; last the tool.
     """
-    for j in range(vehicle.link_mass.size):
-        axis = vec(vehicle.link_axis[j], 0)
-        pos = add(pos, rotate(rot, vec(vehicle.link_offset[j], 0)))
-        put(frames[j], AXIS, rotate(rot, axis))
-        rot = matmul(rot, mat_from_axis_angle(axis, joints[j]))
-        put(frames[j], POSITION, pos)
-        for k in range(9):
-            frames[j, ROTATION + k] = rot[k]
+    for j in range(vehicle.num_joints):
+        axis = row(vehicle.link_axis, j)
+        pos = add(pos, rotate(rot, row(vehicle.link_offset, j)))
+        put_row(frames, j, AXIS, rotate(rot, axis))
+        rot = matmul(rot, mat_from_axis_angle(axis, joints[start + j]))
+        _put_pose(frames, j, pos, rot)
+    _put_pose(frames, vehicle.num_joints, add(pos, rotate(rot, vec(vehicle.tool_offset, 0))), rot)
+
+
+@kernel
+def _put_pose(frames, j, pos, rot):
+    """Write position and rotation into row ``j`` of ``frames``."""
+    put_row(frames, j, POSITION, pos)
+    for k in range(9):
+        frames[j, ROTATION + k] = rot[k]
 
 
 @kernel
 def tool_pose(vehicle, frames):
     """Tool position (m) and rotation (world from tool) for placed links."""
-    last = frames[vehicle.link_mass.size - 1]
-    rot = link_rotation(last)
-    return add(vec(last, POSITION), rotate(rot, vec(vehicle.tool_offset, 0))), rot
+    return row(frames, vehicle.num_joints, POSITION), link_rotation(frames, vehicle.num_joints)
 
 
 @kernel
@@ -78,19 +98,20 @@ def tool_jacobian(vehicle, frames, pos, jacobian):
 
     Args:
         vehicle: the nominal model.
-        frames: (J, 15) placed links.
+        frames: (J + 1, 15) placed links and tool.
         pos: base position, m.
         jacobian: (6, 4 + J) written: rows linear and angular velocity (world), columns base x, y, z, yaw, joints.
     """
-    jacobian[:, :4] = 0.0
     tool, _ = tool_pose(vehicle, frames)
     for k in range(3):
-        jacobian[k, k] = 1.0
+        for c in range(4):
+            jacobian[k, c] = 1.0 if k == c else 0.0
+            jacobian[3 + k, c] = 0.0
     lever = sub(tool, pos)
     jacobian[0, 3], jacobian[1, 3], jacobian[5, 3] = -lever[1], lever[0], 1.0
-    for j in range(vehicle.link_mass.size):
-        axis = vec(frames[j], AXIS)
-        linear = cross(axis, sub(tool, vec(frames[j], POSITION)))
+    for j in range(vehicle.num_joints):
+        axis = row(frames, j, AXIS)
+        linear = cross(axis, sub(tool, row(frames, j, POSITION)))
         for k in range(3):
             jacobian[k, 4 + j] = linear[k]
             jacobian[3 + k, 4 + j] = axis[k]
@@ -101,9 +122,9 @@ def tool_velocity(vehicle, frames, pos, vel, omega, joint_vel):
     """Linear (m/s) and angular (rad/s) velocity of the tool, world frame."""
     tool, _ = tool_pose(vehicle, frames)
     linear = add(vel, cross(omega, sub(tool, pos)))
-    for j in range(vehicle.link_mass.size):
-        spin = scale(joint_vel[j], vec(frames[j], AXIS))
-        linear = add(linear, cross(spin, sub(tool, vec(frames[j], POSITION))))
+    for j in range(vehicle.num_joints):
+        spin = scale(joint_vel[j], row(frames, j, AXIS))
+        linear = add(linear, cross(spin, sub(tool, row(frames, j, POSITION))))
         omega = add(omega, spin)
     return linear, omega
 
@@ -114,29 +135,29 @@ def momentum(vehicle, frames, pos, rot, vel, omega, joint_vel):
 
     Args:
         vehicle: the nominal model.
-        frames: (J, 15) placed links.
+        frames: (J + 1, 15) placed links and tool.
         pos, rot: base pose. vel, omega: base twist, world frame. joint_vel: (J,) rad/s.
 
     Returns:
         linear: kg m/s; angular: about the common centre of mass, kg m²/s; com: its position, m; mass: kg.
     """
     linear = scale(vehicle.base_mass, vel)
-    angular = _spin_momentum(vehicle.base_inertia, rot, omega)
+    angular = _spin_momentum(vec(vehicle.base_inertia, 0), rot, omega)
     moment = (0.0, 0.0, 0.0)  # Σ m (p - pos)
     mass = vehicle.base_mass
     origin = pos
     link_vel = vel
-    for j in range(vehicle.link_mass.size):
-        joint, link = vec(frames[j], POSITION), link_rotation(frames[j])
+    for j in range(vehicle.num_joints):
+        joint, link = row(frames, j, POSITION), link_rotation(frames, j)
         link_vel = add(link_vel, cross(omega, sub(joint, pos)))
         pos = joint
-        omega = add(omega, scale(joint_vel[j], vec(frames[j], AXIS)))
-        arm = rotate(link, vec(vehicle.link_com[j], 0))
+        omega = add(omega, scale(joint_vel[j], row(frames, j, AXIS)))
+        arm = rotate(link, row(vehicle.link_com, j))
         m = vehicle.link_mass[j]
         p = scale(m, add(link_vel, cross(omega, arm)))
         lever = sub(add(joint, arm), origin)
         linear = add(linear, p)
-        angular = add(angular, add(cross(lever, p), _spin_momentum(vehicle.link_inertia[j], link, omega)))
+        angular = add(angular, add(cross(lever, p), _spin_momentum(row(vehicle.link_inertia, j), link, omega)))
         moment = add(moment, scale(m, lever))
         mass += m
     lever = scale(1.0 / mass, moment)
@@ -149,7 +170,7 @@ def inverse_dynamics(vehicle, frames, pos, rot, omega, joint_vel, acc, alpha, jo
 
     Args:
         vehicle: the nominal model.
-        frames: (J, 15) placed links.
+        frames: (J + 1, 15) placed links and tool.
         pos, rot: base pose. omega: base angular velocity, world, rad/s. joint_vel: (J,) rad/s.
         acc: base linear acceleration, world, m/s². alpha: base angular acceleration, world, rad/s².
         joint_acc: (J,) rad/s².
@@ -160,24 +181,24 @@ def inverse_dynamics(vehicle, frames, pos, rot, omega, joint_vel, acc, alpha, jo
     """
     acc = add(acc, (0.0, 0.0, GRAVITY))
     base_force = scale(vehicle.base_mass, acc)
-    base_moment = _spin_torque(vehicle.base_inertia, rot, omega, alpha)
+    base_moment = _spin_torque(vec(vehicle.base_inertia, 0), rot, omega, alpha)
     origin = pos
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # of the links so far, about the origin
-    for j in range(vehicle.link_mass.size):
-        joint, link, axis = vec(frames[j], POSITION), link_rotation(frames[j]), vec(frames[j], AXIS)
+    for j in range(vehicle.num_joints):
+        joint, link, axis = row(frames, j, POSITION), link_rotation(frames, j), row(frames, j, AXIS)
         torque[j] = -_about_axis(axis, sub(joint, origin), force, moment)
         acc = add(acc, _point_acceleration(omega, alpha, sub(joint, pos)))
         pos = joint
         spin = scale(joint_vel[j], axis)
         alpha = add(add(alpha, scale(joint_acc[j], axis)), cross(omega, spin))
         omega = add(omega, spin)
-        arm = rotate(link, vec(vehicle.link_com[j], 0))
+        arm = rotate(link, row(vehicle.link_com, j))
         push = scale(vehicle.link_mass[j], add(acc, _point_acceleration(omega, alpha, arm)))
         force = add(force, push)
-        moment = add(moment, _spin_torque(vehicle.link_inertia[j], link, omega, alpha))
+        moment = add(moment, _spin_torque(row(vehicle.link_inertia, j), link, omega, alpha))
         moment = add(moment, cross(sub(add(joint, arm), origin), push))
-    for j in range(vehicle.link_mass.size):  # a joint carries all links less those before it
-        joint, axis = vec(frames[j], POSITION), vec(frames[j], AXIS)
+    for j in range(vehicle.num_joints):  # a joint carries all links less those before it
+        joint, axis = row(frames, j, POSITION), row(frames, j, AXIS)
         torque[j] += _about_axis(axis, sub(joint, origin), force, moment)
     return add(base_force, force), add(base_moment, moment)
 
@@ -191,12 +212,12 @@ def _about_axis(axis, lever, force, moment):
 @kernel
 def rotational_inertia(vehicle, frames, pos, rot, alpha):
     """Torque (N m) that the whole vehicle, joints locked, needs for angular acceleration ``alpha`` (both world)."""
-    torque = _spin_momentum(vehicle.base_inertia, rot, alpha)
-    for j in range(vehicle.link_mass.size):
-        link = link_rotation(frames[j])
-        lever = sub(add(vec(frames[j], POSITION), rotate(link, vec(vehicle.link_com[j], 0))), pos)
+    torque = _spin_momentum(vec(vehicle.base_inertia, 0), rot, alpha)
+    for j in range(vehicle.num_joints):
+        link = link_rotation(frames, j)
+        lever = sub(add(row(frames, j, POSITION), rotate(link, row(vehicle.link_com, j))), pos)
         torque = add(torque, cross(lever, scale(vehicle.link_mass[j], cross(alpha, lever))))
-        torque = add(torque, _spin_momentum(vehicle.link_inertia[j], link, alpha))
+        torque = add(torque, _spin_momentum(row(vehicle.link_inertia, j), link, alpha))
     return torque
 
 

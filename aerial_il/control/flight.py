@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from aerial_il.control import memory as mem
-from aerial_il.control.dynamics import put, vec
+from aerial_il.control.dynamics import put, row, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
     add,
@@ -82,12 +82,28 @@ def rotor_wrench(vehicle, thrust, rot, com_lever):
     """
     force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(thrust.size):
-        push = scale(thrust[i], vec(vehicle.rotor_axis[i], 0))
+        push = scale(thrust[i], row(vehicle.rotor_axis, i))
         force = add(force, push)
-        torque = add(torque, cross(vec(vehicle.rotor_pos[i], 0), push))
+        torque = add(torque, cross(row(vehicle.rotor_pos, i), push))
         torque = add(torque, scale(vehicle.rotor_drag_ratio[i], push))
     force, torque = rotate(rot, force), rotate(rot, torque)
     return force, sub(torque, cross(com_lever, force))
+
+
+@kernel
+def hasten_rotors(vehicle, gains, thrust_now, thrust):
+    """Command slow rotors beyond the thrust they shall have, so that it comes with ``gains.rotor_response``.
+
+    A rotor follows ``T' = (u - T) / τ``; commanding ``u = T + (τ / τ') (wanted - T)`` makes that ``(wanted - T) / τ'``.
+
+    Args:
+        vehicle, gains: model and tuning. thrust_now: (R,) N. thrust: (R,) wanted, N; changed in place.
+    """
+    for i in range(thrust.size):
+        step = thrust[i] - thrust_now[i]
+        tau = vehicle.rotor_tau_up if step > 0.0 else vehicle.rotor_tau_down
+        beyond = thrust_now[i] + max(1.0, tau / gains.rotor_response) * step
+        thrust[i] = clip(beyond, vehicle.rotor_min[i], vehicle.rotor_max[i])
 
 
 @kernel

@@ -2,115 +2,140 @@
 
 One step solves ``min |W (J δ - e)|² + λ² |S⁻¹ (δ - δ0)|²`` (damped least squares, Nakamura & Hanafusa 1986; Wampler
 1986): δ0 pulls the redundant coordinates to a rest posture, S makes coordinates cheap or dear, and a coordinate at its
-limit is taken out of the solution.
+limit is taken out of the solution. The whole body has more coordinates than the task has rows and is solved in task
+space, ``δ = δ0 + S A' (A A' + λ² 1)⁻¹ W (e - J δ0)`` with ``A = W J S``; an arm alone has at most as many and is
+solved in joint space, ``(A' A + λ² 1) S⁻¹ (δ - δ0) = A' W (e - J δ0)``: the same minimum.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip
 
 
 @kernel
-def damped_least_squares(jacobian, error, row_weight, column_scale, rest_pull, damping, step):
-    """Solve one damped, weighted step.
+def solve_in_task_space(scratch, count, damping):
+    """Solve one step of the first ``count`` coordinates.
 
     Args:
-        jacobian: (6, V) task Jacobian.
-        error: (6,) task error, m and rad.
-        row_weight: (6,) weight of each task row.
-        column_scale: (V,) mobility of each coordinate; 0 freezes it.
-        rest_pull: (V,) displacement wanted in the null space.
-        damping: λ, in the unit of the weighted rows.
-        step: (V,) written: displacement of the coordinates.
+        scratch: working memory, with
+            ``jacobian``: (6, V) task Jacobian; ``error``: (6,) task error, m and rad;
+            ``weight``: (6,) weight of each task row;
+            ``mobility``: (V,) of each coordinate, 0 freezes it; ``pull``: (V,) displacement wanted in the null space;
+            ``step``: (V,) written: displacement of the coordinates.
+        count: V. damping: λ, in the unit of the weighted rows.
     """
-    size = step.size
-    work = np.empty((13, max(6, size)))  # one allocation: this runs 500 times per simulated second and world
-    scaled, gram, y = work[:6], work[6:12], work[12, :6]
-    for r in range(6):
-        residual = error[r]
-        for c in range(size):
-            scaled[r, c] = row_weight[r] * jacobian[r, c] * column_scale[c]
-            if column_scale[c] > 0.0:
-                residual -= jacobian[r, c] * rest_pull[c]
-        y[r] = row_weight[r] * residual
+    scaled, gram, y, mobility = scratch.scaled, scratch.gram, scratch.residual, scratch.mobility
+    _scale(scratch, 0, count)
     for r in range(6):
         for s in range(r + 1):
             total = damping * damping if r == s else 0.0
-            for c in range(size):
+            for c in range(count):
                 total += scaled[r, c] * scaled[s, c]
             gram[r, s] = total
-    _solve_cholesky(gram, y)
-    for c in range(size):
-        step[c] = 0.0
-        if column_scale[c] > 0.0:
-            total = 0.0
-            for r in range(6):
-                total += scaled[r, c] * y[r]
-            step[c] = rest_pull[c] + column_scale[c] * total
+    _solve_cholesky(gram, y, 6)
+    for c in range(count):
+        total = 0.0
+        for r in range(6):
+            total += scaled[r, c] * y[r]
+        scratch.step[c] = scratch.pull[c] + mobility[c] * total if mobility[c] > 0.0 else 0.0
 
 
 @kernel
-def _solve_cholesky(a, b):
+def solve_in_joint_space(scratch, first, count, damping):
+    """Solve one step of ``count`` coordinates from ``first`` on; arguments as of :func:`solve_in_task_space`."""
+    scaled, gram, mobility = scratch.scaled, scratch.gram, scratch.mobility
+    _scale(scratch, first, first + count)
+    for a in range(count):
+        for b in range(a + 1):
+            total = damping * damping if a == b else 0.0
+            for r in range(6):
+                total += scaled[r, first + a] * scaled[r, first + b]
+            gram[a, b] = total
+    for a in range(count):
+        total = 0.0
+        for r in range(6):
+            total += scaled[r, first + a] * scratch.residual[r]
+        scratch.solution[a] = total
+    _solve_cholesky(gram, scratch.solution, count)
+    for a in range(count):
+        c = first + a
+        scratch.step[c] = scratch.pull[c] + mobility[c] * scratch.solution[a] if mobility[c] > 0.0 else 0.0
+
+
+@kernel
+def _scale(scratch, first, stop):
+    """Write ``A = W J S`` and the residual ``W (e - J δ0)`` for the coordinates ``first`` to ``stop - 1``."""
+    jacobian, weight, mobility, pull = scratch.jacobian, scratch.weight, scratch.mobility, scratch.pull
+    for r in range(6):
+        residual = scratch.error[r]
+        for c in range(first, stop):
+            scratch.scaled[r, c] = weight[r] * jacobian[r, c] * mobility[c]
+            if mobility[c] > 0.0:
+                residual -= jacobian[r, c] * pull[c]
+        scratch.residual[r] = weight[r] * residual
+
+
+@kernel
+def _solve_cholesky(a, b, size):
     """Solve A x = b in place for symmetric positive definite A (lower triangle given, overwritten); x in b."""
-    size = b.size
     for i in range(size):
         for j in range(i + 1):
             total = a[i, j]
             for k in range(j):
                 total -= a[i, k] * a[j, k]
-            a[i, j] = math.sqrt(total) if i == j else total / a[j, j]
+            a[i, j] = 1.0 / math.sqrt(total) if i == j else total * a[j, j]  # the diagonal is kept inverted
     for i in range(size):
         for k in range(i):
             b[i] -= a[i, k] * b[k]
-        b[i] /= a[i, i]
+        b[i] *= a[i, i]
     for i in range(size - 1, -1, -1):
         for k in range(i + 1, size):
             b[i] -= a[k, i] * b[k]
-        b[i] /= a[i, i]
+        b[i] *= a[i, i]
 
 
 @kernel
-def freeze_at_limits(joints, low, high, step, column_scale, first):
+def freeze_at_limits(vehicle, scratch, joints, start):
     """Freeze the joints that the last step drives out of their limits.
 
     Args:
-        joints, low, high: (J,) rad.
-        step: (V,) last solution; column_scale: (V,) changed in place.
-        first: index of the first joint among the V coordinates.
+        vehicle: the nominal model. scratch: working memory with the last ``step``; ``mobility`` is changed.
+        joints: joint positions, rad, from index ``start`` on.
 
     Returns:
         Whether any joint was frozen, so that the step must be solved again.
     """
     frozen = False
-    for j in range(joints.size):
-        wanted = joints[j] + step[first + j]
-        if column_scale[first + j] > 0.0 and (wanted < low[j] or wanted > high[j]):
-            column_scale[first + j] = 0.0
-            step[first + j] = clip(wanted, low[j], high[j]) - joints[j]
+    for j in range(vehicle.num_joints):
+        wanted = joints[start + j] + scratch.step[4 + j]
+        outside = wanted < vehicle.joint_low[j] or wanted > vehicle.joint_high[j]
+        if outside and scratch.mobility[4 + j] > 0.0:
+            scratch.mobility[4 + j] = 0.0
             frozen = True
     return frozen
 
 
 @kernel
-def rest_posture(vehicle, pitch, posture):
+def rest_posture(vehicle, pitch, posture, start):
     """Rest posture for a tool pitched ``pitch`` rad below the horizon.
 
-    Blends the two rest postures by pitch; the last joint takes what remains, so that the tool's pitch is exact.
+    Blends the two rest postures by pitch; the wrist, the last joint that pitches, takes what remains, so that the
+    tool's pitch is exact.
 
     Args:
         vehicle: the nominal model. pitch: rad, 0 = horizontal, π/2 = straight down.
-        posture: (J,) written, rad.
+        posture: written, rad, from index ``start`` on.
     """
     blend = clip(pitch / (0.5 * math.pi), 0.0, 1.0)
-    last = posture.size - 1
-    remaining = pitch
-    for j in range(last + 1):
-        posture[j] = (1.0 - blend) * vehicle.rest_forward[j] + blend * vehicle.rest_down[j]
-        if j < last and vehicle.link_axis[j, 1] > 0.5:
-            remaining -= posture[j]
-    posture[last] = clip(remaining, vehicle.joint_low[last], vehicle.joint_high[last])
+    wrist, missing = -1, pitch
+    for j in range(vehicle.num_joints):
+        posture[start + j] = (1.0 - blend) * vehicle.rest_forward[j] + blend * vehicle.rest_down[j]
+        if abs(vehicle.link_axis[j, 1]) > 0.5:
+            wrist = j
+            missing -= vehicle.link_axis[j, 1] * posture[start + j]
+    if wrist >= 0:
+        wanted = posture[start + wrist] + vehicle.link_axis[wrist, 1] * missing
+        posture[start + wrist] = clip(wanted, vehicle.joint_low[wrist], vehicle.joint_high[wrist])

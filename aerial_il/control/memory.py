@@ -6,7 +6,7 @@ snapshot of both.
 
 from __future__ import annotations
 
-MAX_JOINTS = 8
+from aerial_il.control.vehicle import MAX_JOINTS
 
 READY = 0  # 0 until the first tick has seated the references at the current state
 TOOL_POS, TOOL_VEL, TOOL_ROT, TOOL_OMEGA = 1, 4, 7, 16  # end-effector reference, world frame
@@ -16,4 +16,7 @@ JOINT_REF, JOINT_CMD = 33, 33 + MAX_JOINTS  # posture of the reference and servo
 LINEAR, ANGULAR = 49, 52  # observer: momentum at the last tick
 FORCE, TORQUE = 55, 58  # observer: estimated disturbance (N, N m) about the centre of mass
 CLOSED = 61  # low-passed gripper command: 1 closed, 0 open
-MEMORY_SIZE = 62
+TOOL_ACC = 62  # acceleration of the end-effector reference until the next action
+POSITION_INTEGRAL, ATTITUDE_INTEGRAL = 65, 68  # PID: accelerations it has added so far (m/s², world; rad/s²)
+TARGET_ROT = 71  # last commanded orientation, world from tool; kept at the level ee_delta
+MEMORY_SIZE = 80

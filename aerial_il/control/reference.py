@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from aerial_il.control import memory as mem
+from aerial_il.control.actions import TARGET_LEAD
 from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
@@ -57,6 +58,22 @@ def write_rotation(memory, start, rot):
 
 
 @kernel
+def displaced_target(memory, displacement, turn):
+    """Move the target in its own frame; return its new position and rotation.
+
+    Args:
+        memory: controller memory; the target's rotation in it is advanced.
+        displacement: m, turn: rotation vector, rad; both in the frame of the last target.
+    """
+    rot, tool = read_rotation(memory, mem.TARGET_ROT), vec(memory, mem.TOOL_POS)
+    ahead = sub(add(vec(memory, mem.TARGET_POS), rotate(rot, displacement)), tool)
+    rot = matmul(rot, mat_from_rotvec(turn))
+    rot = orthonormalise(column(rot, 0), column(rot, 1))
+    write_rotation(memory, mem.TARGET_ROT, rot)
+    return add(tool, limit_norm(ahead, TARGET_LEAD)), rot
+
+
+@kernel
 def observe_target_rate(memory, target, gains, interval):
     """Estimate how fast the commanded position moves; a jump counts as standing still.
 
@@ -71,33 +88,46 @@ def observe_target_rate(memory, target, gains, interval):
 
 
 @kernel
-def advance_position(memory, target, gains, dt):
-    """Move the reference position towards ``target`` (world, m) for ``dt`` seconds; return its acceleration."""
-    pos, vel = vec(memory, mem.TOOL_POS), vec(memory, mem.TOOL_VEL)
-    error = sub(target, pos)
+def steer_position(memory, target, gains):
+    """Choose the acceleration of the reference position towards ``target`` (world, m) until the next command."""
+    error = sub(target, vec(memory, mem.TOOL_POS))
     distance = norm(error)
     braking = math.sqrt(1.4 * gains.reference_acceleration * distance)
     speed = min(APPROACH * distance, min(braking, gains.reference_speed))
     near = max(0.0, 1.0 - (distance / NEAR) ** 2)
     wanted = add(scale(near, vec(memory, mem.TARGET_VEL)), scale(speed / max(distance, 1e-9), error))
     wanted = limit_norm(wanted, gains.reference_speed)
-    acc = limit_norm(scale(RESPONSE, sub(wanted, vel)), gains.reference_acceleration)
-    put(memory, mem.TOOL_POS, add(pos, add(scale(dt, vel), scale(0.5 * dt * dt, acc))))
-    put(memory, mem.TOOL_VEL, add(vel, scale(dt, acc)))
-    return acc
+    acc = limit_norm(scale(RESPONSE, sub(wanted, vec(memory, mem.TOOL_VEL))), gains.reference_acceleration)
+    put(memory, mem.TOOL_ACC, acc)
 
 
 @kernel
-def advance_rotation(memory, target, gains, dt):
-    """Turn the reference rotation towards ``target`` (world from tool) for ``dt`` seconds."""
+def steer_rotation(memory, target, gains, interval):
+    """Choose the angular velocity of the reference towards ``target`` (world from tool) for ``interval`` seconds."""
     rot = read_rotation(memory, mem.TOOL_ROT)
     error = rotate(rot, rotvec_from_mat(matmul_back(rot, target)))
     wanted = limit_norm(scale(TURN_APPROACH, error), gains.reference_turn)
     omega = vec(memory, mem.TOOL_OMEGA)
-    omega = add(omega, scale(min(1.0, RESPONSE * dt), sub(wanted, omega)))
-    put(memory, mem.TOOL_OMEGA, omega)
-    rot = matmul(mat_from_rotvec(scale(dt, omega)), rot)
-    write_rotation(memory, mem.TOOL_ROT, orthonormalise(column(rot, 0), column(rot, 1)))
+    put(memory, mem.TOOL_OMEGA, add(omega, scale(min(1.0, RESPONSE * interval), sub(wanted, omega))))
+
+
+@kernel
+def moved_tool(memory, dt):
+    """Position, velocity and rotation of the reference ``dt`` seconds from now."""
+    vel, acc = vec(memory, mem.TOOL_VEL), vec(memory, mem.TOOL_ACC)
+    pos = add(vec(memory, mem.TOOL_POS), add(scale(dt, vel), scale(0.5 * dt * dt, acc)))
+    turn = mat_from_rotvec(scale(dt, vec(memory, mem.TOOL_OMEGA)))
+    rot = matmul(turn, read_rotation(memory, mem.TOOL_ROT))
+    return pos, add(vel, scale(dt, acc)), orthonormalise(column(rot, 0), column(rot, 1))
+
+
+@kernel
+def advance_tool(memory, dt):
+    """Move the end-effector reference on for ``dt`` seconds."""
+    pos, vel, rot = moved_tool(memory, dt)
+    put(memory, mem.TOOL_POS, pos)
+    put(memory, mem.TOOL_VEL, vel)
+    write_rotation(memory, mem.TOOL_ROT, rot)
 
 
 @kernel

@@ -8,12 +8,15 @@ is off by. That second step is worth more accuracy in wind than any gain of the 
 
 from __future__ import annotations
 
-import numpy as np
-
 from aerial_il.control import memory as mem
-from aerial_il.control.dynamics import FRAME_SIZE, forward_kinematics, put, tool_jacobian, tool_pose, vec
-from aerial_il.control.inverse_kinematics import damped_least_squares, freeze_at_limits, rest_posture
-from aerial_il.control.reference import read_rotation, yaw_and_pitch
+from aerial_il.control.dynamics import forward_kinematics, put, tool_jacobian, tool_pose, vec
+from aerial_il.control.inverse_kinematics import (
+    freeze_at_limits,
+    rest_posture,
+    solve_in_joint_space,
+    solve_in_task_space,
+)
+from aerial_il.control.reference import moved_tool, read_rotation, write_rotation, yaw_and_pitch
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
     add,
@@ -21,6 +24,7 @@ from aerial_il.core.rotations import (
     limit_norm,
     mat_from_yaw,
     matmul_back,
+    norm,
     rotate,
     rotvec_from_mat,
     scale,
@@ -29,109 +33,133 @@ from aerial_il.core.rotations import (
 )
 
 DAMPING = 0.01  # m, of the weighted rows
-REST_PULL = 0.02  # share of the distance to the rest posture taken back per tick
+REST_RATE, REST_SPEED = 5.0, 0.5  # 1/s, rad/s: how the reference posture returns to the rest posture
+ARM_REST_RATE = 0.5  # 1/s: how the set-points return to the reference posture
 LONGEST_ERROR = 0.15  # m: the arm does not chase a reference the base has yet to reach
+ORIENTATION_SHARE = 0.3  # m/rad: weight of the reference's orientation against its position
 YAW_MOBILITY = 2.0  # rad per metre of base motion considered equally dear
+POSTURE_STEPS, POSTURE_STEP = 60, 0.3  # of the search for a posture; rad
 
 
 @kernel
-def seat_references(vehicle, memory, pos, rot, yaw, joints):
+def seat_references(vehicle, scratch, memory, pos, rot, yaw, joints):
     """Place every reference at the current state, at rest: the start of an episode, or a change of pilot."""
-    frames = np.empty((joints.size, FRAME_SIZE))
-    forward_kinematics(vehicle, pos, rot, joints, frames)
-    tool, tool_rot = tool_pose(vehicle, frames)
+    forward_kinematics(vehicle, pos, rot, joints, 0, scratch.frames)
+    tool, tool_rot = tool_pose(vehicle, scratch.frames)
     for k in range(mem.MEMORY_SIZE):
         memory[k] = 0.0
     put(memory, mem.TOOL_POS, tool)
     put(memory, mem.TARGET_POS, tool)
-    for k in range(9):
-        memory[mem.TOOL_ROT + k] = tool_rot[k]
+    write_rotation(memory, mem.TARGET_ROT, tool_rot)
+    write_rotation(memory, mem.TOOL_ROT, tool_rot)
     put(memory, mem.BASE_POS, pos)
     memory[mem.BASE_YAW] = yaw
-    for j in range(joints.size):
+    for j in range(vehicle.num_joints):
         memory[mem.JOINT_REF + j] = joints[j]
         memory[mem.JOINT_CMD + j] = joints[j]
     memory[mem.READY] = 1.0
 
 
 @kernel
-def pose_error(tool, tool_rot, target, target_rot, error):
-    """Write position (m) and rotation-vector (rad) error of a tool pose, world frame, into ``error`` (6,)."""
-    put(error, 0, limit_norm(sub(target, tool), LONGEST_ERROR))
-    put(error, 3, rotate(tool_rot, rotvec_from_mat(matmul_back(tool_rot, target_rot))))
+def plan_reference(vehicle, scratch, memory, interval):
+    """Choose the velocity of the reference base, and its joints, so that the tool's reference is met an interval later.
 
-
-@kernel
-def _workspace(count):
-    """Arrays for one solution: link frames, Jacobian, error, weights, mobility, rest pull, step."""
-    size = 4 + count
-    block = np.empty((11, size))
-    frames = np.empty((count, FRAME_SIZE))
-    block[7:] = 0.0
-    error, weight = block[6, :6], block[7, :6]
-    weight[:] = 1.0
-    block[8] = 1.0
-    return frames, block[:6], error, weight, block[8], block[9], block[10]
-
-
-@kernel
-def solve_reference(vehicle, gains, memory, dt):
-    """Advance the reference configuration to the end-effector reference; keep its velocity for feed-forward."""
-    joints = memory[mem.JOINT_REF : mem.JOINT_REF + vehicle.link_mass.size]
-    count = joints.size
-    frames, jacobian, error, weight, mobility, pull, step = _workspace(count)
+    Args:
+        vehicle: the nominal model. scratch: working memory.
+        memory: controller memory; the base's velocity and the joints of the reference are written.
+        interval: s, until the next plan.
+    """
     pos, yaw = vec(memory, mem.BASE_POS), memory[mem.BASE_YAW]
-    target_rot = read_rotation(memory, mem.TOOL_ROT)
-    forward_kinematics(vehicle, pos, mat_from_yaw(yaw), joints, frames)
-    tool, tool_rot = tool_pose(vehicle, frames)
-    tool_jacobian(vehicle, frames, pos, jacobian)
-    pose_error(tool, tool_rot, vec(memory, mem.TOOL_POS), target_rot, error)
-    weight[3:] = 0.3
-    mobility[3] = YAW_MOBILITY
+    target, _, target_rot = moved_tool(memory, interval)
+    _linearise(vehicle, scratch, pos, mat_from_yaw(yaw), memory, mem.JOINT_REF, target, target_rot, ORIENTATION_SHARE)
     heading, pitch = yaw_and_pitch(target_rot)
-    rest_posture(vehicle, pitch, pull[4:])
-    for j in range(count):
-        pull[4 + j] = clip(REST_PULL * (pull[4 + j] - joints[j]), -0.5 * dt, 0.5 * dt)
-    pull[3] = clip(REST_PULL * wrap_angle(heading - yaw), -0.5 * dt, 0.5 * dt)
-    damped_least_squares(jacobian, error, weight, mobility, pull, DAMPING, step)
-    if freeze_at_limits(joints, vehicle.joint_low, vehicle.joint_high, step, mobility, 4):
-        damped_least_squares(jacobian, error, weight, mobility, pull, DAMPING, step)
-    move = (step[0], step[1], step[2])
-    put(memory, mem.BASE_POS, add(pos, move))
-    put(memory, mem.BASE_VEL, scale(1.0 / dt, move))
-    memory[mem.BASE_YAW] = wrap_angle(yaw + step[3])
-    memory[mem.BASE_YAW_RATE] = step[3] / dt
-    for j in range(count):
-        joints[j] = clip(joints[j] + step[4 + j], vehicle.joint_low[j], vehicle.joint_high[j])
+    share, most = min(1.0, REST_RATE * interval), REST_SPEED * interval
+    pull, mobility, step = scratch.pull, scratch.mobility, scratch.step
+    for c in range(3):
+        pull[c], mobility[c] = 0.0, vehicle.base_mobility
+    pull[3] = clip(share * wrap_angle(heading - yaw), -most, most)
+    mobility[3] = YAW_MOBILITY * vehicle.base_mobility
+    rest_posture(vehicle, pitch, pull, 4)
+    for j in range(vehicle.num_joints):
+        pull[4 + j] = clip(share * (pull[4 + j] - memory[mem.JOINT_REF + j]), -most, most)
+    solve_in_task_space(scratch, 4 + vehicle.num_joints, DAMPING)
+    if freeze_at_limits(vehicle, scratch, memory, mem.JOINT_REF):
+        solve_in_task_space(scratch, 4 + vehicle.num_joints, DAMPING)
+    put(memory, mem.BASE_VEL, scale(1.0 / interval, vec(step, 0)))
+    memory[mem.BASE_YAW_RATE] = step[3] / interval
+    for j in range(vehicle.num_joints):
+        moved = memory[mem.JOINT_REF + j] + step[4 + j]
+        memory[mem.JOINT_REF + j] = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
 
 
 @kernel
-def solve_arm(vehicle, gains, memory, pos, rot, dt, joint_vel_cmd):
+def advance_base(memory, dt):
+    """Move the base reference on for ``dt`` seconds."""
+    put(memory, mem.BASE_POS, add(vec(memory, mem.BASE_POS), scale(dt, vec(memory, mem.BASE_VEL))))
+    memory[mem.BASE_YAW] = wrap_angle(memory[mem.BASE_YAW] + dt * memory[mem.BASE_YAW_RATE])
+
+
+@kernel
+def solve_arm(vehicle, gains, scratch, memory, pos, rot, dt):
     """Move the joint set-points so that the tool meets its reference from the base's actual pose.
 
     Args:
         vehicle, gains: model and tuning.
+        scratch: working memory; ``servo_vel`` (J,) is written: velocity of the set-points, rad/s.
         memory: controller memory; the set-points in it are advanced.
         pos, rot: measured base pose.
         dt: s.
-        joint_vel_cmd: (J,) written: velocity of the set-points, rad/s.
     """
-    joints = memory[mem.JOINT_CMD : mem.JOINT_CMD + vehicle.link_mass.size]
-    count = joints.size
-    frames, jacobian, error, weight, mobility, pull, step = _workspace(count)
-    mobility, pull, step = mobility[4:], pull[4:], step[4:]  # the base is where it is
-    forward_kinematics(vehicle, pos, rot, joints, frames)
-    tool, tool_rot = tool_pose(vehicle, frames)
-    tool_jacobian(vehicle, frames, pos, jacobian)
-    pose_error(tool, tool_rot, vec(memory, mem.TOOL_POS), read_rotation(memory, mem.TOOL_ROT), error)
-    weight[3:] = gains.orientation_weight
+    count = vehicle.num_joints
+    target, target_rot = vec(memory, mem.TOOL_POS), read_rotation(memory, mem.TOOL_ROT)
+    _linearise(vehicle, scratch, pos, rot, memory, mem.JOINT_CMD, target, target_rot, gains.orientation_weight)
     for j in range(count):
-        pull[j] = 0.1 * REST_PULL * (memory[mem.JOINT_REF + j] - joints[j])
-    damped_least_squares(jacobian[:, 4:], error, weight, mobility, pull, DAMPING, step)
-    if freeze_at_limits(joints, vehicle.joint_low, vehicle.joint_high, step, mobility, 0):
-        damped_least_squares(jacobian[:, 4:], error, weight, mobility, pull, DAMPING, step)
+        scratch.pull[4 + j] = ARM_REST_RATE * dt * (memory[mem.JOINT_REF + j] - memory[mem.JOINT_CMD + j])
+    solve_in_joint_space(scratch, 4, count, DAMPING)
+    if freeze_at_limits(vehicle, scratch, memory, mem.JOINT_CMD):
+        solve_in_joint_space(scratch, 4, count, DAMPING)
     for j in range(count):
-        move = clip(step[j], -vehicle.joint_speed[j] * dt, vehicle.joint_speed[j] * dt)
-        moved = clip(joints[j] + move, vehicle.joint_low[j], vehicle.joint_high[j])
-        joint_vel_cmd[j] = (moved - joints[j]) / dt
-        joints[j] = moved
+        joint, reach = memory[mem.JOINT_CMD + j], vehicle.joint_speed[j] * dt
+        moved = clip(joint + clip(scratch.step[4 + j], -reach, reach), vehicle.joint_low[j], vehicle.joint_high[j])
+        scratch.servo_vel[j] = (moved - joint) / dt
+        memory[mem.JOINT_CMD + j] = moved
+
+
+@kernel
+def solve_posture(vehicle, scratch, pos, rot, target, target_rot, joints):
+    """Find joint positions that bring the tool to a pose from a base that stays where it is.
+
+    Args:
+        vehicle: the nominal model. scratch: working memory. pos, rot: base pose. target, target_rot: tool pose.
+        joints: (J,) where to start from, rad; changed in place.
+
+    Returns:
+        Distance (m) and angle (rad) by which the tool misses.
+    """
+    for _ in range(POSTURE_STEPS):
+        _linearise(vehicle, scratch, pos, rot, joints, 0, target, target_rot, ORIENTATION_SHARE)
+        for j in range(vehicle.num_joints):
+            scratch.pull[4 + j] = 0.0
+        solve_in_joint_space(scratch, 4, vehicle.num_joints, DAMPING)
+        if freeze_at_limits(vehicle, scratch, joints, 0):
+            solve_in_joint_space(scratch, 4, vehicle.num_joints, DAMPING)
+        for j in range(vehicle.num_joints):
+            moved = joints[j] + clip(scratch.step[4 + j], -POSTURE_STEP, POSTURE_STEP)
+            joints[j] = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
+    _linearise(vehicle, scratch, pos, rot, joints, 0, target, target_rot, ORIENTATION_SHARE)
+    return norm(vec(scratch.error, 0)), norm(vec(scratch.error, 3))
+
+
+@kernel
+def _linearise(vehicle, scratch, pos, rot, joints, start, target, target_rot, orientation_weight):
+    """Write the tool's error and Jacobian at a base pose and ``joints[start:]``, and the weights of their rows."""
+    forward_kinematics(vehicle, pos, rot, joints, start, scratch.frames)
+    tool, tool_rot = tool_pose(vehicle, scratch.frames)
+    tool_jacobian(vehicle, scratch.frames, pos, scratch.jacobian)
+    put(scratch.error, 0, limit_norm(sub(target, tool), LONGEST_ERROR))
+    put(scratch.error, 3, rotate(tool_rot, rotvec_from_mat(matmul_back(tool_rot, target_rot))))
+    for r in range(3):
+        scratch.weight[r] = 1.0
+        scratch.weight[3 + r] = orientation_weight
+    for j in range(vehicle.num_joints):
+        scratch.mobility[4 + j] = 1.0

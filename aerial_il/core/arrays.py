@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
@@ -29,3 +31,8 @@ def closeness(distance: np.ndarray, scale: float) -> np.ndarray:
     """Smooth reward for a distance: 1 at zero, 1/2 at ``scale``, never negative (a rational bell)."""
     ratio = distance / scale
     return 1.0 / (1.0 + ratio * ratio)
+
+
+def cosine_and_sine(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and sine of angles (n,), rad, one by one: numpy's own may round differently for one than for many."""
+    return np.array([math.cos(a) for a in angle]), np.array([math.sin(a) for a in angle])

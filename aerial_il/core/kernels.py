@@ -19,7 +19,8 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile ``function`` with numba: no Python objects, GIL released, division by zero gives infinity."""
     compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     if hasattr(compiled, "_cache"):  # not under NUMBA_DISABLE_JIT
-        compiled._cache._cache_file._source_stamp = _kernel_sources()
+        cache_file = compiled._cache._cache_file
+        cache_file._version = f"{cache_file._version} {_kernel_sources()}"  # looked at before anything is unpickled
     return compiled
 
 

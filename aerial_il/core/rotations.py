@@ -156,6 +156,12 @@ def mat_from_yaw(yaw):
 
 
 @kernel
+def euler_from_mat(m):
+    """Roll, pitch and yaw (rad) of ``M = Rz(yaw) Ry(pitch) Rx(roll)``."""
+    return math.atan2(m[7], m[8]), math.atan2(-m[6], math.sqrt(m[0] * m[0] + m[3] * m[3])), math.atan2(m[3], m[0])
+
+
+@kernel
 def mat_from_rotvec(v):
     """Exponential map of a rotation vector in rad."""
     angle = norm(v)

@@ -9,17 +9,20 @@ from contextlib import contextmanager
 import numpy as np
 
 
-def episode_rng(robot: str, task: str, tier: str, seed: int) -> np.random.Generator:
-    """Return the generator that decides everything random about one episode.
+def episode_rng(robot: str, task: str, purpose: str, seed: int) -> np.random.Generator:
+    """Return the generator that decides one random thing about an episode.
+
+    Each purpose has a stream of its own, so that episodes which differ in one of them are alike in all others.
 
     Args:
-        robot, task, tier: registry names.
+        robot, task: registry names.
+        purpose: what is drawn, e.g. ``start``.
         seed: non-negative episode seed.
 
     Returns:
         A PCG64 generator; equal arguments give equal streams on every platform.
     """
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([*_words(f"{robot}/{task}/{tier}"), int(seed)])))
+    return named_rng(seed, robot, task, purpose)
 
 
 def named_rng(seed: int, *names: str) -> np.random.Generator:

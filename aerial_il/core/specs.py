@@ -7,7 +7,7 @@ refuses another robot's data and a recording refuses another task's environment.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 Group = Literal["proprio", "task", "image"]
+CONDITIONS = ("tier", "disturbances", "controller")  # of a specification: what may change under a policy
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,9 @@ class ObservationSpec:
         return tuple(f for f in self.fields if f.group == group)
 
     def __getitem__(self, name: str) -> Field:
-        for field in self.fields:
-            if field.name == name:
-                return field
+        for f in self.fields:
+            if f.name == name:
+                return f
         raise UnknownNameError("observation", name, self.names)
 
     def size(self, names: Iterable[str]) -> int:
@@ -145,6 +146,8 @@ class EnvSpec:
         instruction: the task in one English sentence.
         subtasks: names of the sub-task flags, in order.
         state_size: length of the full simulator state (``mjSTATE_INTEGRATION``).
+        disturbances: what the tier disturbs and how strongly, as plain values; for the record.
+        controller: name of the flight law under the actions.
     """
 
     robot: str
@@ -157,6 +160,8 @@ class EnvSpec:
     instruction: str
     subtasks: tuple[str, ...]
     state_size: int
+    disturbances: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    controller: str = "geometric_observer"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, numbers and strings, ready for JSON or YAML."""
@@ -181,11 +186,18 @@ class EnvSpec:
             rest = {
                 k: raw[k] for k in ("robot", "task", "tier", "control_dt_s", "max_steps", "instruction", "state_size")
             }
-            return EnvSpec(observation=ObservationSpec(fields), action=action, subtasks=tuple(raw["subtasks"]), **rest)
+            return EnvSpec(
+                observation=ObservationSpec(fields),
+                action=action,
+                subtasks=tuple(raw["subtasks"]),
+                disturbances=raw.get("disturbances", {}),
+                controller=raw.get("controller", "geometric_observer"),  # the only one there was
+                **rest,
+            )
         except (KeyError, TypeError) as error:
             raise InvalidValueError(f"Not an environment specification: {error!r} is missing or malformed.") from error
 
-    def differences(self, other: EnvSpec, *, ignore: Iterable[str] = ("tier",)) -> list[str]:
+    def differences(self, other: EnvSpec, *, ignore: Iterable[str] = CONDITIONS) -> list[str]:
         """Name every key in which two specifications differ, as ``key: mine != theirs``."""
         mine, theirs = _flat(self.to_dict()), _flat(other.to_dict())
         skip = tuple(ignore)

@@ -12,7 +12,7 @@ import mujoco
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 
-RNG = "PCG64(SeedSequence(sha256('robot/task/tier'), seed))"
+RNG = "PCG64(SeedSequence(sha256('robot/task/purpose'), seed))"
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
 
@@ -35,6 +35,7 @@ def episode_provenance(
     settings: Mapping[str, Any],
     model_xml: str,
     phases: tuple[str, ...] = (),
+    drawn: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return where an episode comes from, as JSON values; equal for equal flights.
 
@@ -45,17 +46,21 @@ def episode_provenance(
         settings: whatever else was configured, e.g. the expert's noise.
         model_xml: the compiled scene.
         phases: names of the expert's phases.
+        drawn: what the tier's disturbances are in this episode.
     """
     return {
         "robot": spec.robot,
         "task": spec.task,
         "tier": spec.tier,
+        "disturbances": dict(spec.disturbances),
+        "drawn": dict(drawn or {}),
         "seed": seed,
         "rng": RNG,
         "policy": policy,
         "settings": dict(settings),
         "phases": list(phases),
         "action_level": spec.action.level,
+        "controller": spec.controller,
         "control_dt_s": spec.control_dt_s,
         "state": STATE,
         "mujoco": mujoco.__version__,

@@ -102,6 +102,10 @@ class Plot:
         points = " ".join(f"{self.x(a):.1f},{self.y(b):.1f}" for a, b in zip(x, y, strict=True))
         self._parts.append(f'<polyline class="{kind}" points="{points}">{_title(title)}</polyline>')
 
+    def rule(self, x: float, kind: str) -> None:
+        """Draw a vertical line over the whole height."""
+        self._parts.append(f'<path class="{kind}" d="M{self.x(x):.1f} {TOP:.1f}V{self.height - BOTTOM:.1f}"/>')
+
     def dot(self, x: float, y: float, kind: str, *, radius: float = 3, title: str = "") -> None:
         centre = f'cx="{self.x(x):.1f}" cy="{self.y(y):.1f}"'
         self._parts.append(f'<circle class="{kind}" {centre} r="{radius}">{_title(title)}</circle>')

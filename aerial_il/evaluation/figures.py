@@ -15,7 +15,9 @@ KINDS = {"success": "good", "failure": "bad"}
 MOST_PATHS = 60  # of each outcome, so that the drawing stays readable and small
 POINTS_PER_PATH = 70
 CENTIMETRES = 100.0
-MOST_CURVES = 8
+MOST_CURVES = 9
+CLOCK = "elapsed_s"
+SPELT_OUT = {"lr": "learning rate", "grad_norm": "gradient norm"}
 SPREAD_OUT = ("ee_error_mean_m", "ee_error_max_m", "effort_mean", "action_jerk_rms")
 
 
@@ -96,8 +98,11 @@ def _thinned(length: int) -> np.ndarray:
 
 
 def training(curves: Sequence[Curve]) -> list[Figure]:
-    """Draw the logged numbers of a training run: those that say how well it learns come first."""
-    ranked = sorted(curves, key=lambda c: (not any(word in c.name for word in ("success", "loss")), "/" in c.name))
+    """Draw the logged numbers of a training run: those that say how well it learns come first, the clock not at all."""
+    ranked = sorted(
+        (curve for curve in curves if curve.name != CLOCK),
+        key=lambda c: (not any(word in c.name for word in ("success", "loss")), "/" in c.name),
+    )
     return [_training_curve(curve) for curve in ranked[:MOST_CURVES]]
 
 
@@ -109,7 +114,8 @@ def _training_curve(curve: Curve) -> Figure:
     x = float(curve.steps[0]), float(curve.steps[-1])
     plot = Plot(x=x, y=(lo if log else min(lo, 0.0), hi), x_label="training step", y_label="", alt=alt, log_y=log)
     plot.line(curve.steps, curve.values, "curve")
-    return Figure(curve.name, plot.svg(), f"Last value {last}")
+    title = SPELT_OUT.get(curve.name, curve.name.replace("_", " ").replace("/", ": "))
+    return Figure(title[0].upper() + title[1:], plot.svg(), f"Last value {last}")
 
 
 def learning_curve(points: Sequence[LearningPoint]) -> Figure:

@@ -9,11 +9,12 @@ from functools import cache
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-STRIP_HEIGHT = 48
-MARGIN = 12
+from aerial_il.evaluation.page import END_WORDS
+
+STRIP_HEIGHT, MARGIN, TITLE, TEXT = 48, 12, 13, 12  # pixels of a frame of 640; wider ones are shown smaller
+SCALES = 0.84, 1.4
 INK, MUTED, GROUND = (236, 240, 243), (148, 160, 170), (17, 22, 28)
 COLOURS = {"success": (45, 190, 160), "crash": (244, 132, 68), "timeout": (226, 184, 74), "": (96, 165, 220)}
-VERDICTS = {"success": "success", "crash": "crash", "timeout": "out of time"}
 
 
 @dataclass(frozen=True)
@@ -45,49 +46,61 @@ def compose(views: Mapping[str, np.ndarray], caption: Caption) -> np.ndarray:
         caption: what the strip says.
 
     Returns:
-        (H + 48, sum of W, 3) uint8.
+        (H + strip_height(sum of W), sum of W, 3) uint8.
     """
     picture = np.concatenate(list(views.values()), axis=1)
     height, width = picture.shape[:2]
-    frame = Image.new("RGB", (width, height + STRIP_HEIGHT), GROUND)
+    frame = Image.new("RGB", (width, height + strip_height(width)), GROUND)
     frame.paste(Image.fromarray(picture))
     draw = ImageDraw.Draw(frame, "RGBA")
-    _label_views(draw, views)
+    _label_views(draw, views, _scale(width))
     _draw_strip(draw, caption, top=height, width=width)
     return np.asarray(frame)
 
 
-def _label_views(draw: ImageDraw.ImageDraw, views: Mapping[str, np.ndarray]) -> None:
-    left = 0
+def strip_height(width: int) -> int:
+    """Return the height of the strip below a picture of ``width``, in whole pairs of pixels, as video needs."""
+    return 2 * round(0.5 * STRIP_HEIGHT * _scale(width))
+
+
+def _scale(width: int) -> float:
+    return min(SCALES[1], max(SCALES[0], width / 640))
+
+
+def _label_views(draw: ImageDraw.ImageDraw, views: Mapping[str, np.ndarray], scale: float) -> None:
+    left, face = 0.0, font(round(TEXT * scale))
     for name, view in views.items():
-        box = draw.textbbox((left + 14, 10), name, font=_font(12))
-        draw.rounded_rectangle((box[0] - 6, box[1] - 4, box[2] + 6, box[3] + 4), radius=5, fill=(*GROUND, 150))
-        draw.text((left + 14, 10), name, font=_font(12), fill=INK)
+        place = (left + 14 * scale, 10 * scale)
+        x0, y0, x1, y1 = draw.textbbox(place, name, font=face)
+        draw.rounded_rectangle((x0 - 6, y0 - 4, x1 + 6, y1 + 4), radius=5, fill=(*GROUND, 150))
+        draw.text(place, name, font=face, fill=INK)
         left += view.shape[1]
 
 
 def _draw_strip(draw: ImageDraw.ImageDraw, caption: Caption, *, top: int, width: int) -> None:
-    colour, right = COLOURS[caption.end], width - MARGIN
+    scale, colour = _scale(width), COLOURS[caption.end]
+    right, upper, lower = width - MARGIN * scale, top + 8 * scale, top + 28 * scale
     draw.rectangle((0, top, width * caption.progress, top + 2), fill=colour)
+    title, text = font(round(TITLE * scale)), font(round(TEXT * scale))
     clock = f"{caption.time_s:.2f} s"
-    verdict = f"{VERDICTS[caption.end]}  {clock}" if caption.end else clock
-    draw.text((MARGIN, top + 8), caption.title, font=_font(13), fill=INK)
-    draw.text((right, top + 8), verdict, font=_font(13), fill=colour if caption.end else INK, anchor="ra")
-    draw.text((right, top + 28), caption.phase.replace("_", " "), font=_font(12), fill=MUTED, anchor="ra")
-    left = float(MARGIN)
+    verdict = f"{END_WORDS[caption.end]}  {clock}" if caption.end else clock
+    draw.text((MARGIN * scale, upper), caption.title, font=title, fill=INK)
+    draw.text((right, upper), verdict, font=title, fill=colour if caption.end else INK, anchor="ra")
+    draw.text((right, lower), caption.phase.replace("_", " "), font=text, fill=MUTED, anchor="ra")
+    left = MARGIN * scale
     for name, done in caption.subtasks.items():
-        left = _draw_subtask(draw, name, done, left=left, top=top + 28)
+        left = _draw_subtask(draw, name, done, left=left, top=lower, scale=scale)
 
 
-def _draw_subtask(draw: ImageDraw.ImageDraw, name: str, done: bool, *, left: float, top: int) -> float:
+def _draw_subtask(draw: ImageDraw.ImageDraw, name: str, done: bool, *, left: float, top: float, scale: float) -> float:
     """Draw a dot, filled once done, and the name; return where the next one starts."""
-    dot = (left + 1, top + 3, left + 10, top + 12)
+    dot, face = (left + 1, top + 3 * scale, left + 9 * scale + 1, top + 12 * scale), font(round(TEXT * scale))
     draw.ellipse(dot, fill=COLOURS["success"] if done else None, outline=COLOURS["success"] if done else MUTED)
     text = name.replace("_", " ")
-    draw.text((left + 16, top), text, font=_font(12), fill=INK if done else MUTED)
-    return left + 16 + draw.textlength(text, font=_font(12)) + 18
+    draw.text((left + 15 * scale, top), text, font=face, fill=INK if done else MUTED)
+    return left + 33 * scale + draw.textlength(text, font=face)
 
 
 @cache
-def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
+def font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
     return ImageFont.load_default(size)

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import base64
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from aerial_il.core.files import write_atomic
 from aerial_il.evaluation import figures
 from aerial_il.evaluation.background import DatasetSummary, LearningPoint, training_curves
-from aerial_il.evaluation.charts import tick_label
 from aerial_il.evaluation.metrics import EpisodeRecord, metrics_of, spread
+from aerial_il.evaluation.page import END_WORDS, data_uri, flat, words, write_page
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.video import Clip, Footage
 
-TEMPLATE = Path(__file__).with_name("report.html.j2")
 MOST_FAILURES = 200
-END_WORDS = {"success": "success", "crash": "crash", "timeout": "out of time"}
 
 
 def write_report(
@@ -48,12 +44,10 @@ def write_report(
     Raises:
         InvalidValueError: ``run`` has no readable metrics.
     """
-    from jinja2 import Environment, StrictUndefined
-
-    page = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    page.filters |= {"number": number, "seconds": seconds, "percent": percent, "words": words}
     curve = sorted(learning_curve, key=lambda p: p.demonstrations)
-    html = page.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+    return write_page(
+        path,
+        "report.html.j2",
         result=result,
         instruction=_instruction(result),
         success=result.success,
@@ -73,35 +67,9 @@ def write_report(
         dataset=dataset,
         learning_curve=curve,
         learning_figure=figures.learning_curve(curve) if curve else None,
-        provenance=list(_flat(result.provenance)),
+        provenance=flat(result.provenance),
         command=command,
     )
-    return write_atomic(path, html)
-
-
-def number(value: float | None) -> str:
-    """Return three significant digits for people: 1.14, 45.0, 1,234; a dash where there is no number."""
-    if value is None:
-        return "–"
-    if value == 0:
-        return "0"
-    rounded = float(f"{value:.3g}")
-    return f"{value:,.0f}" if abs(rounded) >= 1000 else f"{rounded:#.3g}".removesuffix(".")
-
-
-def percent(rate: float | None) -> str:
-    """Return a rate as a percentage with one decimal, but 0 and 100 only where they are exact."""
-    return "–" if rate is None else f"{100 * rate:.1f}" if 0 < rate < 1 else f"{100 * rate:g}"
-
-
-def seconds(time_s: float | None) -> str:
-    """Return a duration: 0.48 s, 12.3 s; a dash where there is none."""
-    return "–" if time_s is None else f"{time_s:.1f} s" if time_s >= 10 else f"{time_s:.2f} s"
-
-
-def words(name: str) -> str:
-    """Return a registry name as words: ``pick_place`` -> ``pick place``."""
-    return name.replace("_", " ")
 
 
 def _instruction(result: EvaluationResult) -> str:
@@ -132,19 +100,4 @@ def _reached(episode: EpisodeRecord) -> str:
 
 
 def _embedded(clips: Sequence[Clip]) -> list[dict[str, Any]]:
-    return [{"clip": clip, "episode": clip.episode, "data": _data_uri(clip.path)} for clip in clips]
-
-
-def _data_uri(path: Path) -> str:
-    return "data:video/mp4;base64," + base64.b64encode(path.read_bytes()).decode()
-
-
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> Sequence[tuple[str, str]]:
-    """List nested provenance as (dotted key, text)."""
-    rows: list[tuple[str, str]] = []
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            rows += _flat(value, f"{prefix}{key}.")
-        else:
-            rows.append((f"{prefix}{key}", tick_label(value) if isinstance(value, float) else str(value)))
-    return rows
+    return [{"clip": clip, "episode": clip.episode, "data": data_uri(clip.path)} for clip in clips]

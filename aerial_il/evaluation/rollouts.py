@@ -151,9 +151,11 @@ def _provenance(env: Any, policy: Policy, wall_time_s: float) -> dict[str, Any]:
         "environment": {
             "instruction": spec.instruction,
             "action_level": spec.action.level,
+            "controller": spec.controller,
             "control_dt_s": spec.control_dt_s,
             "max_steps": spec.max_steps,
             "num_envs": env.num_envs,
+            "disturbances": dict(spec.disturbances),
         },
         "policy_sha256": checkpoint.digest(saved()) if saved else None,
         "torch_threads": torch.get_num_threads() if torch else None,

@@ -1,14 +1,14 @@
 """Films of chosen episodes: each is flown again from its seed and recorded actions, bit for bit, and rendered.
 
-H.264 in MP4 through PyAV, without a system ffmpeg. On a machine that cannot render, there are no films and a sentence
-says why; everything else goes on.
+A recording is rendered from its states, whoever flew it. H.264 in MP4 through PyAV, without a system ffmpeg. On a
+machine that cannot render, there are no films and a sentence says why; everything else goes on.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import repeat
@@ -16,16 +16,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.metrics import EpisodeRecord
+from aerial_il.data.episode import Episode
+from aerial_il.evaluation.metrics import End, EpisodeRecord
 from aerial_il.evaluation.overlay import Caption, compose
 from aerial_il.evaluation.result import EvaluationResult, Flight
+from aerial_il.evaluation.studio import Studio, Viewpoint
 
 FPS = 25
 HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
 LONGEST_CLIP_S = 12.0  # longer episodes play faster
 MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
+FRAMED_STATES = 12  # of a recording, from which the viewpoint is found that holds the whole flight
 VIEW_SIZE = (324, 432)  # height, width of one camera view
 
 
@@ -145,6 +149,54 @@ def _fly_again(env: Any, seed: int, actions: np.ndarray) -> Iterator[dict[str, n
     for action in actions:
         batch[0] = action
         yield env.step(batch, only_first).info
+
+
+def film_recording(episode: Episode, path: Path, *, flags: np.ndarray | None = None, progress: bool = False) -> Path:
+    """Write the film of a recorded flight in real time, from its states: as a whole, and what the robot sees.
+
+    Args:
+        episode: the recording. path: MP4 file. flags: (T, K) sub-tasks after each step, if they are known.
+        progress: show a progress bar.
+    """
+    dt = episode.spec.control_dt_s
+    stride = max(1, round(1 / (dt * FPS)))
+    rate = Fraction(1 / (dt * stride)).limit_denominator(1000)
+    steps = [*range(0, len(episode), stride), len(episode)]
+    with Studio(episode.model_xml) as studio:
+        whole = studio.frame(episode.states[:: max(1, len(episode) // FRAMED_STATES)], VIEW_SIZE[1] / VIEW_SIZE[0])
+        views = {"flight": whole} | {name: name for name in ("wrist", "base") if name in studio.cameras}
+        seen = dict(list(views.items())[:2])
+        bar = tqdm(steps, desc="film", unit="frame", disable=not progress)
+        frames = (_picture(studio, episode, step, seen, flags) for step in bar)
+        write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    return path
+
+
+def _picture(
+    studio: Studio, episode: Episode, step: int, views: Mapping[str, str | Viewpoint], flags: np.ndarray | None
+) -> np.ndarray:
+    """Draw the state after ``step`` steps, with what is known of it."""
+    spec, last = episode.spec, step == len(episode)
+    caption = Caption(
+        title=" · ".join((spec.task, spec.robot, spec.tier, f"seed {episode.provenance.get('seed', '?')}")),
+        time_s=float(episode.sim_time[step] - episode.sim_time[0]),
+        progress=step / len(episode),
+        phase=phase_at(episode, min(step, len(episode) - 1)),
+        subtasks={} if flags is None else {name: bool(flags[:step, k].any()) for k, name in enumerate(spec.subtasks)},
+        end=end_of(episode) if last else "",
+    )
+    return compose({name: studio.draw(episode.states[step], view, *VIEW_SIZE) for name, view in views.items()}, caption)
+
+
+def end_of(episode: Episode) -> End:
+    """Return how a recorded flight ended."""
+    return "success" if episode.success else "crash" if episode.terminated[-1] else "timeout"
+
+
+def phase_at(episode: Episode, step: int) -> str:
+    """Return the name of the phase in a step of a recorded flight, or an empty string."""
+    names, phase = episode.provenance.get("phases", ()), int(episode.phase[step])
+    return names[phase] if 0 <= phase < len(names) else ""
 
 
 def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_frames: int = 0) -> None:

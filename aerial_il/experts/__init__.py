@@ -10,7 +10,7 @@ from aerial_il.core.errors import UnknownNameError
 from aerial_il.experts.expert import Expert
 from aerial_il.suite import tasks
 
-_INFRASTRUCTURE = {"expert"}
+_INFRASTRUCTURE = {"expert", "hook"}
 
 
 @cache

@@ -91,11 +91,12 @@ class Expert(ABC):
         self.phase = self.next_phase()
         self.timer = np.where(self.phase == old, self.timer + 1, 0)
         target, rot6d, gripper = self.command()
-        self.expert_action = bounds.clip(np.concatenate([self._led(target), rot6d, gripper[:, None]], axis=1))
+        action = np.concatenate([self._led(target), rot6d, gripper[:, None]], axis=1)
+        self.expert_action = bounds.clip(action[:, : bounds.size])  # a robot without a gripper takes no opening
         if self.noise == 0.0:
             return self.expert_action
         action = self.expert_action.copy()
-        action[:, :3] += self._perturbation()
+        action[:, :3] += self.noise_share()[:, None] * self._perturbation()
         return bounds.clip(action)
 
     @abstractmethod
@@ -109,6 +110,10 @@ class Expert(ABC):
     @abstractmethod
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Target position (n, 3), rot6d (n, 6) and gripper opening (n,) for the present phases."""
+
+    def noise_share(self) -> np.ndarray:
+        """(n,) share of the perturbation from which the present phase can recover: less where force counts."""
+        return np.ones(self.view.n)
 
     def _led(self, target: np.ndarray) -> np.ndarray:
         """Return the point on the way from the tool to ``target`` (n, 3) that is ``LEAD_M`` ahead, or the target."""
@@ -138,3 +143,13 @@ def pointing_down(yaw: np.ndarray) -> np.ndarray:
     """rot6d (n, 6) of a tool that points straight down with heading ``yaw`` (n,) rad."""
     zero, one = np.zeros_like(yaw), np.ones_like(yaw)
     return np.stack([zero, zero, -one, -np.sin(yaw), np.cos(yaw), zero], axis=1)
+
+
+def facing(mat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tool rotation rot6d (n, 6) that looks into a surface, and the surface's outward normal (n, 3).
+
+    Args:
+        mat: (n, 9) world from surface, row by row: z is the normal, y is horizontal and becomes the tool's y.
+    """
+    normal, side = mat[:, [2, 5, 8]], mat[:, [1, 4, 7]]
+    return np.concatenate([-normal, side], axis=1), normal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.core.arrays import planar_length
+from aerial_il.core.arrays import length, planar_length
 from aerial_il.experts.expert import Expert, pointing_down
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
 from aerial_il.suite.tasks.pick_place import IN_BOWL_M, cube_heading
@@ -14,6 +14,8 @@ HOVER, DESCEND, CLOSE, LIFT, CARRY, LOWER, RELEASE, RETREAT = range(8)
 CRUISE_M = 0.15  # tool above the cube's or bowl's resting height while travelling
 ALIGNED_M = 0.02  # sideways error at which the tool may descend
 LOST_ALIGNMENT_M = 0.05  # and at which it goes back up
+DESCENT_PATIENCE_STEPS = 100  # on the way down for longer than this, something is under a finger
+LOST_M = 0.035  # a cube this far from a closed gripper has been dropped
 AT_HEIGHT_M = 0.012
 CARRY_SPEED_M_S = 0.2  # base speed at which the cube may be lowered
 GRIP_STEPS = 3  # contact on both pads before lifting; a policy cannot see how long it has waited
@@ -22,6 +24,9 @@ DROP_GATE_M = 0.055  # cube above the bowl's underside at which it may be let go
 DROP_TARGET_M = 0.035  # beyond its gate, so that the gate is passed at speed
 DESCENT_LEAD_M = 0.08  # how far ahead of itself the tool is sent while it goes down
 OPEN_ENOUGH = 0.8
+FINGER_CLEAR_M = 0.05  # tool above the cube where open fingers just pass over it
+FINGER_ROOM_M = 0.012  # between an open finger and the cube where the bowl is near
+BESIDE_BOWL_M = 0.16  # a cube nearer to the bowl is gripped by the faces that do not face it
 
 
 class PickPlaceExpert(Expert):
@@ -36,18 +41,20 @@ class PickPlaceExpert(Expert):
         view, phase = self.view, self.phase
         cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
         beside_cube, beside_bowl = planar_length(cube - tool), planar_length(bowl - cube)
-        over_cube = (beside_cube <= ALIGNED_M) & self._facing_cube()
+        over_cube = (beside_cube <= self._room()) & self._facing_cube()
         at_cube = over_cube & (tool[:, 2] - cube[:, 2] <= AT_HEIGHT_M)
         held = self._held()
         lifted = tool[:, 2] >= TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M - 0.03
         low = cube[:, 2] - bowl[:, 2] <= DROP_GATE_M
-        lost = (self.timer > 5) & ~held
+        lost = (self.timer > 5) & ~held & (length(cube - tool) > LOST_M)  # a pad may leave a held cube for an instant
         slow = planar_length(view.base_vel) <= CARRY_SPEED_M_S
         inside = planar_length(cube - bowl) <= IN_BOWL_M
         gone_up = tool[:, 2] >= bowl[:, 2] + CRUISE_M
         rules = (
+            (HOVER, inside & ~held, RETREAT),
             (HOVER, over_cube & (tool[:, 2] <= cube[:, 2] + CRUISE_M + 0.05), DESCEND),
-            (DESCEND, beside_cube > LOST_ALIGNMENT_M, HOVER),
+            (DESCEND, inside & ~held, RETREAT),
+            (DESCEND, (beside_cube > LOST_ALIGNMENT_M) | (self.timer > DESCENT_PATIENCE_STEPS), HOVER),
             (DESCEND, at_cube, CLOSE),
             (CLOSE, held & (self.timer >= GRIP_STEPS), LIFT),
             (CLOSE, self.timer > GRIP_PATIENCE_STEPS, HOVER),
@@ -76,7 +83,7 @@ class PickPlaceExpert(Expert):
             [phase == p for p in range(8)],
             [
                 cube[:, 2] + CRUISE_M,
-                np.maximum(cube[:, 2], down),
+                np.maximum(cube[:, 2] + np.where(self._over_faces(), 0.0, FINGER_CLEAR_M), down),
                 cube[:, 2],
                 np.full(view.n, TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M),
                 bowl[:, 2] + CUBE_HALF_M + CRUISE_M,
@@ -89,7 +96,9 @@ class PickPlaceExpert(Expert):
         sideways = np.where(to_cube[:, None], cube[:, :2], over_bowl)
         sideways = np.where((phase == LIFT)[:, None], tool[:, :2], sideways)
         yaw = np.where(to_cube, self._cube_yaw(), 0.0)
-        gripper = np.where((phase >= CLOSE) & (phase <= LOWER), 0.0, 1.0)
+        narrow = (CUBE_HALF_M + FINGER_ROOM_M) / view.robot.gripper.stroke
+        ready = np.where(to_cube & self._beside_bowl(), min(1.0, narrow), 1.0)
+        gripper = np.where((phase >= CLOSE) & (phase <= LOWER), 0.0, ready)
         return np.concatenate([sideways, height[:, None]], axis=1), pointing_down(yaw), gripper
 
     def _held(self) -> np.ndarray:
@@ -97,9 +106,27 @@ class PickPlaceExpert(Expert):
         return view.touching("grip_left") & view.touching("grip_right")
 
     def _cube_yaw(self) -> np.ndarray:
-        """(n,) heading in ±45° at which the fingers meet two faces of the cube."""
+        """(n,) heading at which the fingers meet two faces of the cube, in ±45° unless the bowl is in their way."""
         heading = cube_heading(self.view)
-        return 0.25 * np.arctan2(heading[:, 1], heading[:, 0])
+        yaw = 0.25 * np.arctan2(heading[:, 1], heading[:, 0])
+        to_bowl = self.view.site_pos("bowl") - self.view.site_pos("cube")
+        along_fingers = -np.sin(yaw) * to_bowl[:, 0] + np.cos(yaw) * to_bowl[:, 1]
+        across = np.cos(yaw) * to_bowl[:, 0] + np.sin(yaw) * to_bowl[:, 1]
+        blocked = self._beside_bowl() & (np.abs(along_fingers) > np.abs(across))
+        return np.where(blocked, yaw - np.copysign(0.5 * np.pi, yaw), yaw)
+
+    def _room(self) -> float:
+        """Sideways error at which no finger comes down on the cube, m."""
+        return min(ALIGNED_M, self.view.robot.gripper.stroke - CUBE_HALF_M)
+
+    def _over_faces(self) -> np.ndarray:
+        """(n,) bool: the fingers are down beside the cube, or may go down there without touching its top."""
+        above = self.view.tool_pos - self.view.site_pos("cube")
+        return (planar_length(above) <= self._room()) | (above[:, 2] < 0.5 * FINGER_CLEAR_M)
+
+    def _beside_bowl(self) -> np.ndarray:
+        """(n,) bool: the cube stands so near to the bowl that a finger may have no room between them."""
+        return planar_length(self.view.site_pos("bowl") - self.view.site_pos("cube")) < BESIDE_BOWL_M
 
     def _facing_cube(self) -> np.ndarray:
         """(n,) bool: the fingers are within 8° of two of the cube's faces."""

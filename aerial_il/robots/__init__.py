@@ -12,7 +12,7 @@ from aerial_il.core.errors import UnknownNameError
 if TYPE_CHECKING:  # names are listed without importing a robot or MuJoCo
     from aerial_il.robots.robot import Robot
 
-_INFRASTRUCTURE = {"robot"}
+_INFRASTRUCTURE = {"robot", "figures"}
 
 
 @cache

@@ -10,14 +10,26 @@ import mujoco
 import numpy as np
 
 from aerial_il.control.allocation import mixer_matrix, wrench_matrix
+from aerial_il.control.dynamics import forward_kinematics, tool_pose
+from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import GRAVITY, Vehicle
-from aerial_il.robots.parts.arm import Arm
+from aerial_il.control.whole_body import solve_posture
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.rotations import IDENTITY, mat_from_quat
+from aerial_il.robots.parts.arm import Arm, Vector
+from aerial_il.robots.parts.base import Base
 from aerial_il.robots.parts.camera import look_along
 from aerial_il.robots.parts.gripper import Gripper
-from aerial_il.robots.parts.rotorcraft import Rotorcraft
 
-Actuation = Literal["under", "full", "over"]
+Actuation = Literal["under", "full", "over", "fixed"]
+AHEAD = (1.0, 0.0, 0.0)
+NEAR_M = 0.7
+BRACKET_M = 0.12  # the base's camera looks past the arm from at least this far to its side
 LATERAL_SHARE = 0.9  # of the sideways force at level hover that the controller uses before it tilts
+LEAST_THRUST_TO_WEIGHT = 1.5  # to turn and to climb with something in the gripper
+REACHED_M, REACHED_RAD = 1e-3, 0.01  # how near a posture must bring the tool to a pose that counts as within reach
+LEAST_REACH_SHARE = 0.2  # of the arm's length, between a pose and the axis of a fixed base
+JOINT_ROOM_RAD = 0.08  # that it must keep from its joints' limits
 
 
 @dataclass(frozen=True)
@@ -27,19 +39,35 @@ class Robot:
     Attributes:
         name: registry name.
         summary: one sentence for people.
-        base: frame and rotors.
-        arm: serial arm hung from the base.
-        gripper: parallel gripper at the arm's end.
+        base: frame and rotors, or a pedestal.
+        arm: serial arm on the base; without links, the base itself is the tool.
+        gripper: parallel gripper at the arm's end, or ``NO_GRIPPER``.
         rest_forward, rest_down: (J,) postures with the tool horizontal and pointing straight down, rad.
+
+    Raises:
+        InvalidValueError: the rotors are too weak for base and arm, or a gripper has no arm to sit on.
     """
 
     name: str
     summary: str
-    base: Rotorcraft
+    base: Base
     arm: Arm
     gripper: Gripper
     rest_forward: tuple[float, ...]
     rest_down: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if self.has_gripper and not self.arm.links:
+            raise InvalidValueError(f"{self.name}: a gripper needs an arm of at least one joint to sit on.")
+        vehicle = self.vehicle
+        if not self.fixed and vehicle.thrust_to_weight < LEAST_THRUST_TO_WEIGHT:
+            lift, weight = vehicle.thrust_to_weight * vehicle.mass * GRAVITY, vehicle.mass * GRAVITY
+            raise InvalidValueError(
+                f"{self.name}: {self.num_rotors} rotors lift at most {lift:.1f} N, base and arm weigh {weight:.1f} N: "
+                f"{vehicle.thrust_to_weight:.2f} of the weight, and {LEAST_THRUST_TO_WEIGHT} is the least to fly with. "
+                f"Each rotor needs {LEAST_THRUST_TO_WEIGHT * weight / self.num_rotors:.1f} N (CA_ROTOR<i>_CT in an "
+                "airframe file), or the arm must be lighter."
+            )
 
     @property
     def num_joints(self) -> int:
@@ -47,28 +75,47 @@ class Robot:
 
     @property
     def num_rotors(self) -> int:
-        return len(self.base.rotor_pos)
+        return self.base.num_rotors
+
+    @property
+    def has_gripper(self) -> bool:
+        """Whether there is anything to grasp with."""
+        return self.gripper.stroke > 0.0
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the base stands still."""
+        return self.base.fixed
 
     @cached_property
     def actuation(self) -> Actuation:
-        """``under``: four wrench rows at most; ``full``: six from six rotors; ``over``: six from more."""
+        """``under``: four wrench rows; ``full``: six from six rotors; ``over``: six from more; ``fixed``: none."""
+        if self.fixed:
+            return "fixed"
         rank = np.linalg.matrix_rank(self._wrench_matrix(), tol=1e-6)
         return "under" if rank < 6 else ("full" if self.num_rotors == 6 else "over")
+
+    @property
+    def first_joint(self) -> tuple[int, int]:
+        """Where the arm's joints begin in a scene's qpos and qvel: after the base's free joint, if it has one."""
+        return (0, 0) if self.fixed else (7, 6)
 
     @cached_property
     def vehicle(self) -> Vehicle:
         """The controller's nominal model. The gripper rides on the last link."""
-        links = self.arm.links
-        mass, com, inertia = self._last_link_with_gripper()
+        links, masses = self.arm.links, self._link_masses()
         return Vehicle(
             base_mass=self.base.mass,
             base_inertia=np.array(self.base.inertia),
-            link_offset=np.array([link.offset for link in links]),
-            link_axis=np.array([link.axis for link in links]),
-            link_mass=np.array([*(link.mass for link in links[:-1]), mass]),
-            link_com=np.array([*(link.com for link in links[:-1]), com]),
-            link_inertia=np.array([*(link.inertia for link in links[:-1]), inertia]),
+            base_mobility=0.0 if self.fixed else 1.0,
+            base_pose=np.array(self.base.pose),
+            link_offset=np.reshape(self.arm.offsets, (-1, 3)),
+            link_axis=np.reshape([link.axis for link in links], (-1, 3)),
+            link_mass=np.array([mass for mass, _, _ in masses]),
+            link_com=np.reshape([com for _, com, _ in masses], (-1, 3)),
+            link_inertia=np.reshape([inertia for _, _, inertia in masses], (-1, 3)),
             tool_offset=np.array(self.tool_offset),
+            gripper_stroke=self.gripper.stroke,
             joint_low=np.array([link.limits[0] for link in links]),
             joint_high=np.array([link.limits[1] for link in links]),
             joint_speed=np.array([link.speed for link in links]),
@@ -77,70 +124,129 @@ class Robot:
             rotor_pos=self.base.rotor_pos,
             rotor_axis=self.base.rotor_axis,
             rotor_drag_ratio=self.base.rotor_drag_ratio,
-            rotor_max=np.full(self.num_rotors, self.base.max_thrust),
+            rotor_min=self.base.rotor_min,
+            rotor_max=self.base.rotor_max,
             rotor_radius=self.base.rotor_radius,
             rotor_tau_up=self.base.tau_up,
             rotor_tau_down=self.base.tau_down,
-            mixer=mixer_matrix(self._wrench_matrix()),
+            mixer=np.zeros((0, 6)) if self.fixed else mixer_matrix(self._wrench_matrix()),
             lateral_limit=LATERAL_SHARE * self.lateral_force,
             drag=np.array(self.base.drag),
             rest_forward=np.array(self.rest_forward),
             rest_down=np.array(self.rest_down),
         )
 
+    @cached_property
+    def record(self) -> np.record:
+        """The nominal model as compiled functions take it."""
+        return self.vehicle.record
+
     @property
-    def tool_offset(self) -> tuple[float, float, float]:
-        """Tool point in the last link's frame, m."""
-        return (self.arm.links[-1].length + self.gripper.tool_distance, 0.0, 0.0)
+    def tool_offset(self) -> Vector:
+        """Tool point in the last link's frame, or the base's, m."""
+        x, y, z = self.arm.tip
+        return (x + self.gripper.tool_distance, y, z)
 
     @cached_property
     def lateral_force(self) -> float:
         """Sideways force (N) at level hover in the worst direction, with no torque."""
-        wrench = self._wrench_matrix()
-        if np.linalg.matrix_rank(wrench, tol=1e-6) < 6:
+        if self.actuation in ("under", "fixed"):
             return 0.0
-        mass = self.base.mass + sum(link.mass for link in self.arm.links) + self.gripper.mass
-        mixer = mixer_matrix(wrench)
-        hover = mixer[:, 2] * mass * GRAVITY
+        mixer = mixer_matrix(self._wrench_matrix())
+        hover = mixer[:, 2] * GRAVITY * (self.base.mass + sum(mass for mass, _, _ in self._link_masses()))
         directions = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
         extra = mixer[:, :2] @ np.stack([np.cos(directions), np.sin(directions)])
-        spare = np.where(extra > 0, self.base.max_thrust - hover[:, None], hover[:, None])
+        above, below = self.base.rotor_max - hover, hover - self.base.rotor_min
+        spare = np.where(extra > 0, above[:, None], below[:, None])
         return float(np.min(spare / np.maximum(np.abs(extra), 1e-9)))
 
+    def tool_at(self, joints: tuple[float, ...] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tool position (3,) m and rotation (3, 3) in the base frame for joint positions (J,) rad."""
+        record, frames = self.record, make_scratch().frames
+        forward_kinematics(record, (0.0, 0.0, 0.0), IDENTITY, np.asarray(joints, float), 0, frames)
+        pos, rot = tool_pose(record, frames)
+        return np.array(pos), np.reshape(rot, (3, 3))
+
+    @cached_property
+    def hang(self) -> float:
+        """How far the tool hangs below the base's origin when it points straight down, m."""
+        return -float(self.tool_at(self.rest_down)[0][2])
+
+    def posture_for(self, pos: np.ndarray, rot: np.ndarray) -> np.ndarray | None:
+        """Joint positions (J,) rad that bring a FIXED robot's tool to a pose, or None if it is out of reach.
+
+        Args:
+            pos: (3,) m, rot: (3, 3) of the tool, world frame.
+        """
+        x, y, z, *quat = self.base.pose
+        joints, tool_rot = np.array(self.rest_down, float), tuple(np.ravel(rot))
+        distance, angle = solve_posture(
+            self.record, make_scratch(), (x, y, z), mat_from_quat(tuple(quat)), tuple(pos), tool_rot, joints
+        )
+        room = np.minimum(joints - self.vehicle.joint_low, self.vehicle.joint_high - joints)
+        reached = distance <= REACHED_M and angle <= REACHED_RAD and bool((room >= JOINT_ROOM_RAD).all())
+        return joints if reached else None
+
+    def reachable(self, pos: np.ndarray, rot: np.ndarray) -> bool:
+        """Whether the tool can be brought to a pose in free air; a flying base goes wherever the arm needs it.
+
+        Beside its own first joint a fixed arm would have to turn on the spot; such poses do not count.
+        """
+        if not self.fixed:
+            return True
+        beside = float(np.hypot(pos[0] - self.base.pose[0], pos[1] - self.base.pose[1]))
+        return beside >= LEAST_REACH_SHARE * self.arm.reach and self.posture_for(pos, rot) is not None
+
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Add bodies, joints, actuators, sensors and cameras to a scene, free-floating at the origin.
+        """Add bodies, joints, actuators, sensors and cameras to a scene, free at the origin or on the pedestal.
 
         The base's free joint comes first, then the arm's joints, then the gripper's; actuators are ordered rotors,
         joints, gripper.
         """
         base = self.base.add_to(spec)
         last = self.arm.add_to(spec, base)
-        self.gripper.add_to(spec, last, self.arm.links[-1].length)
+        if self.has_gripper:
+            self.gripper.add_to(spec, last, self.arm.tip)
         last.add_site(name="tool", pos=self.tool_offset, size=[0.004] * 3, rgba=[1, 0.5, 0, 0.6], group=4)
         self._add_cameras(base, last)
 
     def _add_cameras(self, base: mujoco.MjsBody, last: mujoco.MjsBody) -> None:
-        """``wrist`` looks past the fingers at what they grasp, ``base`` from the base's left at the whole arm."""
+        """``wrist`` looks past the fingers at what they grasp, ``base`` from the base's left at the whole arm.
+
+        On a bare base, ``wrist`` looks ahead and down from its nose and ``base`` straight down from below.
+        """
+        if not self.arm.links:
+            nose, belly = [self.base.hub_size[0], 0.0, 0.0], [0.0, 0.0, -self.base.hub_size[2]]
+            base.add_camera(name="wrist", pos=nose, quat=look_along(np.array([1.0, 0.0, -0.6])), fovy=75)
+            base.add_camera(name="base", pos=belly, quat=look_along(np.array([0.0, 0.0, -1.0]), up=AHEAD), fovy=75)
+            return
         reach = self.tool_offset[0]
         wrist = np.array([0.1 * reach, 0.0, 0.75 * reach])
         ahead = np.array([1.3 * reach, 0.0, 0.1 * reach]) - wrist
         last.add_camera(name="wrist", pos=wrist, quat=look_along(ahead), fovy=75)
-        span = self.arm.reach
-        pos = np.array([0.25 * span, 0.4 * span, -self.base.hub_size[2]])
-        centre = np.array([0.45 * span, 0.0, -0.7 * span])
-        base.add_camera(name="base", pos=pos, quat=look_along(centre - pos, up=(1.0, 0.0, 0.0)), fovy=75)
+        span, (tool, _) = self.arm.reach, self.tool_at(self.rest_down)
+        height = max(-self.base.hub_size[2], tool[2] + 0.5 * span)
+        pos = np.array([0.25 * span, max(0.4 * span, BRACKET_M), height])
+        centre = np.array([1.75 * tool[0], 0.0, 0.9 * tool[2]])
+        view = min(75.0, 75.0 * NEAR_M / float(np.linalg.norm(centre - pos)))  # a far gripper is looked at more closely
+        base.add_camera(name="base", pos=pos, quat=look_along(centre - pos, up=AHEAD), fovy=view)
 
     def _wrench_matrix(self) -> np.ndarray:
         return wrench_matrix(self.base.rotor_pos, self.base.rotor_axis, self.base.rotor_drag_ratio)
 
-    def _last_link_with_gripper(self) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-        """Mass, centre of mass and diagonal inertia of the last link with the gripper welded to it."""
-        link = self.arm.links[-1]
-        grip = np.array([link.length + self.gripper.com_distance, 0.0, 0.0])
-        mass = link.mass + self.gripper.mass
-        com = (link.mass * np.array(link.com) + self.gripper.mass * grip) / mass
-        inertia = np.array(link.inertia) + np.array(self.gripper.inertia)
-        for part, where in ((link.mass, np.array(link.com)), (self.gripper.mass, grip)):
-            d = where - com
-            inertia = inertia + part * (d @ d - d * d)
-        return mass, tuple(com), tuple(inertia)
+    def _link_masses(self) -> list[tuple[float, Vector, Vector]]:
+        """Mass, centre of mass and diagonal inertia of every link; the last has the gripper welded to it."""
+        links = [(link.mass, link.com, link.inertia) for link in self.arm.links]
+        return [*links[:-1], self._with_gripper(*links[-1])] if self.has_gripper else links
+
+    def _with_gripper(self, mass: float, com: Vector, inertia: Vector) -> tuple[float, Vector, Vector]:
+        """Join the last link's mass, centre and inertia with the gripper's."""
+        gripper = self.gripper
+        grip = np.array(self.arm.tip) + np.array([gripper.com_distance, 0.0, 0.0])
+        total = mass + gripper.mass
+        centre = (mass * np.array(com) + gripper.mass * grip) / total
+        joint = np.array(inertia) + np.array(gripper.inertia)
+        for part, where in ((mass, np.array(com)), (gripper.mass, grip)):
+            d = where - centre
+            joint = joint + part * (d @ d - d * d)
+        return total, tuple(centre), tuple(joint)

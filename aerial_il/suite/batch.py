@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.simulation import Judgement, Simulation
-from aerial_il.suite.worlds import BatchWorlds
+from aerial_il.suite.worlds import Worlds
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class BatchEnvironment:
             raise InvalidValueError(f"num_envs must be at least 1, got {num_envs}.")
         self.scenario, self.num_envs = scenario, num_envs
         self.model = scenario.compile()
-        self.simulation = Simulation(scenario, BatchWorlds(self.model, num_envs, num_threads), gains, num_threads)
+        self.simulation = Simulation(scenario, Worlds.many(self.model, num_envs), gains, num_threads)
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
 
     @property
@@ -71,6 +72,10 @@ class BatchEnvironment:
     def sim_time(self) -> np.ndarray:
         """(n,) seconds since the start of each episode."""
         return self.simulation.steps * self.spec.control_dt_s
+
+    def drawn(self, seed: int) -> dict[str, Any]:
+        """What the tier's disturbances are in the episode ``seed``, as plain values."""
+        return self.simulation.disturbances.drawn(seed)
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Start episodes in all worlds, or in those of ``mask`` (n,) bool.

@@ -1,10 +1,13 @@
-"""Contact sensors, by which tasks know who touches whom."""
+"""Contact sensors, by which tasks know who touches whom, and how hard."""
 
 from __future__ import annotations
 
 import mujoco
 
-FOUND, KEEP_FIRST, ONE_SLOT = 1, 0, 1  # data, reduction and number of MuJoCo's contact sensor
+FOUND, FORCE = 1, 2  # what MuJoCo's contact sensor reports
+KEEP_FIRST, NET_FORCE, ONE_SLOT = 0, 3, 1  # how it reduces many contacts to one
+SUBTREE = mujoco.mjtObj.mjOBJ_XBODY
+GRIPPER = "palm"  # the body that carries the fingers: a force sensor there is one in the wrist
 
 
 def add_contact_sensor(spec: mujoco.MjSpec, name: str, *, body: str = "", geoms: tuple[str, str] | None = None) -> None:
@@ -16,3 +19,10 @@ def add_contact_sensor(spec: mujoco.MjSpec, name: str, *, body: str = "", geoms:
         sensor.objtype = sensor.reftype = mujoco.mjtObj.mjOBJ_GEOM
         sensor.objname, sensor.refname = geoms
     sensor.intprm[0], sensor.intprm[1], sensor.intprm[2] = FOUND, KEEP_FIRST, ONE_SLOT
+
+
+def add_force_sensor(spec: mujoco.MjSpec, name: str, body: str) -> None:
+    """Add a sensor of the net contact force (N, world) that ``body`` and what it carries exert on other things."""
+    sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_CONTACT)
+    sensor.objtype, sensor.objname = SUBTREE, body
+    sensor.intprm[0], sensor.intprm[1], sensor.intprm[2] = FORCE, NET_FORCE, ONE_SLOT

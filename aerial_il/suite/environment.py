@@ -16,7 +16,7 @@ from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import SUBSTEPS
 from aerial_il.suite.simulation import Judgement, Simulation
-from aerial_il.suite.worlds import Physics, SingleWorlds
+from aerial_il.suite.worlds import Physics, Worlds
 
 
 class SuiteTask(control.Task):
@@ -93,8 +93,8 @@ class AerialEnvironment(control.Environment):
     def __init__(self, scenario: Scenario, seed: int = 0, gains: Gains | None = None) -> None:
         self.scenario = scenario
         physics = Physics.from_mujoco(scenario.compile())
-        self.simulation = Simulation(scenario, SingleWorlds(physics), gains)
-        physics.before_step = self.simulation.control
+        self.simulation = Simulation(scenario, Worlds.of(physics), gains)
+        physics.fly = self.simulation.fly
         self._suite_task = SuiteTask(self.simulation, seed)
         super().__init__(physics, self._suite_task, time_limit=scenario.task.time_limit_s, n_sub_steps=SUBSTEPS)
 
@@ -128,8 +128,7 @@ class AerialEnvironment(control.Environment):
 
     def step(self, action: np.ndarray) -> dm_env.TimeStep:
         """Fly one control step of 20 ms; after the last step of an episode, start the next instead."""
-        with self.simulation.physics_errors():
-            return super().step(action)
+        return super().step(action)
 
     def get_state(self) -> np.ndarray:
         """(1, S) copy of the full state: physics, controller, gusts, timers."""

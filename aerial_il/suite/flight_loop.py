@@ -1,64 +1,94 @@
-"""The compiled loop between physics steps: controller, rotors and air of every world."""
+"""The compiled loop of a flight: controller, rotors, air and physics of every world, one control step in one call."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from aerial_il.control.controller import receive_action, tick
+from aerial_il.control.controller import gripper_opening, receive_action, tick
 from aerial_il.control.dynamics import put, vec
 from aerial_il.control.memory import MEMORY_SIZE
+from aerial_il.control.vehicle import Gains
 from aerial_il.core.kernels import kernel
-from aerial_il.core.rotations import add, mat_from_quat
+from aerial_il.core.rotations import mat_from_quat
 from aerial_il.suite import memory as mem
-from aerial_il.suite.aerodynamics import advance_gusts, air_wrench, gust_wrench, lagged_command
-from aerial_il.suite.sensing import advance_noise, measure
+from aerial_il.suite.aerodynamics import air_wrench, lagged_command
+from aerial_il.suite.force_sensing import sense_forces
+from aerial_il.suite.native import mj_step1, mj_step2
+from aerial_il.suite.sensing import Sensors, advance_noise, measure, vehicle_state
+from aerial_il.suite.wind import Air, advance_wind
+from aerial_il.suite.worlds import ACT, CTRL, QFRC, QPOS, QVEL, SENSORDATA, USERDATA, inside, pull_all, push_state
 
 NOISE_START, NOISE_STOP = mem.NOISE.start, mem.NOISE.stop
-GUST_START, GUST_STOP = mem.GUST.start, mem.GUST.stop
+WIND_START, WIND_STOP = mem.WIND.start, mem.WIND.stop
+FORCES_START, FORCES_STOP = mem.FORCES.start, mem.FORCES.stop
 SEED, TICK = mem.SEED, mem.TICK
 
 
-@kernel
-def receive_actions(vehicle, gains, level, actions, active, qpos, userdata, interval):
-    """Hand a new action (n, Da) to the controllers of the ``active`` (n,) worlds; ``interval``: s between actions."""
-    for i in range(active.size):
-        if active[i]:
-            receive_action(vehicle, gains, level, actions[i], qpos[i], userdata[i, :MEMORY_SIZE], interval)
+class Flight(NamedTuple):
+    """What stays the same in all worlds and steps.
+
+    Attributes:
+        vehicle: the nominal model's record. gains, air, sensors: parameters. level: action level.
+        force_addresses: (K,) where the task's force sensors start in ``sensordata``.
+        dt: s, of a physics step. interval: s, between actions.
+    """
+
+    vehicle: np.record
+    gains: Gains
+    air: Air
+    sensors: Sensors
+    level: int
+    force_addresses: np.ndarray
+    dt: float
+    interval: float
 
 
 @kernel
-def fly(
-    vehicle, gains, air, sensors, level, actions, active, qpos, qvel, act, ctrl, xfrc, userdata, gripper_stroke, dt
-):
-    """One controller tick in every active world: measures the state, writes ctrl and the base's external wrench.
+def fly(flight, scratch, worlds, actions, active, fresh, steps, first, stop):
+    """Advance the worlds ``first`` to ``stop - 1`` by some physics steps.
 
     Args:
-        vehicle, gains, air, sensors: parameters. level: action level. actions: (n, Da).
-        active: (n,) bool. qpos, qvel, act, ctrl: (n, ...) simulator state; rotors come first in act and ctrl, then
-            servos, then the gripper. xfrc: (n, nbody, 6), base is body 1. userdata: (n, U). dt: s.
+        flight: see :class:`Flight`. scratch: working memory. worlds: addresses, see ``worlds.Memory``.
+        actions: (n, Da). active: (n,) bool, others stand still. fresh: the actions are new. steps: physics steps.
     """
-    rotors, joints = vehicle.rotor_max.size, vehicle.link_mass.size
-    thrust, measured_pos, measured_vel = np.empty(rotors), np.empty(7 + joints), np.empty(6 + joints)
-    for i in range(active.size):
+    vehicle, gains, air, sensors, dt = flight.vehicle, flight.gains, flight.air, flight.sensors, flight.dt
+    rotors, level = vehicle.num_rotors, flight.level
+    thrust = np.empty(rotors)
+    pos, vel = np.empty(7 + vehicle.num_joints), np.empty(6 + vehicle.num_joints)
+    measured_pos, measured_vel = np.empty_like(pos), np.empty_like(vel)
+    for i in range(first, stop):
         if not active[i]:
             continue
-        memory = userdata[i, :MEMORY_SIZE]
-        servo = ctrl[i, rotors : rotors + joints]
-        noise = userdata[i, NOISE_START:NOISE_STOP]
-        advance_noise(sensors, noise, userdata[i, SEED], userdata[i, TICK], dt)
-        measure(sensors, noise, qpos[i], qvel[i], measured_pos, measured_vel)
-        tick(vehicle, gains, level, actions[i], measured_pos, measured_vel, act[i], memory, dt, thrust, servo)
-        for r in range(rotors):
-            ctrl[i, r] = lagged_command(thrust[r], act[i, r], vehicle.rotor_tau_up, vehicle.rotor_tau_down, dt)
-        opening = min(max(actions[i, actions.shape[1] - 1], 0.0), 1.0)
-        ctrl[i, rotors + joints] = opening * gripper_stroke
-        rot = mat_from_quat((qpos[i, 3], qpos[i, 4], qpos[i, 5], qpos[i, 6]))
-        force, torque = air_wrench(vehicle, vec(qpos[i], 0), rot, vec(qvel[i], 0), act[i])
-        if air.gust_force > 0.0:
-            gust = userdata[i, GUST_START:GUST_STOP]
-            advance_gusts(air, gust, userdata[i, SEED], userdata[i, TICK], dt)
-            gust_force, gust_torque = gust_wrench(air, gust)
-            force, torque = add(force, gust_force), add(torque, gust_torque)
-        put(xfrc[i, 1], 0, force)
-        put(xfrc[i, 1], 3, torque)
-        userdata[i, TICK] += 1.0
+        push_state(worlds, i)
+        qpos, qvel, act = inside(worlds, QPOS, i), inside(worlds, QVEL, i), inside(worlds, ACT, i)
+        ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), inside(worlds, USERDATA, i)
+        memory, noise, wind = userdata[:MEMORY_SIZE], userdata[NOISE_START:NOISE_STOP], userdata[WIND_START:WIND_STOP]
+        forces, sensordata = userdata[FORCES_START:FORCES_STOP], inside(worlds, SENSORDATA, i)
+        action, servo = actions[i], ctrl[rotors:]
+        vehicle_state(vehicle, qpos, qvel, pos, vel)
+        if fresh:
+            receive_action(vehicle, gains, scratch, level, action, pos, memory, flight.interval)
+            if sensors.position > 0.0:
+                advance_noise(sensors, noise, userdata[SEED], userdata[TICK], flight.interval)
+            if air.speed > 0.0:
+                advance_wind(air, wind, pos[2], userdata[SEED], userdata[TICK], flight.interval)
+        for _ in range(steps):
+            measure(vehicle, sensors, noise, pos, vel, measured_pos, measured_vel)
+            tick(vehicle, gains, scratch, level, action, measured_pos, measured_vel, act, memory, dt, thrust, servo)
+            for r in range(rotors):
+                ctrl[r] = lagged_command(thrust[r], act[r], vehicle.rotor_tau_up, vehicle.rotor_tau_down, dt)
+            if vehicle.gripper_stroke > 0.0:
+                ctrl[rotors + vehicle.num_joints] = gripper_opening(vehicle, action) * vehicle.gripper_stroke
+            if vehicle.base_mobility > 0.0:
+                rot = mat_from_quat((pos[3], pos[4], pos[5], pos[6]))
+                force, torque = air_wrench(vehicle, air, wind, vec(pos, 0), rot, vec(vel, 0), act)
+                put(wrench, 0, force)
+                put(wrench, 3, torque)
+            mj_step2(worlds.models[i], worlds.datas[i])
+            mj_step1(worlds.models[i], worlds.datas[i])
+            vehicle_state(vehicle, qpos, qvel, pos, vel)
+            sense_forces(sensordata, flight.force_addresses, forces, dt)
+            userdata[TICK] += 1.0
+        pull_all(worlds, i)

@@ -34,7 +34,7 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         aerial: the dm_control environment behind it; experts attach to this.
 
     Args:
-        robot, task, tier, action, cameras, image_size, seed: as for :func:`aerial_il.load`.
+        robot, task, tier, action, cameras, image_size, seed, controller: as for :func:`aerial_il.load`.
         terminate_on_success: end an episode when its task is done; otherwise only a crash ends it.
         render_mode: None or ``rgb_array``. render_camera: which camera. render_size: (height, width), pixels.
     """
@@ -51,12 +51,13 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         cameras: Sequence[str] = (),
         image_size: tuple[int, int] = (240, 320),
         seed: int = 0,
+        controller: str = "geometric_observer",
         terminate_on_success: bool = False,
         render_mode: str | None = None,
         render_camera: str = "scene",
         render_size: tuple[int, int] = (240, 320),
     ) -> None:
-        scenario = Scenario(robot, task, tier, action, cameras, image_size)
+        scenario = Scenario(robot, task, tier, action, cameras, image_size, controller)
         self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
         self.render_size, self.terminate_on_success = render_size, terminate_on_success
         self.aerial = AerialEnvironment(scenario, seed)

@@ -26,7 +26,7 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
         aerial: the batch behind it; experts attach to this.
 
     Args:
-        robot, task, num_envs, tier, action, cameras, image_size, seed, num_threads: as for
+        robot, task, num_envs, tier, action, cameras, image_size, seed, num_threads, controller: as for
             :func:`aerial_il.load_batch`.
         max_episode_steps: truncate episodes earlier than the task does.
         terminate_on_success, render_mode, render_camera, render_size: as for the single environment.
@@ -47,12 +47,13 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
         seed: int = 0,
         num_threads: int = 0,
         max_episode_steps: int | None = None,
+        controller: str = "geometric_observer",
         terminate_on_success: bool = False,
         render_mode: str | None = None,
         render_camera: str = "scene",
         render_size: tuple[int, int] = (240, 320),
     ) -> None:
-        scenario = Scenario(robot, task, tier, action, cameras, image_size)
+        scenario = Scenario(robot, task, tier, action, cameras, image_size, controller)
         self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
         self.render_size, self.terminate_on_success = render_size, terminate_on_success
         self.num_envs, self.aerial = num_envs, BatchEnvironment(scenario, num_envs, num_threads)

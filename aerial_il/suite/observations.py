@@ -13,31 +13,35 @@ _ROT6D = ("xx", "xy", "xz", "yx", "yy", "yz")
 
 
 def robot_fields(robot: Robot) -> tuple[Field, ...]:
-    """Fields of :func:`observe_robot`."""
+    """Fields of :func:`observe_robot`: of a base that moves, of an arm, of a gripper, as far as the robot has them."""
     joints = tuple(str(i) for i in range(robot.num_joints))
-    return (
+    base = (
         Field("base_pos", (3,), unit="m", labels=_XYZ),
         Field("base_rot6d", (6,), labels=_ROT6D),
         Field("base_vel", (3,), unit="m/s", labels=_XYZ),
         Field("base_angvel", (3,), unit="rad/s", labels=_XYZ),
+    )
+    arm = (
         Field("joint_pos", (robot.num_joints,), unit="rad", labels=joints),
         Field("joint_vel", (robot.num_joints,), unit="rad/s", labels=joints),
-        Field("gripper", (1,), labels=("opening",)),
-        Field("ee_pos", (3,), unit="m", labels=_XYZ),
-        Field("ee_rot6d", (6,), labels=_ROT6D),
     )
+    gripper = (Field("gripper", (1,), labels=("opening",)),)
+    tool = (Field("ee_pos", (3,), unit="m", labels=_XYZ), Field("ee_rot6d", (6,), labels=_ROT6D))
+    parts = ((not robot.fixed, base), (bool(joints), arm), (robot.has_gripper, gripper), (True, tool))
+    return tuple(field for there, fields in parts if there for field in fields)
 
 
 def observe_robot(view: View) -> dict[str, np.ndarray]:
     """Proprioception ``name -> (n, ...)``: poses and base velocity in the world frame, body rates in the base's."""
-    return {
-        "base_pos": view.base_pos.copy(),
-        "base_rot6d": view.base_rot6d,
-        "base_vel": view.base_vel.copy(),
-        "base_angvel": view.base_angvel.copy(),
-        "joint_pos": view.joint_pos.copy(),
-        "joint_vel": view.joint_vel.copy(),
-        "gripper": view.gripper,
-        "ee_pos": view.tool_pos.copy(),
-        "ee_rot6d": view.tool_rot6d,
+    readings = {
+        "base_pos": lambda: view.base_pos.copy(),
+        "base_rot6d": lambda: view.base_rot6d,
+        "base_vel": lambda: view.base_vel.copy(),
+        "base_angvel": lambda: view.base_angvel.copy(),
+        "joint_pos": lambda: view.joint_pos.copy(),
+        "joint_vel": lambda: view.joint_vel.copy(),
+        "gripper": lambda: view.gripper,
+        "ee_pos": lambda: view.tool_pos.copy(),
+        "ee_rot6d": lambda: view.tool_rot6d,
     }
+    return {field.name: readings[field.name]() for field in robot_fields(view.robot)}

@@ -1,34 +1,37 @@
-"""What is flown: one cell, one tier, one action level, some cameras, checked before anything is built."""
+"""What is flown: one cell, tier, action level and flight law, some cameras, checked before anything is built."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import mujoco
 
 from aerial_il import robots
-from aerial_il.control.actions import ActionLevel, action_spec
-from aerial_il.control.vehicle import GRAVITY
+from aerial_il.control.actions import ActionLevel, action_spec, check_level
+from aerial_il.control.laws import Law
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
-from aerial_il.suite.aerodynamics import Air
 from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.rendering import CameraRequest, parse_cameras
 from aerial_il.suite.scene import CONTROL_DT_S, build_xml
 from aerial_il.suite.tasks.task import Task
+from aerial_il.suite.tiers import Tier
+from aerial_il.suite.wind import WORK_HEIGHT_M, Air, air_about, mean_share
 from aerial_il.suite.worlds import STATE
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is flown: one cell, one tier, one action level, some cameras.
+    """What is flown: one cell, one tier, one action level, some cameras, one flight law.
 
     Raises:
-        UnknownNameError: unknown robot, task, tier, action level or camera.
+        UnknownNameError: unknown robot, task, tier, component of a tier, camera or controller; action level that the
+            robot does not have.
         CellError: the robot cannot do the task.
     """
 
@@ -38,11 +41,13 @@ class Scenario:
     action: str = "ee_pose"
     cameras: Sequence[str] = ()
     image_size: tuple[int, int] = (240, 320)
+    controller: str = "geometric_observer"
 
     def __post_init__(self) -> None:
         tasks.check_cell(self.robot_name, self.task_name)
-        tiers.get(self.tier_name)
-        ActionLevel.parse(self.action)
+        object.__setattr__(self, "tier_name", self.tier.name)
+        check_level(self.level, self.robot.vehicle, self.robot_name)
+        Law.parse(self.controller)
         parse_cameras(self.cameras)
         object.__setattr__(self, "cameras", tuple(self.cameras))
         object.__setattr__(self, "image_size", tuple(self.image_size))
@@ -62,15 +67,34 @@ class Scenario:
         return ActionLevel.parse(self.action)
 
     @property
+    def law(self) -> Law:
+        return Law.parse(self.controller)
+
+    @property
     def camera_requests(self) -> tuple[CameraRequest, ...]:
         return parse_cameras(self.cameras)
 
     @property
+    def tier(self) -> Tier:
+        return tiers.get(self.tier_name)
+
+    @property
     def air(self) -> Air:
-        """The tier's gusts on this robot, in newtons and newton metres."""
-        tier, weight = tiers.get(self.tier_name), self.robot.vehicle.mass * GRAVITY
-        force, limit = tier.gust_force * weight, tier.gust_limit * weight
-        return Air(force, limit, force * tier.gust_arm_m, limit * tier.gust_arm_m, tier.gust_time_s)
+        """The air about this robot, with the tier's wind."""
+        return air_about(self.robot.vehicle, self.tier.wind.share if self.tier.wind else 0.0)
+
+    @property
+    def disturbances(self) -> dict[str, Any]:
+        """The tier's components as plain values, the wind with its strength on this robot."""
+        found = self.tier.to_dict()
+        if "wind" in found:
+            air = self.air
+            found["wind"] |= {
+                "speed_at_6m_m_s": air.speed,
+                "speed_at_work_m_s": air.speed * mean_share(WORK_HEIGHT_M),
+                "quadratic_drag_n_s2_m2": air.quadratic_drag,
+            }
+        return found
 
     @cached_property
     def xml(self) -> str:
@@ -99,4 +123,6 @@ class Scenario:
             instruction=self.task.instruction,
             subtasks=self.task.subtasks,
             state_size=mujoco.mj_stateSize(self.compile(), STATE),
+            disturbances=self.disturbances,
+            controller=self.controller,
         )

@@ -15,7 +15,8 @@ from aerial_il.suite.tasks.task import Task
 PHYSICS_DT_S = 0.004
 SUBSTEPS = 5
 CONTROL_DT_S = PHYSICS_DT_S * SUBSTEPS
-ARENA_BYTES = 1 << 20
+ARENA_BYTES = 1 << 21  # ten times what a scene was seen to need; MuJoCo ends the process where it does not suffice
+SCENE_SPAN_M, SCENE_RETREAT = 1.1, 0.4  # widest robot that fits the picture, and share of the way back per m beyond
 SCENE_CAMERA, SCENE_CENTRE = np.array([1.55, -1.75, 1.40]), np.array([0.0, 0.0, 0.9])  # m
 
 
@@ -26,9 +27,10 @@ def build_xml(robot: Robot, task: Task) -> str:
     spec.compiler.degree = False
     spec.nuserdata = USERDATA_SIZE
     spec.memory = ARENA_BYTES
-    _set_physics(spec)
+    set_physics(spec)
     _set_visuals(spec)
     _add_arena(spec)
+    _add_scene_camera(spec, robot)
     robot.add_to(spec)
     task.add_props(spec, robot)
     _add_contact_sensors(spec, robot)
@@ -36,7 +38,8 @@ def build_xml(robot: Robot, task: Task) -> str:
     return spec.to_xml()
 
 
-def _set_physics(spec: mujoco.MjSpec) -> None:
+def set_physics(spec: mujoco.MjSpec) -> None:
+    """Integrator, solver and contact model of every scene."""
     option = spec.option
     option.timestep = PHYSICS_DT_S
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -59,7 +62,7 @@ def _set_visuals(spec: mujoco.MjSpec) -> None:
 
 
 def _add_arena(spec: mujoco.MjSpec) -> None:
-    """Ground plane at z = 0, sky, one light and the fixed camera ``scene``."""
+    """Ground plane at z = 0, sky and one light."""
     spec.add_texture(
         name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.80, 0.87, 0.94], rgb2=[0.95, 0.97, 0.99], width=64, height=64,
@@ -74,7 +77,14 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_geom(name="ground", type=plane, size=[0, 0, 0.1], material="grid", **WORLD)
     sun = spec.worldbody.add_light(name="sun", pos=[1, -2, 4], dir=[-0.3, 0.5, -1], castshadow=False)
     sun.type, sun.diffuse, sun.specular = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, [0.45] * 3, [0.1] * 3
-    spec.worldbody.add_camera(name="scene", pos=SCENE_CAMERA, quat=look_along(SCENE_CENTRE - SCENE_CAMERA), fovy=42)
+
+
+def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """The fixed camera ``scene``, stepped back and raised for a robot that would not fit the picture."""
+    excess = max(0.0, robot.base.span - SCENE_SPAN_M)
+    away = (SCENE_CAMERA - SCENE_CENTRE) * (1.0 + SCENE_RETREAT * excess)
+    centre = SCENE_CENTRE + np.array([0.0, 0.0, 0.15 * excess])
+    spec.worldbody.add_camera(name="scene", pos=centre + away, quat=look_along(-away), fovy=42)
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:

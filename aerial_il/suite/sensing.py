@@ -41,21 +41,40 @@ def advance_noise(sensors, noise, seed, tick, dt):
 
 
 @kernel
-def measure(sensors, noise, qpos, qvel, measured_pos, measured_vel):
-    """Estimate of the vehicle's state.
+def vehicle_state(vehicle, qpos, qvel, pos, vel):
+    """Pick the vehicle's own true state out of a scene's; a fixed base, which has no joint, stands where it stands.
 
     Args:
-        sensors: strengths. noise: (12,) errors in standard deviations.
-        qpos, qvel: true state, base first; longer than the vehicle's own if the scene holds more.
+        vehicle: its record. qpos, qvel: of the scene, the vehicle's joints first.
+        pos: (7 + J,) written: base position, quaternion, joints. vel: (6 + J,) written: twist, joint velocities.
+    """
+    free = vehicle.base_mobility > 0.0
+    for k in range(7):
+        pos[k] = qpos[k] if free else vehicle.base_pose[k]
+    for k in range(6):
+        vel[k] = qvel[k] if free else 0.0
+    first_pos, first_vel = (7, 6) if free else (0, 0)
+    for j in range(vehicle.num_joints):
+        pos[7 + j], vel[6 + j] = qpos[first_pos + j], qvel[first_vel + j]
+
+
+@kernel
+def measure(vehicle, sensors, noise, pos, vel, measured_pos, measured_vel):
+    """Estimate of the vehicle's state; where a fixed base stands is known.
+
+    Args:
+        vehicle: its record. sensors: strengths. noise: (12,) errors in standard deviations.
+        pos, vel: true state, see :func:`vehicle_state`.
         measured_pos: (7 + J,) written. measured_vel: (6 + J,) written.
     """
-    measured_pos[:] = qpos[: measured_pos.size]
-    measured_vel[:] = qvel[: measured_vel.size]
-    put(measured_pos, 0, add(vec(qpos, 0), scale(sensors.position, vec(noise, 0))))
-    put(measured_vel, 0, add(vec(qvel, 0), scale(sensors.velocity, vec(noise, 3))))
-    put(measured_vel, 3, add(vec(qvel, 3), scale(sensors.rate, vec(noise, 9))))
-    x, y, z = scale(0.5 * sensors.attitude, vec(noise, 6))
-    w, qx, qy, qz = qpos[3], qpos[4], qpos[5], qpos[6]  # times the small rotation (1, x, y, z), then normalised
+    unsure = vehicle.base_mobility
+    for j in range(vehicle.num_joints):
+        measured_pos[7 + j], measured_vel[6 + j] = pos[7 + j], vel[6 + j]
+    put(measured_pos, 0, add(vec(pos, 0), scale(unsure * sensors.position, vec(noise, 0))))
+    put(measured_vel, 0, add(vec(vel, 0), scale(unsure * sensors.velocity, vec(noise, 3))))
+    put(measured_vel, 3, add(vec(vel, 3), scale(unsure * sensors.rate, vec(noise, 9))))
+    x, y, z = scale(0.5 * unsure * sensors.attitude, vec(noise, 6))
+    w, qx, qy, qz = pos[3], pos[4], pos[5], pos[6]  # times the small rotation (1, x, y, z), then normalised
     turned = (
         w - x * qx - y * qy - z * qz,
         qx + w * x + qy * z - qz * y,

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import NoReturn
 
 import mujoco
 import numpy as np
 
+from aerial_il.control import memory as controller_memory
 from aerial_il.control.actions import ActionLevel
+from aerial_il.control.laws import Law
+from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.arrays import length
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.seeding import episode_rng
 from aerial_il.suite import memory as mem
-from aerial_il.suite import tiers
 from aerial_il.suite.crew import Crew
-from aerial_il.suite.flight_loop import fly, receive_actions
+from aerial_il.suite.disturbances import Disturbances
+from aerial_il.suite.flight_loop import Flight, fly
 from aerial_il.suite.observations import observe_robot
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
 from aerial_il.suite.view import View
-from aerial_il.suite.worlds import STATE, PhysicsError, Worlds
+from aerial_il.suite.worlds import STATE, Worlds
 
 FENCE_M = 4.0  # a base farther than this from the origin has flown away
 LARGEST_SEED = 2**53
+TARGET = slice(controller_memory.TARGET_POS, controller_memory.TARGET_POS + 3)  # the tool position last commanded
 FLIGHT = slice(mem.SEED, mem.STEP + 1)  # what identifies a moment: seed first, step last
 STATE_OFFSET = int(STATE) & (int(mujoco.mjtState.mjSTATE_USERDATA) - 1)  # parts of a state that precede userdata
 
@@ -56,7 +59,7 @@ class Simulation:
     """Fly n worlds of one scenario.
 
     Args:
-        scenario: what is flown. worlds: the simulator. gains: controller tuning.
+        scenario: what is flown. worlds: the simulator. gains: controller tuning, None for the scenario's flight law.
         num_threads: threads for the controllers, 0 for all cores.
     """
 
@@ -64,16 +67,24 @@ class Simulation:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot)
-        self.gains = gains or Gains()
-        self._vehicle, self._air, self._level = self.robot.vehicle, scenario.air, int(scenario.level)
-        self._sensors = tiers.get(scenario.tier_name).sensors
-        self._act, self._ctrl, self._xfrc = (worlds.bind(k) for k in ("act", "ctrl", "xfrc_applied"))
-        self._userdata = worlds.bind("userdata")
+        self.gains = (gains or scenario.law.gains).eased(self.robot.vehicle.agility)
+        self.disturbances = Disturbances(scenario, self.view)
+        self._act, self._ctrl, self._userdata = (worlds.bind(name) for name in ("act", "ctrl", "userdata"))
+        self._flight = Flight(
+            vehicle=Law(self.gains.law).record(self.robot.vehicle),
+            gains=self.gains,
+            air=scenario.air,
+            sensors=scenario.tier.sensors,
+            level=int(scenario.level),
+            force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),
+            dt=PHYSICS_DT_S,
+            interval=CONTROL_DT_S,
+        )
         self._dwell_steps = max(1, round(self.task.dwell_s / CONTROL_DT_S))
         self._crew = Crew(worlds.n, num_threads)
         self._everyone = np.ones(worlds.n, bool)
-        self._mask, self._ids = self._everyone, None
-        self._actions = np.zeros((worlds.n, self.spec.action.size))
+        self._mask, self._fresh = self._everyone, False
+        self._actions = self._arriving = np.zeros((worlds.n, self.spec.action.size))
         self._commanded = np.full((worlds.n, 3), np.nan)
         self._flights = self._userdata[:, FLIGHT].copy()
 
@@ -90,20 +101,17 @@ class Simulation:
         Raises:
             InvalidValueError: a seed outside its range.
         """
-        mask, ids = self._select(mask)
-        for i in np.flatnonzero(mask):
-            if not 0 <= int(seeds[i]) < LARGEST_SEED:
-                raise InvalidValueError(f"Seeds are integers from 0 to 2**53 - 1, got {seeds[i]}.")
-        self.worlds.clear(ids)
+        mask = self._select(mask)
+        _check_seeds(seeds[mask])
+        self.worlds.clear(mask)
         for i in np.flatnonzero(mask):
             seed = int(seeds[i])
             self._userdata[i, mem.SEED] = seed
-            rng = episode_rng(self.spec.robot, self.spec.task, self.spec.tier, seed)
-            self._userdata[i, mem.NOISE] = rng.standard_normal(12)
-            if self._air.gust_force > 0.0:
-                self._userdata[i, mem.GUST] = np.tile(rng.standard_normal(6), 2)
-            self.task.start(self.view, i, rng)
-        self.worlds.forward(ids)
+            self.disturbances.start(int(i), seed)
+            self.task.start(self.view, int(i), episode_rng(self.spec.robot, self.spec.task, "start", seed))
+        self.disturbances.vary(self.seeds, mask)
+        self.worlds.forward(mask)
+        self.disturbances.hold(mask)
         self._commanded[mask] = np.nan
 
     def advance(self, actions: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
@@ -120,59 +128,56 @@ class Simulation:
             SimulationDivergedError: a non-finite action or state.
         """
         executed = self.receive(actions, mask)
-        with self.physics_errors():
-            for _ in range(SUBSTEPS):
-                self.control()
-                self.worlds.step(self._ids)
+        self.fly(SUBSTEPS)
         self.settle()
         return executed
 
     def receive(self, actions: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
-        """First part of :meth:`advance`: take the actions and hand them to the controllers."""
-        self._mask, self._ids = self._select(mask)
+        """First part of :meth:`advance`: check the actions; the controllers take note of them when they next fly."""
+        self._mask = self._select(mask)
         self._actions = self._checked(actions, self._mask)
         self._flights = self._userdata[:, FLIGHT].copy()
-        receive_actions(
-            self._vehicle,
-            self.gains,
-            self._level,
-            self._actions,
-            self._mask,
-            self.view.qpos,
-            self._userdata,
-            CONTROL_DT_S,
-        )
+        self._arriving = self.disturbances.arriving(self._actions, self._mask)
+        self._fresh = True
         return self._actions
 
-    def control(self) -> None:
-        """Before each physics step: run the controllers and the air of the moving worlds."""
-        self._crew.run(self._fly)
+    def fly(self, steps: int) -> None:
+        """Second part: some physics steps of the moving worlds, each with its tick of the controllers."""
+        self._crew.run(partial(self._fly, steps))
+        self._fresh = False
 
-    def _fly(self, part: slice) -> None:
-        view = self.view
+    def _fly(self, steps: int, first: int, stop: int) -> None:
         fly(
-            self._vehicle, self.gains, self._air, self._sensors, self._level, self._actions[part], self._mask[part],
-            view.qpos[part], view.qvel[part], self._act[part], self._ctrl[part], self._xfrc[part], self._userdata[part],
-            self.robot.gripper.stroke, PHYSICS_DT_S,
-        )  # fmt: skip
+            self._flight,
+            make_scratch(),
+            self.worlds.memory,
+            self._arriving,
+            self._mask,
+            self._fresh,
+            steps,
+            first,
+            stop,
+        )
 
     def settle(self) -> None:
         """Last part of :meth:`advance`: count the step, check the state, update dwell and crash flags."""
         mask = self._mask
         self._check_physics(mask)
         self._userdata[mask, mem.STEP] += 1.0
-        if self._level == ActionLevel.EE_POSE:
+        if self._flight.level == ActionLevel.EE_POSE:
             self._commanded[mask] = self._actions[mask, :3]
+        elif self._flight.level == ActionLevel.EE_DELTA:
+            self._commanded[mask] = self._userdata[mask, TARGET]
         self._update_flags(mask)
 
     def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Continue from states (n, S) that ``worlds.get_state`` returned; ``mask``: (n,) bool, the worlds to set.
 
         Raises:
-            InvalidValueError: wrong shape.
+            InvalidValueError: wrong shape or seed.
             SimulationDivergedError: a state in which MuJoCo finds NaN, infinity or huge values.
         """
-        mask, ids = self._select(mask)
+        mask = self._select(mask)
         states = np.asarray(states, float)
         if states.shape != (self.n, self.spec.state_size):
             raise InvalidValueError(
@@ -183,18 +188,12 @@ class Simulation:
         bad = mask & ~np.isfinite(states).all(axis=1)
         if bad.any():
             self._diverged(bad, "State to continue from is not finite")
-        with self.physics_errors():
-            self.worlds.set_state(states, ids)
+        seeds = self._flights[:, 0]
+        _check_seeds(seeds[mask])
+        self.disturbances.vary(seeds, mask)
+        self.worlds.set_state(states, mask)
         self._check_physics(mask)
         self._commanded[mask] = np.nan
-
-    @contextmanager
-    def physics_errors(self) -> Iterator[None]:
-        """Name seed and step where MuJoCo gives up on a world while it flies."""
-        try:
-            yield
-        except PhysicsError as error:
-            self._diverged(np.arange(self.n) == error.world, str(error))
 
     def observe(self) -> dict[str, np.ndarray]:
         """State observations of all worlds, ``name -> (n, ...)``."""
@@ -204,7 +203,7 @@ class Simulation:
         """Rewards, flags and measurements of all worlds at this instant."""
         userdata, view = self._userdata, self.view
         success = userdata[:, mem.DWELL] >= self._dwell_steps
-        use = self._act[:, : self.robot.num_rotors] / self._vehicle.rotor_max
+        use = self._act[:, : self.robot.num_rotors] / self.robot.vehicle.rotor_max
         return Judgement(
             reward=np.where(success, 1.0, self.task.reward(view)),
             success=success,
@@ -212,7 +211,7 @@ class Simulation:
             truncated=userdata[:, mem.STEP] >= self.spec.max_steps,
             subtasks=self.task.progress(view),
             ee_error=length(self._commanded - view.tool_pos),
-            effort=np.mean(use * use, axis=1),
+            effort=np.sum(use * use, axis=1) / max(1, self.robot.num_rotors),
             contacts=view.unwanted_contacts,
         )
 
@@ -235,13 +234,13 @@ class Simulation:
         """(n, nu) actuator commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
         return self._ctrl
 
-    def _select(self, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+    def _select(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
-            return self._everyone, None
-        mask = np.asarray(mask, bool)
+            return self._everyone
+        mask = np.ascontiguousarray(mask, bool)
         if mask.shape != (self.n,):
             raise InvalidValueError(f"mask has one entry per world, ({self.n},), got {mask.shape}.")
-        return mask, (None if mask.all() else np.flatnonzero(mask).astype(np.int32))
+        return mask
 
     def _checked(self, actions: np.ndarray, mask: np.ndarray) -> np.ndarray:
         actions = np.array(actions, float, ndmin=2)
@@ -272,7 +271,14 @@ class Simulation:
         view, userdata = self.view, self._userdata
         upside_down = view.base_mat[:, 8] < 0.17  # tilted beyond 80°
         away = length(view.base_pos) > FENCE_M
+        self.task.remember(view, mask)
         crash = mask & (view.base_touched | upside_down | away)
         userdata[crash, mem.CRASHED] = 1.0
         held = self.task.solved(view) & (userdata[:, mem.CRASHED] == 0.0)
         userdata[mask, mem.DWELL] = np.where(held, userdata[:, mem.DWELL] + 1.0, 0.0)[mask]
+
+
+def _check_seeds(seeds: np.ndarray) -> None:
+    for seed in seeds:
+        if not 0 <= int(seed) < LARGEST_SEED:
+            raise InvalidValueError(f"Seeds are integers from 0 to 2**53 - 1, got {seed}.")

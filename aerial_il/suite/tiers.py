@@ -1,41 +1,147 @@
-"""Disturbance tiers: how rough the air is. Strengths are relative to weight, so that one tier fits all vehicles."""
+"""Disturbance tiers: what an episode is disturbed by, as names that can be taken apart and put together.
+
+A tier is written ``NAME`` or ``NAME+COMPONENT-COMPONENT…``: ``gusts``, ``calm+latency``, ``hard-payload``. A component
+that is added has the strength it has in ``hard``. Strengths are relative to the vehicle or the object they act on, so
+that one tier fits all. ``docs/tiers.md`` explains every number.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from typing import Any
 
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite.sensing import Sensors
 
 
 @dataclass(frozen=True)
-class Tier:
-    """Gusts on the base, as a stationary random process, and errors of the state estimate.
+class Wind:
+    """Mean wind with Dryden turbulence.
+
+    See :mod:`aerial_il.suite.wind`.
 
     Attributes:
-        name: registry name.
-        gust_force: standard deviation of the force along each axis, as a share of weight.
-        gust_limit: largest force along each axis, as a share of weight.
-        gust_time_s: correlation time of the wind at the vehicle.
-        gust_arm_m: lever that turns the force's strength into that of the torque.
-        sensors: errors of the state that the flight controller measures.
+        share: by how much of the vehicle's weight the largest gust changes its drag.
+    """
+
+    share: float
+
+
+@dataclass(frozen=True)
+class Payload:
+    """Masses that the controller does not know.
+
+    Attributes:
+        object_mass: half width of the range of an object's mass, as a share of the nominal one.
+        base_mass: largest additional mass somewhere in the hub, as a share of the vehicle's.
+    """
+
+    object_mass: float = 0.3
+    base_mass: float = 0.05
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction that is not the nominal one.
+
+    Attributes:
+        contact: half width of the range of all contacts' sliding friction, as a share of the nominal one.
+        joint: the same for the dry friction of hinges and slides of fixtures.
+    """
+
+    contact: float = 0.3
+    joint: float = 0.3
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Actions that arrive late by a whole number of control steps of 20 ms, the same for a whole episode.
+
+    Attributes:
+        least, most: control steps.
+    """
+
+    least: int = 1
+    most: int = 2
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Errors of the state that the flight controller measures.
+
+    Attributes:
+        scale: multiple of the standard deviations of :class:`aerial_il.suite.sensing.Sensors`.
+    """
+
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Motors:
+    """Rotors that push more or less than they are told.
+
+    Attributes:
+        gain: half width of the range of each rotor's thrust, as a share of the commanded one.
+    """
+
+    gain: float = 0.05
+
+
+@dataclass(frozen=True)
+class Tier:
+    """What an episode is disturbed by; None for a component that is absent.
+
+    Attributes:
+        name: canonical name; equal tiers that are put together differently have equal names.
     """
 
     name: str
-    gust_force: float = 0.0
-    gust_limit: float = 0.0
-    gust_time_s: float = 1.0
-    gust_arm_m: float = 0.0
-    sensors: Sensors = field(default_factory=Sensors)
+    wind: Wind | None = None
+    payload: Payload | None = None
+    friction: Friction | None = None
+    latency: Latency | None = None
+    noise: Noise | None = None
+    motors: Motors | None = None
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the components that are present."""
+        return tuple(name for name in COMPONENTS if getattr(self, name) is not None)
+
+    @property
+    def sensors(self) -> Sensors:
+        """Errors of the state estimate."""
+        scale, nominal = self.noise.scale if self.noise else 0.0, Sensors()
+        errors = (scale * error for error in nominal[:-1])
+        return Sensors(*errors, time=nominal.time)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The components with their strengths as plain values."""
+        return {name: asdict(getattr(self, name)) for name in self.components}
 
 
+COMPONENTS = ("wind", "payload", "friction", "latency", "noise", "motors")
+HARD = Tier(
+    "hard",
+    wind=Wind(0.13),
+    payload=Payload(),
+    friction=Friction(),
+    latency=Latency(),
+    noise=Noise(1.5),
+    motors=Motors(),
+)
 _TIERS = {
     tier.name: tier
     for tier in (
-        Tier("calm"),
-        Tier("gusts", gust_force=0.065, gust_limit=0.13, gust_time_s=1.0, gust_arm_m=0.02),
+        Tier("calm", noise=Noise()),
+        Tier("breeze", wind=Wind(0.06), noise=Noise()),
+        Tier("gusts", wind=HARD.wind, noise=Noise()),
+        HARD,
     )
 }
+_TERM = re.compile(r"([+-])([^+-]*)")
 
 
 def names() -> tuple[str, ...]:
@@ -43,12 +149,42 @@ def names() -> tuple[str, ...]:
     return tuple(_TIERS)
 
 
+@cache
 def get(name: str) -> Tier:
-    """Return the tier called ``name``.
+    """Return the tier that ``name`` describes.
 
     Raises:
-        UnknownNameError: no tier has that name.
+        UnknownNameError: no tier or no component has that name.
+        InvalidValueError: a component is added that is there, or removed that is not.
     """
-    if name not in _TIERS:
-        raise UnknownNameError("tier", name, names())
-    return _TIERS[name]
+    base, changes = re.split(r"[+-]", name, maxsplit=1)[0], _TERM.findall(name)
+    if base not in _TIERS:
+        raise UnknownNameError("tier", base, names(), f"Components may be added or removed: {_example()}.")
+    tier = _TIERS[base]
+    for sign, component in changes:
+        tier = _changed(tier, sign, component)
+    return replace(tier, name=_canonical(tier, _TIERS[base]))
+
+
+def _changed(tier: Tier, sign: str, component: str) -> Tier:
+    if component not in COMPONENTS:
+        raise UnknownNameError("tier component", component, COMPONENTS, f"For example: {_example()}.")
+    wanted = getattr(HARD, component) if sign == "+" else None
+    if getattr(tier, component) == wanted:
+        state = "has" if wanted else "has no"
+        raise InvalidValueError(
+            f"Tier {tier.name!r} {state} {component} anyway; its components: {', '.join(tier.components) or 'none'}."
+        )
+    return replace(tier, **{component: wanted})
+
+
+def _canonical(tier: Tier, base: Tier) -> str:
+    """Name of a tier: that of its base, then what was added, then what was removed, each in the order of COMPONENTS."""
+    changed = [name for name in COMPONENTS if getattr(tier, name) != getattr(base, name)]
+    added = [f"+{name}" for name in changed if getattr(tier, name) is not None]
+    removed = [f"-{name}" for name in changed if getattr(tier, name) is None]
+    return "".join([base.name, *added, *removed])
+
+
+def _example() -> str:
+    return f"gusts+latency, hard-payload ({', '.join(COMPONENTS)})"

@@ -10,6 +10,7 @@ import numpy as np
 
 from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.robots.robot import Robot
+from aerial_il.suite import memory as mem
 from aerial_il.suite.worlds import Worlds
 
 
@@ -28,15 +29,18 @@ class View:
         self._site_pos, self._site_mat = worlds.bind("site_xpos"), worlds.bind("site_xmat")
         self._sensors, self.mocap_pos = worlds.bind("sensordata"), worlds.bind("mocap_pos")
         self.mocap_quat = worlds.bind("mocap_quat")
+        self._applied = worlds.bind("qfrc_applied")
         self._tool, self._base = self._site("tool"), self._site("imu")
         self._ids: dict[str, int] = {}
-        joints = slice(7, 7 + robot.num_joints), slice(6, 6 + robot.num_joints)
-        self.joint_pos, self.joint_vel = self.qpos[:, joints[0]], self.qvel[:, joints[1]]
-        self.base_pos, self.base_vel = self.qpos[:, :3], self.qvel[:, :3]
-        self.base_angvel = self.qvel[:, 3:6]
-        self._finger = 7 + robot.num_joints
+        self._joints: dict[str, tuple[int, int]] = {}
+        (first_pos, first_vel), count = robot.first_joint, robot.num_joints
+        self.joint_pos = self.qpos[:, first_pos : first_pos + count]
+        self.joint_vel = self.qvel[:, first_vel : first_vel + count]
+        twist = np.zeros((self.n, 6)) if robot.fixed else self.qvel[:, :6]
+        self.base_pos, self.base_vel, self.base_angvel = self._site_pos[:, self._base], twist[:, :3], twist[:, 3:]
+        self._finger = first_pos + count
         contacts = ["contact_base", *(f"contact_link_{i}" for i in range(robot.num_joints - 1))]
-        self._contact_ids = [self._sensor(name) for name in contacts]
+        self._contact_ids = [self.address(name) for name in contacts]
 
     @property
     def tool_pos(self) -> np.ndarray:
@@ -47,6 +51,11 @@ class View:
     def tool_mat(self) -> np.ndarray:
         """(n, 9) rotation, world from tool, row by row."""
         return self._site_mat[:, self._tool].reshape(self.n, 9)
+
+    @property
+    def tip_pos(self) -> np.ndarray:
+        """(n, 3) point between the fingers' ends, world, m: what touches first when the closed gripper pushes."""
+        return self.tool_pos + self.robot.gripper.tip_distance * self.tool_mat[:, [0, 3, 6]]
 
     @property
     def base_mat(self) -> np.ndarray:
@@ -62,6 +71,11 @@ class View:
     def tool_rot6d(self) -> np.ndarray:
         """(n, 6)."""
         return rot6d_from_mat(self.tool_mat)
+
+    @property
+    def air_force(self) -> np.ndarray:
+        """(n, 3) wind, drag and ground effect on the base in the last physics step, world, N."""
+        return self._applied[:, :3]
 
     @property
     def gripper(self) -> np.ndarray:
@@ -90,6 +104,32 @@ class View:
         """(n, 9) rotation of a site, world, row by row."""
         return self._site_mat[:, self._cached("site", name)].reshape(self.n, 9)
 
+    def site_rot6d(self, name: str) -> np.ndarray:
+        """(n, 6) rotation of a site, world from site."""
+        return rot6d_from_mat(self.site_mat(name))
+
+    def force(self, k: int = 0) -> np.ndarray:
+        """(n, 3) net contact force that the task's force sensor number ``k`` measures, world, N."""
+        start = mem.FORCES.start + 3 * k
+        return self.userdata[:, start : start + 3]
+
+    def peak_force(self, k: int = 0) -> np.ndarray:
+        """(n,) largest magnitude of that force since the start of the episode, N."""
+        return self.userdata[:, mem.FORCES.start + 3 * mem.MAX_FORCES + k]
+
+    @property
+    def memory(self) -> np.ndarray:
+        """(n, 8) numbers that the task may write in :meth:`Task.remember`; zero at the start of an episode."""
+        return self.userdata[:, mem.TASK]
+
+    def joint(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) position (rad or m) and (n,) velocity of a hinge or slide joint; live views."""
+        if name not in self._joints:
+            joint = self.model.joint(name)
+            self._joints[name] = int(joint.qposadr[0]), int(joint.dofadr[0])
+        position, velocity = self._joints[name]
+        return self.qpos[:, position], self.qvel[:, velocity]
+
     def touching(self, sensor: str) -> np.ndarray:
         """(n,) bool: a contact sensor sees at least one contact."""
         return self._sensors[:, self._cached("sensor", sensor)] > 0.0
@@ -105,11 +145,12 @@ class View:
 
     def _cached(self, kind: str, name: str) -> int:
         if name not in self._ids:
-            self._ids[name] = self._site(name) if kind == "site" else self._sensor(name)
+            self._ids[name] = self._site(name) if kind == "site" else self.address(name)
         return self._ids[name]
 
     def _site(self, name: str) -> int:
         return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, name)
 
-    def _sensor(self, name: str) -> int:
-        return int(self.model.sensor(name).adr[0])
+    def address(self, sensor: str) -> int:
+        """Index of a sensor's first number in ``sensordata``."""
+        return int(self.model.sensor(sensor).adr[0])

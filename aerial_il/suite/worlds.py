@@ -1,210 +1,234 @@
-"""n simulated worlds behind one interface: MuJoCo's batch engine, or one dm_control Physics shown as n = 1.
+"""n simulated worlds behind one interface: their states as ``(n, ...)`` arrays, their physics in compiled loops.
 
-Task and controller code sees ``(n, ...)`` arrays that are live views of the simulator's own memory and never asks which
-of the two it runs on. Both advance by single physics steps that leave position- and velocity-dependent quantities
-current, and agree bit for bit.
+Every world has an ``MjData`` of its own. Task and controller code sees arrays with a leading world axis and never asks
+how many worlds there are: for many, rows are copied from and to MuJoCo's structures around each flight; for a single
+one they are MuJoCo's memory itself, so that a dm_control ``Physics`` shows the same numbers. Both run the same compiled
+code and agree bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Protocol
+import copy
+from collections.abc import Callable
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from dm_control import mujoco as dm_mujoco
-from mujoco import batch as mujoco_batch
+
+from aerial_il.core.kernels import kernel
+from aerial_il.suite.native import doubles, mj_get_state, mj_reset_data, mj_set_state, mj_step1, mju_copy
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
-NO_STAGE = int(mujoco.mjtStage.mjSTAGE_NONE)
+SIGNATURE = int(STATE)
+STATE_FIELDS = ("qpos", "qvel", "act", "ctrl", "qfrc_applied", "userdata", "xfrc_applied", "mocap_pos", "mocap_quat")
+QPOS, QVEL, ACT, CTRL, QFRC, USERDATA = range(6)
+DERIVED_FIELDS = ("sensordata", "site_xpos", "site_xmat")
+SENSORDATA = len(STATE_FIELDS)
+NUM_STATE_FIELDS = len(STATE_FIELDS)
 INFO, COUNT = 0, 1  # columns of a table of warnings
 
 
-class PhysicsError(Exception):
-    """MuJoCo gave up on the world with index ``world``."""
+class Memory(NamedTuple):
+    """Where compiled code finds the worlds.
 
-    def __init__(self, world: int, message: str) -> None:
-        self.world = world
-        super().__init__(message)
+    Attributes:
+        models, datas: (n,) addresses of MuJoCo's structures.
+        inside, outside: (F, n) addresses of each field in MuJoCo's structures and in our arrays; state fields first.
+        sizes: (F,) doubles of each field. warnings: (2, n) addresses of MuJoCo's table of warnings and of ours.
+        num_warnings: doubles of that table.
+    """
+
+    models: np.ndarray
+    datas: np.ndarray
+    inside: np.ndarray
+    outside: np.ndarray
+    sizes: np.ndarray
+    warnings: np.ndarray
+    num_warnings: int
 
 
-class Worlds(Protocol):
-    """Simulator state of n worlds of one model."""
+@kernel
+def inside(memory, field, i):
+    """A field of world ``i`` in MuJoCo's memory, flat."""
+    return doubles(memory.inside[field, i], memory.sizes[field])
 
-    n: int
-    model: mujoco.MjModel
+
+@kernel
+def push_state(memory, i):
+    """Copy everything of world ``i`` that may have been written from outside to MuJoCo."""
+    for field in range(NUM_STATE_FIELDS):
+        if memory.inside[field, i] != memory.outside[field, i]:
+            mju_copy(memory.inside[field, i], memory.outside[field, i], memory.sizes[field])
+
+
+@kernel
+def pull_all(memory, i):
+    """Copy state, derived quantities and warnings of world ``i`` from MuJoCo to our arrays."""
+    for field in range(memory.sizes.size):
+        if memory.inside[field, i] != memory.outside[field, i]:
+            mju_copy(memory.outside[field, i], memory.inside[field, i], memory.sizes[field])
+    mju_copy(memory.warnings[1, i], memory.warnings[0, i], memory.num_warnings)
+
+
+@kernel
+def _clear(memory, active):
+    for i in range(active.size):
+        if active[i]:
+            mj_reset_data(memory.models[i], memory.datas[i])
+            pull_all(memory, i)
+
+
+@kernel
+def _forward(memory, active):
+    for i in range(active.size):
+        if active[i]:
+            push_state(memory, i)
+            mj_step1(memory.models[i], memory.datas[i])
+            pull_all(memory, i)
+
+
+@kernel
+def _get_states(memory, rows, size):
+    for i in range(memory.datas.size):
+        push_state(memory, i)
+        mj_get_state(memory.models[i], memory.datas[i], rows + 8 * i * size, SIGNATURE)
+
+
+@kernel
+def _set_states(memory, active, rows, size):
+    for i in range(active.size):
+        if active[i]:
+            mj_set_state(memory.models[i], memory.datas[i], rows + 8 * i * size, SIGNATURE)
+            mj_step1(memory.models[i], memory.datas[i])
+            pull_all(memory, i)
+
+
+class Worlds:
+    """State of n worlds of one scene.
+
+    Args:
+        model: compiled scene.
+        datas: one ``MjData`` per world. A single one is shown in place, several are copied.
+    """
+
+    def __init__(self, model: mujoco.MjModel, datas: list[mujoco.MjData]) -> None:
+        self.model, self.n, self._datas = model, len(datas), datas
+        self._models = [model] * self.n
+        self._arrays = {name: self._array(name) for name in (*STATE_FIELDS, *DERIVED_FIELDS)}
+        self._warnings = np.zeros((self.n, len(datas[0].warning.number), 2), np.int32)
+        self._size = mujoco.mj_stateSize(model, SIGNATURE)
+        self._everyone = np.ones(self.n, bool)
+        self.memory = self._memory()
+        self.clear()
+
+    @staticmethod
+    def many(model: mujoco.MjModel, n: int) -> Worlds:
+        """Return n new worlds."""
+        return Worlds(model, [mujoco.MjData(model) for _ in range(n)])
+
+    @staticmethod
+    def of(physics: Physics) -> Worlds:
+        """Return the world of a :class:`Physics`."""
+        return Worlds(physics.model.ptr, [physics.data.ptr])
 
     def bind(self, name: str) -> np.ndarray:
-        """Live (n, ...) array of an ``MjData`` field."""
-        ...
+        """Live (n, ...) array of an ``MjData`` field of doubles; what is written to a state field counts."""
+        if name not in self._arrays:
+            self._arrays[name] = self._array(name)
+            self.memory = self._memory()
+        return self._arrays[name]
 
-    def step(self, ids: np.ndarray | None) -> None:
-        """Advance the worlds ``ids`` (None: all) by one physics step."""
-        ...
+    def clear(self, active: np.ndarray | None = None) -> None:
+        """Reset to the model's defaults, without computing anything derived, the worlds in ``active`` (n,) bool."""
+        _clear(self.memory, self._everyone if active is None else active)
 
-    def clear(self, ids: np.ndarray | None) -> None:
-        """Reset to the model's defaults without computing anything derived."""
-        ...
-
-    def forward(self, ids: np.ndarray | None) -> None:
-        """Make position- and velocity-dependent quantities current."""
-        ...
+    def forward(self, active: np.ndarray | None = None) -> None:
+        """Make position- and velocity-dependent quantities current in the worlds of ``active`` (n,) bool."""
+        _forward(self.memory, self._everyone if active is None else active)
 
     def get_state(self) -> np.ndarray:
         """Copy of the integration states, (n, S)."""
-        ...
+        states = np.empty((self.n, self._size))
+        _get_states(self.memory, states.ctypes.data, self._size)
+        return states
 
-    def set_state(self, states: np.ndarray, ids: np.ndarray | None) -> None:
-        """Write integration states (n, S) of the worlds ``ids`` and make derived quantities current."""
-        ...
+    def set_state(self, states: np.ndarray, active: np.ndarray | None = None) -> None:
+        """Write integration states (n, S) of the worlds in ``active`` (n,) and make derived quantities current."""
+        active = self._everyone if active is None else active
+        rows = np.ascontiguousarray(states, float)
+        for i in np.flatnonzero(active):
+            self._datas[i].warning.number[:] = 0
+        _set_states(self.memory, active, rows.ctypes.data, self._size)
+
+    def own_model(self, world: int) -> mujoco.MjModel:
+        """Model of one world alone, to be edited; it stays its own from the first call on."""
+        if self.n > 1 and self._models[world] is self.model:
+            self._models[world] = copy.copy(self.model)
+            self.memory.models[world] = self._models[world]._address
+        return self._models[world]
 
     def warned(self) -> np.ndarray:
         """(n,) bool: MuJoCo warned about the world since it was cleared or set; its physics cannot be trusted."""
-        ...
+        return np.any(self._warnings[:, :, COUNT] != 0, axis=1)
 
     def warning(self, world: int) -> str:
         """What it warned about."""
-        ...
+        table = self._warnings[world]
+        kind = int(np.flatnonzero(table[:, COUNT])[0])
+        return mujoco.mju_warningText(kind, int(table[kind, INFO]))
 
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` to render or to inspect."""
-        ...
+        push_state(self.memory, world)
+        return self._datas[world]
 
+    def _array(self, name: str) -> np.ndarray:
+        fields = [getattr(data, name) for data in self._datas]
+        return fields[0][None] if self.n == 1 else np.stack(fields)
 
-class BatchWorlds:
-    """Many worlds on MuJoCo's thread pool.
-
-    Args:
-        model: compiled scene. n: number of worlds. num_threads: 0 for all cores.
-    """
-
-    def __init__(self, model: mujoco.MjModel, n: int, num_threads: int = 0) -> None:
-        self.model, self.n = model, n
-        self._batch = mujoco_batch.Batch(model, n, num_threads, persistent=True)
-        self._view = mujoco.MjData(model)
-
-    def bind(self, name: str) -> np.ndarray:
-        return self._batch.bind(name)
-
-    def step(self, ids: np.ndarray | None) -> None:
-        with _failures():
-            self._batch.step(ids, 1, VELOCITY_STAGE)
-
-    def clear(self, ids: np.ndarray | None) -> None:
-        self._batch.reset(ids, stage=NO_STAGE)
-
-    def forward(self, ids: np.ndarray | None) -> None:
-        with _failures():
-            self._batch.forward(ids, VELOCITY_STAGE)
-
-    def get_state(self) -> np.ndarray:
-        return self._batch.state.copy()
-
-    def set_state(self, states: np.ndarray, ids: np.ndarray | None) -> None:
-        rows = slice(None) if ids is None else ids
-        self._batch.state[rows] = states[rows]
-        self._batch.warning[rows] = 0
-        self.forward(ids)
-
-    def warned(self) -> np.ndarray:
-        return self._batch.warning[:, :, COUNT].any(axis=1)
-
-    def warning(self, world: int) -> str:
-        return _first_warning(self._batch.warning[world])
-
-    def data(self, world: int) -> mujoco.MjData:
-        return self._batch.get_data(world, self._view)
+    def _memory(self) -> Memory:
+        rows = list(self._arrays.items())
+        return Memory(
+            models=np.array([model._address for model in self._models], np.int64),
+            datas=np.array([data._address for data in self._datas], np.int64),
+            inside=np.array([[_address(getattr(data, name)) for data in self._datas] for name, _ in rows], np.int64),
+            outside=np.array([[_address(row) for row in array] for _, array in rows], np.int64),
+            sizes=np.array([array[0].size for _, array in rows], np.int32),
+            warnings=np.array(
+                [[_table_of_warnings(data) for data in self._datas], [_address(row) for row in self._warnings]],
+                np.int64,
+            ),
+            num_warnings=self._warnings.shape[1],
+        )
 
 
 class Physics(dm_mujoco.Physics):
-    """A dm_control Physics, with its named indexing and rendering, that steps and resets as the batch engine does.
+    """A dm_control Physics, with its named indexing and rendering, whose steps are flown by us.
 
     Attributes:
-        before_step: called before every single physics step; the low-level controller hooks in here.
+        fly: advances the given number of physics steps, controller and air included.
     """
 
-    before_step: Callable[[], None]
+    fly: Callable[[int], None]
 
     @staticmethod
     def from_mujoco(model: mujoco.MjModel) -> Physics:
         """Wrap a compiled model."""
-        physics = Physics.from_model(dm_mujoco.wrapper.MjModel(model))
-        physics.before_step = lambda: None
-        return physics
+        return Physics.from_model(dm_mujoco.wrapper.MjModel(model))
 
     def step(self, nstep: int = 1) -> None:
-        """Advance ``nstep`` physics steps, each with its own call of :attr:`before_step`."""
-        for _ in range(nstep):
-            self.before_step()
-            self.advance()
-
-    def advance(self) -> None:
-        """One physics step from current position- and velocity-dependent quantities to the next."""
-        with _failures():
-            mujoco.mj_step2(self.model.ptr, self.data.ptr)
-            mujoco.mj_step1(self.model.ptr, self.data.ptr)
+        """Advance ``nstep`` physics steps, each with its own tick of the controller."""
+        self.fly(nstep)
 
     def after_reset(self) -> None:
         mujoco.mj_step1(self.model.ptr, self.data.ptr)
 
 
-class SingleWorlds:
-    """The :class:`Worlds` view of a :class:`Physics`."""
-
-    n = 1
-
-    def __init__(self, physics: Physics) -> None:
-        self.physics, self.model = physics, physics.model.ptr
-        self._data = physics.data.ptr
-
-    def bind(self, name: str) -> np.ndarray:
-        return getattr(self._data, name)[None]
-
-    def step(self, ids: np.ndarray | None) -> None:
-        self.physics.advance()
-
-    def clear(self, ids: np.ndarray | None) -> None:
-        mujoco.mj_resetData(self.model, self._data)
-
-    def forward(self, ids: np.ndarray | None) -> None:
-        with _failures():
-            mujoco.mj_step1(self.model, self._data)
-
-    def get_state(self) -> np.ndarray:
-        state = np.empty(mujoco.mj_stateSize(self.model, STATE))
-        mujoco.mj_getState(self.model, self._data, state, STATE)
-        return state[None]
-
-    def set_state(self, states: np.ndarray, ids: np.ndarray | None) -> None:
-        mujoco.mj_setState(self.model, self._data, states[0], STATE)
-        for warning in self._data.warning:
-            warning.number = 0
-        self.forward(ids)
-
-    def warned(self) -> np.ndarray:
-        return np.array([any(warning.number for warning in self._data.warning)])
-
-    def warning(self, world: int) -> str:
-        return _first_warning(np.array([[w.lastinfo, w.number] for w in self._data.warning]))
-
-    def data(self, world: int) -> mujoco.MjData:
-        return self._data
+def _address(array: np.ndarray) -> int:
+    return array.ctypes.data if array.size else 0
 
 
-@contextmanager
-def _failures() -> Iterator[None]:
-    """Raise MuJoCo's own errors as :class:`PhysicsError`."""
-    try:
-        yield
-    except mujoco_batch.SimulationError as error:
-        raise PhysicsError(int(error.ids[0]), str(error)) from error
-    except mujoco.FatalError as error:
-        raise PhysicsError(0, str(error)) from error
-
-
-def _first_warning(table: np.ndarray) -> str:
-    """MuJoCo's sentence for the first kind of warning that was counted in ``table`` (kinds, 2)."""
-    kind = int(np.flatnonzero(table[:, COUNT])[0])
-    return mujoco.mju_warningText(kind, int(table[kind, INFO]))
+def _table_of_warnings(data: mujoco.MjData) -> int:
+    """Address of MuJoCo's (kinds, 2) int32 table: last information and count of each kind."""
+    return _address(data.warning.lastinfo)

@@ -28,14 +28,28 @@ TINY = LearningCurve(
 )
 
 
-def test_experts_fly_every_cell_and_keep_each_evaluation(tmp_path: Path) -> None:
-    report = Experts(tiers=("calm",), episodes=1, threads=1).run(tmp_path, progress=False)
-    rows = report.tables["Success of the experts"]
-    assert [(row["robot"], row["task"]) for row in rows] == list(aerial_il.list_cells())
-    assert all(row["success"] == 1 for row in rows)
-    assert all(target.met and target.limit == 99.0 for target in report.targets)
+EXPERTS = Experts(tasks=("reach",), tiers=("calm",), episodes=1, returns=2, threads=1)
+
+
+def test_experts_fly_every_cell_keep_each_evaluation_and_go_on_with_the_rest(tmp_path: Path) -> None:
+    report = replace(EXPERTS, robots=("ua_quad_arm4",)).run(tmp_path, progress=False)
+    (row,) = report.tables["Success of the experts"]
+    assert (row["robot"], row["task"], row["tier"], row["success"]) == ("ua_quad_arm4", "reach", "calm", 1)
     assert load_result(tmp_path / "ua_quad_arm4-reach-calm").seeds == [10_000]
+    (earned,) = report.tables["Returns"]
+    assert earned["sparse_is_success"]
+    assert earned["expert_return"] > earned["random_return"] > 0.0
+    assert [target.limit for target in report.targets] == [99.0, 1.0]
+    assert all(target.met for target in report.targets)
     json.dumps(report.to_dict(), allow_nan=False)
+
+    kept = (tmp_path / "ua_quad_arm4-reach-calm" / "evaluation.json").read_bytes()
+    again = EXPERTS.run(tmp_path, progress=False)
+    reaching = [cell for cell in aerial_il.list_cells() if cell[1] == "reach"]
+    assert [(row["robot"], row["task"]) for row in again.tables["Success of the experts"]] == reaching
+    assert (tmp_path / "ua_quad_arm4-reach-calm" / "evaluation.json").read_bytes() == kept
+    with pytest.raises(InvalidValueError, match="other settings"):
+        replace(EXPERTS, episodes=2).run(tmp_path, progress=False)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +23,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
 
 def test_every_arm_has_its_row_and_every_robot_its_targets(report: Report) -> None:
     rows = report.tables["Tracking"]
-    assert [(row["reference"], row["observer"]) for row in rows] == [
-        ("hover", "on"), ("moving", "on"), ("hover", "off"), ("moving", "off")
-    ]  # fmt: skip
+    laws = ("geometric_observer", "geometric", "pid")
+    assert [(row["controller"], row["reference"]) for row in rows] == list(product(laws, ("hover", "moving")))
     assert [target.limit for target in report.targets] == [3.0, 6.0]
     assert report.targets[0].measured == rows[0]["rmse_cm"]
     json.dumps(report.to_dict(), allow_nan=False)

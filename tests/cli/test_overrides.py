@@ -58,6 +58,40 @@ def test_a_path_goes_where_it_belongs_and_a_choice_stays_a_choice(given: str, pr
     assert prepare(TRAIN, [given]) == [prepared]
 
 
+@pytest.mark.parametrize(
+    ("given", "prepared"),
+    [
+        ("tier=gusts", "tier=gusts"),
+        ("tier=calm,hard", "tier=calm,hard"),
+        ("tier=hard-payload", "tier.name=hard-payload"),
+        ("tier=calm+latency+wind", "tier.name=calm+latency+wind"),
+        ("tier=gusts,calm+wind", "tier.name=gusts,calm+wind"),
+    ],
+)
+def test_a_tier_may_be_put_together(given: str, prepared: str) -> None:
+    assert prepare(EVALUATE, [given]) == [prepared]
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("tier=gust", "Unknown tier 'gust'. Did you mean 'gusts'"),
+        ("tier=gust+wind", "Unknown tier 'gust'. Did you mean 'gusts'"),
+        ("tier=calm+latncy", "Unknown tier component 'latncy'. Did you mean 'latency'"),
+        ("tier=calm-wind", "Tier 'calm' has no wind anyway"),
+    ],
+)
+def test_a_wrong_tier_is_refused_before_anything_flies(word: str, says: str) -> None:
+    with pytest.raises((UnknownNameError, InvalidValueError)) as caught:
+        compose(EVALUATE, ["policy=x", "out=x", word])
+    assert says in str(caught.value)
+
+
+def test_a_tier_put_together_reaches_the_command() -> None:
+    chosen = compose(EVALUATE, ["policy=x", "out=x", "tier=calm+wind+latency"])
+    assert chosen.tier.name == "calm+wind+latency"
+
+
 def test_an_evaluated_policy_is_always_a_path() -> None:
     assert prepare(EVALUATE, ["policy=mlp"]) == ["policy.path=mlp"]
 

@@ -67,7 +67,7 @@ def test_an_evaluation_says_how_to_get_it_again(home: Path) -> None:
     assert result["seeds"] == [10000, 10003]
     assert result["provenance"]["command"] == (
         "aerial-il evaluate policy=run robot=ua_quad_arm4 task=reach action=ee_pose "
-        "tier=calm episodes=4 seed=10000 out=run/evaluation"
+        "tier=calm controller=geometric_observer episodes=4 seed=10000 out=run/evaluation"
     )
 
 

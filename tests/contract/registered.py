@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.control.actions import ActionLevel
+from aerial_il import robots
+from aerial_il.control.actions import levels_of
 from aerial_il.core.specs import ActionSpec
 from aerial_il.suite import tiers
 from aerial_il.suite.batch import BatchEnvironment
@@ -16,11 +18,49 @@ from aerial_il.suite.environment import AerialEnvironment
 
 CELLS = aerial_il.list_cells()
 TIERS = tiers.names()
-LEVELS = tuple(level.label for level in ActionLevel)
 
+
+def covering(cells: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
+    """A few cells in which every robot and every task occurs; the main robots take the tasks in turn."""
+    tasks, chosen = sorted({task for _, task in cells}), []
+    for i, task in enumerate(tasks):
+        able = [robot for robot, other in cells if other == task]
+        main = [robot for robot in ("fa_hexa_arm4", "ua_quad_arm4") if robot in able]
+        chosen.append(((main or able)[i % len(main or able)], task))
+    missing = {robot for robot, _ in cells} - {robot for robot, _ in chosen}
+    chosen += [next(cell for cell in cells if cell[0] == robot) for robot in sorted(missing)]
+    return tuple(chosen)
+
+
+SAMPLE = covering(CELLS)
 each_cell = pytest.mark.parametrize(("robot", "task"), CELLS)
-each_tier = pytest.mark.parametrize("tier", TIERS)
-each_level = pytest.mark.parametrize("level", LEVELS)
+each_sample = pytest.mark.parametrize(  # every cell as well, but those beyond the sample only if time allows
+    ("robot", "task"), [pytest.param(*cell, marks=() if cell in SAMPLE else pytest.mark.slow) for cell in CELLS]
+)
+
+
+def levels(robot: str) -> tuple[str, ...]:
+    """Action levels of a robot; ee_pose, the default, is the first."""
+    return tuple(level.label for level in levels_of(robots.get(robot).vehicle))
+
+
+def each_cell_with(name: str, values_of: Callable[[str], tuple[str, ...]]) -> pytest.MarkDecorator:
+    """Every cell with every value of ``name``: the first, and in the sample one of the others; the rest is marked slow.
+
+    Args:
+        name: of the argument. values_of: its values for a robot.
+    """
+    cases = []
+    for i, cell in enumerate(CELLS):
+        values = values_of(cell[0])
+        for k, value in enumerate(values):
+            in_turn = k == 0 or (cell in SAMPLE and k == 1 + i % (len(values) - 1))
+            cases.append(pytest.param(*cell, value, marks=() if in_turn else pytest.mark.slow))
+    return pytest.mark.parametrize(("robot", "task", name), cases)
+
+
+each_cell_and_tier = each_cell_with("tier", lambda robot: TIERS)
+each_cell_and_level = each_cell_with("level", levels)
 
 
 @cache
@@ -33,6 +73,12 @@ def single(robot: str, task: str, tier: str = "calm", level: str = "ee_pose") ->
 def batch(robot: str, task: str, tier: str = "calm", level: str = "ee_pose", num_envs: int = 3) -> BatchEnvironment:
     """Several worlds, shared by all tests: reset them first."""
     return aerial_il.load_batch(robot, task, num_envs=num_envs, tier=tier, action=level)
+
+
+def staying(worlds: BatchEnvironment) -> np.ndarray:
+    """``ee_pose`` actions (n, Da) that command the present pose of the tool, gripper open if there is one."""
+    obs, size = worlds.observe(), worlds.spec.action.size
+    return np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((len(obs["ee_pos"]), 1))], axis=1)[:, :size]
 
 
 def random_actions(spec: ActionSpec, steps: int, num_envs: int, seed: int = 0) -> np.ndarray:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from aerial_il import robots
-from aerial_il.control.dynamics import FRAME_SIZE, forward_kinematics
+from aerial_il.control.dynamics import forward_kinematics
+from aerial_il.control.scratch import FRAME_SIZE
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 
-VEHICLES = {name: robots.get(name).vehicle for name in robots.names()}
+ROBOTS = [robots.get(name) for name in robots.names()]
+VEHICLES = {robot.name: robot.vehicle for robot in ROBOTS if robot.num_joints and not robot.fixed}
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES.values(), ids=VEHICLES.keys())
 
 
@@ -60,7 +62,7 @@ def random_state(model: mujoco.MjModel, vehicle: Vehicle, rng: np.random.Generat
     mujoco.mj_forward(model, data)
     rot = data.body("base").xmat.copy()
     omega = rot.reshape(3, 3) @ data.qvel[3:6]
-    joints, frames = data.qpos[7 : 7 + count].copy(), np.empty((count, FRAME_SIZE))
+    joints, frames = data.qpos[7 : 7 + count].copy(), np.empty((count + 1, FRAME_SIZE))
     pos, matrix = tuple(data.qpos[:3]), tuple(rot)
-    forward_kinematics(vehicle, pos, matrix, joints, frames)
+    forward_kinematics(vehicle.record, pos, matrix, joints, 0, frames)
     return State(data, pos, matrix, tuple(data.qvel[:3]), tuple(omega), joints, data.qvel[6 : 6 + count].copy(), frames)

@@ -22,7 +22,7 @@ def wrench_of(vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
 
 def allocated(vehicle: Vehicle, wrench: np.ndarray) -> np.ndarray:
     thrust = np.empty(len(vehicle.rotor_max))
-    allocate(vehicle.mixer, vehicle.rotor_max, tuple(wrench[:3]), tuple(wrench[3:]), thrust)
+    allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, tuple(wrench[:3]), tuple(wrench[3:]), thrust)
     return thrust
 
 
@@ -38,7 +38,7 @@ def test_a_wrench_that_the_rotors_can_give_is_given(vehicle: Vehicle, use: list[
     wanted = np.zeros(6)
     wanted[rows] = wrench[rows]
     smallest = vehicle.mixer @ wanted
-    assume(((smallest >= 0.0) & (smallest <= vehicle.rotor_max)).all())
+    assume(((smallest >= vehicle.rotor_min) & (smallest <= vehicle.rotor_max)).all())
     np.testing.assert_allclose(allocated(vehicle, wanted), smallest, atol=1e-9)
     np.testing.assert_allclose(wrench_of(vehicle, smallest)[rows], wanted[rows], atol=1e-9)
 
@@ -57,7 +57,7 @@ def test_a_wrench_near_hover_makes_the_round_trip(vehicle: Vehicle, shares: list
 @given(vehicles, st.lists(st.floats(-500.0, 500.0), min_size=6, max_size=6))
 def test_no_demand_exceeds_the_rotors(vehicle: Vehicle, wrench: list[float]) -> None:
     thrust = allocated(vehicle, np.array(wrench))
-    assert (thrust >= 0.0).all()
+    assert (thrust >= vehicle.rotor_min).all()
     assert (thrust <= vehicle.rotor_max).all()
 
 
@@ -81,7 +81,7 @@ def test_yaw_is_given_up_before_lift_and_sideways_force(vehicle: Vehicle, fx: fl
     got = wrench_of(vehicle, thrust)
     np.testing.assert_allclose(got[rows], wanted[rows], atol=1e-9)
     assert got[5] * tz >= -1e-9
-    exhausted = np.minimum(thrust, vehicle.rotor_max - thrust).min() < 1e-9
+    exhausted = np.minimum(thrust - vehicle.rotor_min, vehicle.rotor_max - thrust).min() < 1e-9
     assert got[5] == pytest.approx(tz, abs=1e-9) or (abs(got[5]) < abs(tz) and exhausted), "as much as fits"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -12,49 +11,10 @@ from aerial_il.control.controller import Controller
 from aerial_il.control.vehicle import GRAVITY, Gains
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rotations import rot6d_from_mat
+from tests.control.in_the_air import ARMED, FLYING, Flight
 
-DT = 0.004
-each_robot = pytest.mark.parametrize("robot", robots.names())
-
-
-class Flight:
-    """A robot alone in the air, at rest 2 m up, flown by the controller."""
-
-    def __init__(self, robot: str, level: str = "ee_pose", gains: Gains | None = None) -> None:
-        self.robot = robots.get(robot)
-        self.vehicle = self.robot.vehicle
-        spec = mujoco.MjSpec()
-        spec.compiler.degree = False
-        spec.option.timestep = DT
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        self.robot.add_to(spec)
-        self.model = spec.compile()
-        self.data = mujoco.MjData(self.model)
-        self.controller = Controller(self.vehicle, level=level, gains=gains, dt=DT)
-        self.joints, self.rotors = len(self.vehicle.link_mass), len(self.vehicle.rotor_max)
-        self.data.qpos[2] = 2.0
-        self.data.qpos[7 : 7 + self.joints] = self.vehicle.rest_down
-        self.data.act[: self.rotors] = self.vehicle.mixer[:, 2] * self.vehicle.mass * GRAVITY
-        mujoco.mj_forward(self.model, self.data)
-
-    @property
-    def tool(self) -> np.ndarray:
-        return self.data.site("tool").xpos
-
-    def pose(self, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
-        """``ee_pose`` action: the present tool pose, moved by ``offset`` m; gripper open."""
-        return np.array([*(self.tool + offset), *rot6d_from_mat(self.data.site("tool").xmat), 1.0])
-
-    def fly(self, action: np.ndarray, seconds: float, force: tuple[float, ...] = (0.0, 0.0, 0.0)) -> None:
-        """Fly one action for a while under a constant outside force (N, world) on the base."""
-        self.data.xfrc_applied[1, :3] = force
-        for _ in range(round(seconds / DT)):
-            qpos, qvel = self.data.qpos[: 7 + self.joints], self.data.qvel[: 6 + self.joints]
-            thrust, servo = self.controller.update(action, qpos, qvel, self.data.act[: self.rotors].copy())
-            self.data.ctrl[: self.rotors] = thrust
-            self.data.ctrl[self.rotors : self.rotors + self.joints] = servo
-            self.data.ctrl[-1] = self.robot.gripper.stroke
-            mujoco.mj_step(self.model, self.data)
+each_robot = pytest.mark.parametrize("robot", FLYING)
+each_armed = pytest.mark.parametrize("robot", ARMED)
 
 
 @each_robot
@@ -78,7 +38,7 @@ def test_the_tool_does_not_shoot_past_its_target(robot: str) -> None:
     assert furthest < action[0] + 0.03
 
 
-@each_robot
+@each_armed
 def test_it_reaches_a_pose_that_needs_the_arm_and_the_base(robot: str) -> None:
     """From pointing down to pointing 45° forward and 30° to the left."""
     flight = Flight(robot)
@@ -128,7 +88,7 @@ def test_a_velocity_command_is_flown(robot: str) -> None:
 def test_a_base_and_joint_command_is_flown(robot: str) -> None:
     flight = Flight(robot, "base_joint")
     joints = flight.vehicle.rest_forward
-    action = np.array([0.3, 0.2, 2.2, 0.6, *joints, 1.0])
+    action = np.array([0.3, 0.2, 2.2, 0.6, *joints, 1.0])[: flight.controller.spec.size]
     flight.fly(action, 4.0)
     np.testing.assert_allclose(flight.data.qpos[:3], action[:3], atol=0.02)
     np.testing.assert_allclose(flight.data.qpos[7 : 7 + flight.joints], joints, atol=0.03)
@@ -140,7 +100,8 @@ def test_a_base_and_joint_command_is_flown(robot: str) -> None:
 def test_body_rates_are_flown(robot: str) -> None:
     flight = Flight(robot, "ctbr")
     weight = flight.vehicle.mass * GRAVITY
-    flight.fly(np.array([weight, 0.3, -0.2, 0.4, *flight.vehicle.rest_down, 1.0]), 0.8)
+    action = np.array([weight, 0.3, -0.2, 0.4, *flight.vehicle.rest_down, 1.0])
+    flight.fly(action[: flight.controller.spec.size], 0.8)
     np.testing.assert_allclose(flight.data.qvel[3:6], [0.3, -0.2, 0.4], atol=0.08)
 
 
@@ -153,7 +114,9 @@ def test_rotor_commands_pass_through_within_limits(robot: str) -> None:
     thrust, _ = flight.controller.update(
         action, flight.data.qpos[: 7 + joints], flight.data.qvel[: 6 + joints], flight.data.act[: flight.rotors].copy()
     )
-    np.testing.assert_array_equal(thrust, np.clip(action[: flight.rotors], 0.0, flight.vehicle.rotor_max))
+    np.testing.assert_array_equal(
+        thrust, np.clip(action[: flight.rotors], flight.vehicle.rotor_min, flight.vehicle.rotor_max)
+    )
 
 
 def test_a_bad_action_is_refused() -> None:
@@ -171,3 +134,17 @@ def test_reset_forgets_the_past() -> None:
     flight.fly(flight.pose((0.3, 0.0, 0.0)), 0.5)
     flight.controller.reset()
     np.testing.assert_array_equal(flight.controller.memory, other.controller.memory)
+
+
+@each_armed
+def test_displacements_add_up_in_the_tools_own_frame(robot: str) -> None:
+    flight = Flight(robot, "ee_delta")
+    start, rot = flight.tool.copy(), flight.data.site("tool").xmat.reshape(3, 3).copy()
+    still = np.array([*np.zeros(6), 1.0])
+    flight.fly(np.array([0.004, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]), 1.0)  # out of the gripper, 0.2 m/s
+    flight.fly(still, 2.0)
+    np.testing.assert_allclose(flight.tool - start, 0.2 * rot[:, 0], atol=0.01)
+    flight.fly(np.array([0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 1.0]), 0.5)  # about the gripper's axis, 0.5 rad/s
+    flight.fly(still, 3.0)
+    turned = rot.T @ flight.data.site("tool").xmat.reshape(3, 3)
+    assert np.arctan2(turned[2, 1], turned[1, 1]) == pytest.approx(0.25, abs=0.03)

@@ -24,7 +24,7 @@ def test_the_tool_is_where_mujoco_has_it(vehicle: Vehicle) -> None:
     model, rng = compile_nominal(vehicle), np.random.default_rng(0)
     for _ in range(20):
         state = random_state(model, vehicle, rng)
-        tool, rot = tool_pose(vehicle, state.frames)
+        tool, rot = tool_pose(vehicle.record, state.frames)
         np.testing.assert_allclose(tool, state.data.site("tool").xpos, atol=1e-12)
         np.testing.assert_allclose(rot, state.data.site("tool").xmat, atol=1e-12)
 
@@ -35,7 +35,7 @@ def test_the_jacobian_is_mujocos_and_that_of_finite_differences(vehicle: Vehicle
     for _ in range(10):
         state = random_state(model, vehicle, rng)
         jacobian, theirs = np.empty((6, 4 + count)), np.empty((6, model.nv))
-        tool_jacobian(vehicle, state.frames, state.pos, jacobian)
+        tool_jacobian(vehicle.record, state.frames, state.pos, jacobian)
         mujoco.mj_jacSite(model, state.data, theirs[:3], theirs[3:], model.site("tool").id)
         np.testing.assert_allclose(jacobian[:, :3], theirs[:, :3], atol=1e-12)
         np.testing.assert_allclose(jacobian[:, 4:], theirs[:, 6:], atol=1e-12)
@@ -58,7 +58,7 @@ def test_the_tools_velocity_is_mujocos(vehicle: Vehicle) -> None:
         state = random_state(model, vehicle, rng)
         twist = np.empty(6)
         mujoco.mj_objectVelocity(model, state.data, mujoco.mjtObj.mjOBJ_SITE, model.site("tool").id, twist, 0)
-        linear, omega = tool_velocity(vehicle, state.frames, state.pos, state.vel, state.omega, state.joint_vel)
+        linear, omega = tool_velocity(vehicle.record, state.frames, state.pos, state.vel, state.omega, state.joint_vel)
         np.testing.assert_allclose(linear, twist[3:], atol=1e-12)
         np.testing.assert_allclose(omega, twist[:3], atol=1e-12)
 
@@ -70,7 +70,7 @@ def test_momentum_is_mujocos(vehicle: Vehicle) -> None:
         state = random_state(model, vehicle, rng)
         mujoco.mj_subtreeVel(model, state.data)
         linear, angular, com, mass = momentum(
-            vehicle, state.frames, state.pos, state.rot, state.vel, state.omega, state.joint_vel
+            vehicle.record, state.frames, state.pos, state.rot, state.vel, state.omega, state.joint_vel
         )
         base = state.data.body("base")
         np.testing.assert_allclose(mass, model.body_subtreemass[1])
@@ -90,7 +90,7 @@ def test_inverse_dynamics_is_mujocos(vehicle: Vehicle) -> None:
         rot = np.reshape(state.rot, (3, 3))
         torques = np.empty(count)
         force, torque = inverse_dynamics(
-            vehicle, state.frames, state.pos, state.rot, state.omega, state.joint_vel,
+            vehicle.record, state.frames, state.pos, state.rot, state.omega, state.joint_vel,
             tuple(data.qacc[:3]), tuple(rot @ data.qacc[3:6]), data.qacc[6:].copy(), torques,
         )  # fmt: skip
         np.testing.assert_allclose(force, data.qfrc_inverse[:3], atol=1e-9)
@@ -107,7 +107,7 @@ def test_rotational_inertia_is_the_block_of_mujocos_mass_matrix(vehicle: Vehicle
         mujoco.mj_fullM(model, state.data, matrix)
         rot = np.reshape(state.rot, (3, 3))
         alpha = rng.uniform(-5, 5, 3)
-        torque = rotational_inertia(vehicle, state.frames, state.pos, state.rot, tuple(rot @ alpha))
+        torque = rotational_inertia(vehicle.record, state.frames, state.pos, state.rot, tuple(rot @ alpha))
         np.testing.assert_allclose(torque, rot @ matrix[3:6, 3:6] @ alpha, atol=1e-9)
 
 

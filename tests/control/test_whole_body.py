@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerial_il.control import memory as mem
-from aerial_il.control.dynamics import FRAME_SIZE, forward_kinematics, tool_pose
+from aerial_il.control.dynamics import forward_kinematics, tool_pose
 from aerial_il.control.flight import observe_disturbance
-from aerial_il.control.inverse_kinematics import damped_least_squares, freeze_at_limits, rest_posture
-from aerial_il.control.vehicle import Gains, Vehicle
-from aerial_il.control.whole_body import seat_references, solve_reference
+from aerial_il.control.inverse_kinematics import (
+    freeze_at_limits,
+    rest_posture,
+    solve_in_joint_space,
+    solve_in_task_space,
+)
+from aerial_il.control.scratch import FRAME_SIZE, make_scratch
+from aerial_il.control.vehicle import Vehicle
+from aerial_il.control.whole_body import advance_base, plan_reference, seat_references
 from aerial_il.core.rotations import IDENTITY, mat_from_yaw
 from tests.control.nominal import VEHICLES, each_vehicle
 
-DT = 0.004
+DT, INTERVAL = 0.004, 0.02
 
 
-def solve(vehicle: Vehicle, target: np.ndarray, rot: np.ndarray, ticks: int = 750) -> np.ndarray:
-    """Controller memory after following a fixed tool pose from hover for some ticks."""
-    memory = np.zeros(mem.MEMORY_SIZE)
-    seat_references(vehicle, memory, (0.0, 0.0, 1.5), IDENTITY, 0.0, vehicle.rest_down.copy())
+def solve(vehicle: Vehicle, target: np.ndarray, rot: np.ndarray, plans: int = 150) -> np.ndarray:
+    """Controller memory after following a fixed tool pose from hover for some plans."""
+    memory, record, scratch = np.zeros(mem.MEMORY_SIZE), vehicle.record, make_scratch()
+    seat_references(record, scratch, memory, (0.0, 0.0, 1.5), IDENTITY, 0.0, vehicle.rest_down.copy())
     memory[mem.TOOL_POS : mem.TOOL_POS + 3] = target
     memory[mem.TOOL_ROT : mem.TOOL_ROT + 9] = rot.ravel()
-    for _ in range(ticks):
-        solve_reference(vehicle, Gains(), memory, DT)
+    for _ in range(plans):
+        plan_reference(record, scratch, memory, INTERVAL)
+        advance_base(memory, INTERVAL)
         joints = memory[mem.JOINT_REF : mem.JOINT_REF + len(vehicle.link_mass)]
         assert (joints >= vehicle.joint_low).all()
         assert (joints <= vehicle.joint_high).all()
@@ -34,11 +42,11 @@ def solve(vehicle: Vehicle, target: np.ndarray, rot: np.ndarray, ticks: int = 75
 
 def tool_of(vehicle: Vehicle, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = len(vehicle.link_mass)
-    frames = np.empty((count, FRAME_SIZE))
+    frames = np.empty((count + 1, FRAME_SIZE))
     pos = tuple(memory[mem.BASE_POS : mem.BASE_POS + 3])
     joints = memory[mem.JOINT_REF : mem.JOINT_REF + count]
-    forward_kinematics(vehicle, pos, mat_from_yaw(memory[mem.BASE_YAW]), joints, frames)
-    tool, rot = tool_pose(vehicle, frames)
+    forward_kinematics(vehicle.record, pos, mat_from_yaw(memory[mem.BASE_YAW]), joints, 0, frames)
+    tool, rot = tool_pose(vehicle.record, frames)
     return np.array(tool), np.reshape(rot, (3, 3))
 
 
@@ -68,32 +76,57 @@ def test_a_tool_pointing_backwards_leaves_the_joints_within_limits(vehicle: Vehi
 @each_vehicle
 def test_the_rest_posture_has_the_pitch_it_is_for(vehicle: Vehicle) -> None:
     for pitch in (0.2, 0.8, 0.5 * np.pi):
-        posture, frames = np.empty(len(vehicle.link_mass)), np.empty((len(vehicle.link_mass), FRAME_SIZE))
-        rest_posture(vehicle, pitch, posture)
-        forward_kinematics(vehicle, (0.0, 0.0, 0.0), IDENTITY, posture, frames)
-        _, rot = tool_pose(vehicle, frames)
+        posture, frames = np.empty(len(vehicle.link_mass)), np.empty((len(vehicle.link_mass) + 1, FRAME_SIZE))
+        rest_posture(vehicle.record, pitch, posture, 0)
+        forward_kinematics(vehicle.record, (0.0, 0.0, 0.0), IDENTITY, posture, 0, frames)
+        _, rot = tool_pose(vehicle.record, frames)
         np.testing.assert_allclose(np.reshape(rot, (3, 3)), pitched(0.0, pitch), atol=1e-9)
 
 
+def random_problem(count: int, seed: int) -> np.record:
+    """Working memory with a random Jacobian and error for the first ``count`` coordinates."""
+    rng, scratch = np.random.default_rng(seed), make_scratch()
+    scratch.jacobian[:, :count], scratch.error[:] = rng.standard_normal((6, count)), rng.standard_normal(6)
+    scratch.weight[:], scratch.mobility[:] = 1.0, 1.0
+    return scratch
+
+
 def test_one_step_solves_a_linear_task_and_moves_nothing_frozen() -> None:
-    rng = np.random.default_rng(0)
-    jacobian, error = rng.standard_normal((6, 9)), rng.standard_normal(6)
-    scale, step = np.ones(9), np.empty(9)
-    damped_least_squares(jacobian, error, np.ones(6), scale, np.zeros(9), 1e-9, step)
-    np.testing.assert_allclose(jacobian @ step, error, atol=1e-9)
-    np.testing.assert_allclose(step, np.linalg.pinv(jacobian) @ error, atol=1e-9)
-    scale[2] = 0.0
-    damped_least_squares(jacobian, error, np.ones(6), scale, np.ones(9), 1e-9, step)
-    assert step[2] == 0.0
-    np.testing.assert_allclose(jacobian @ step, error, atol=1e-9)
+    scratch = random_problem(9, seed=0)
+    jacobian, error = scratch.jacobian[:, :9], scratch.error
+    solve_in_task_space(scratch, 9, 1e-9)
+    np.testing.assert_allclose(jacobian @ scratch.step[:9], error, atol=1e-9)
+    np.testing.assert_allclose(scratch.step[:9], np.linalg.pinv(jacobian) @ error, atol=1e-9)
+    scratch.mobility[2], scratch.pull[:] = 0.0, 1.0
+    solve_in_task_space(scratch, 9, 1e-9)
+    assert scratch.step[2] == 0.0
+    np.testing.assert_allclose(jacobian @ scratch.step[:9], error, atol=1e-9)
+
+
+@pytest.mark.parametrize("frozen", [(), (5,), (4, 6)])
+def test_joint_space_and_task_space_find_the_same_minimum(frozen: tuple[int, ...]) -> None:
+    scratch, rng = random_problem(8, seed=1), np.random.default_rng(2)
+    scratch.weight[:], scratch.mobility[:8] = rng.uniform(0.1, 1.0, 6), rng.uniform(0.5, 2.0, 8)
+    scratch.pull[:8] = rng.standard_normal(8)
+    scratch.mobility[:4] = 0.0  # the base stays where it is
+    scratch.mobility[list(frozen)] = 0.0
+    solve_in_task_space(scratch, 8, 0.05)
+    wanted = scratch.step[:8].copy()
+    scratch.step[:] = 0.0
+    solve_in_joint_space(scratch, 4, 4, 0.05)
+    np.testing.assert_allclose(scratch.step[:8], wanted, atol=1e-9)
 
 
 def test_only_joints_that_leave_their_limits_are_frozen() -> None:
-    joints, low, high = np.array([0.0, 0.9, -0.9]), np.full(3, -1.0), np.full(3, 1.0)
-    step, mobility = np.array([7.0, 0.5, 0.5, -0.5]), np.ones(4)
-    assert freeze_at_limits(joints, low, high, step, mobility, 1)
-    np.testing.assert_array_equal(mobility, [1, 1, 0, 0])
-    assert not freeze_at_limits(joints, low, high, np.zeros(4), np.ones(4), 1)
+    vehicle, scratch = VEHICLES["ua_quad_arm4"], make_scratch()
+    low, high = vehicle.joint_low, vehicle.joint_high
+    joints = np.array([99.0, *(0.5 * (low + high))])  # the first number is not a joint
+    joints[2], joints[3] = high[1] - 0.1, low[2] + 0.1
+    scratch.step[:8], scratch.mobility[:] = [7.0, 7.0, 7.0, 7.0, 0.0, 0.2, -0.2, 0.0], 1.0
+    assert freeze_at_limits(vehicle.record, scratch, joints, 1)
+    np.testing.assert_array_equal(scratch.mobility[:8], [1, 1, 1, 1, 1, 0, 0, 1])
+    scratch.step[:], scratch.mobility[:] = 0.0, 1.0
+    assert not freeze_at_limits(vehicle.record, scratch, joints, 1)
 
 
 def test_the_observer_converges_at_its_bandwidth() -> None:

@@ -114,10 +114,14 @@ def test_paths_mark_successes_with_dots_and_failures_with_crosses(diver: Evaluat
 
 def test_training_curves_put_losses_first_and_on_a_log_axis() -> None:
     steps = np.linspace(0, 1000, 50)
-    figures = training(
-        [Curve("lr", steps, 1e-3 - 1e-7 * steps), Curve("train/loss", steps, np.exp(-steps / 100) + 1e-3)]
-    )
-    assert [f.title for f in figures] == ["train/loss", "lr"]
+    loss = np.exp(-steps / 100) + 1e-3
+    curves = [
+        Curve("lr", steps, 1e-3 - 1e-7 * steps),
+        Curve("train/loss", steps, loss),
+        Curve("elapsed_s", steps, steps),
+    ]
+    figures = training(curves)
+    assert [f.title for f in figures] == ["Train: loss", "Learning rate"]
     line = parse(figures[0]).find("polyline")
     assert line is not None
     heights = [float(point.split(",")[1]) for point in line.attrib["points"].split()]

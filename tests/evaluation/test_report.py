@@ -4,51 +4,21 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import dataclass, replace
-from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.background import DatasetSummary, LearningPoint, training_curves
-from aerial_il.evaluation.report import number, percent, seconds, write_report
+from aerial_il.evaluation.page import number, percent, seconds
+from aerial_il.evaluation.report import write_report
 from aerial_il.evaluation.result import EvaluationResult, load_result
 from aerial_il.evaluation.video import Clip, Footage
-
-VOID = {"meta", "link", "br", "img", "input", "hr"}
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-
-class Outline(HTMLParser):
-    """Collects tags, ids and addresses, and checks that tags nest."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: list[str] = []
-        self.ids: list[str] = []
-        self.addresses: list[str] = []
-        self.feed(html)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.ids += [v for k, v in attrs if k == "id" and v]
-        self.addresses += [v for k, v in attrs if k in ("src", "href", "poster", "data") and v]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
+from tests.evaluation.browser import needs_browser, picture
+from tests.evaluation.outline import Outline
 
 
 @dataclass(frozen=True)
@@ -176,16 +146,10 @@ def test_a_dataset_is_summed_up() -> None:
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on this machine")
+@needs_browser
 def test_a_browser_draws_it_in_light_and_dark(full: Full, tmp_path: Path) -> None:
-    pictures = []
-    for scheme in (0, 1):  # dark, light
-        target = tmp_path / f"{scheme}.png"
-        options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=900,1400", "--hide-scrollbars"]
-        options += [f"--blink-settings=preferredColorScheme={scheme}", f"--screenshot={target}"]
-        subprocess.run([BROWSER, *options, full.path.as_uri()], check=True, capture_output=True, timeout=60)
-        pictures.append(np.asarray(Image.open(target).convert("L"), dtype=float))
-    dark, light = pictures
+    light = picture(full.path, tmp_path / "light.png")
+    dark = picture(full.path, tmp_path / "dark.png", dark=True)
     assert light.mean() > 200
     assert dark.mean() < 60
     assert light.std() > 10

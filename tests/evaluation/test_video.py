@@ -11,7 +11,7 @@ import pytest
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation import video
-from aerial_il.evaluation.overlay import STRIP_HEIGHT, Caption, compose
+from aerial_il.evaluation.overlay import Caption, compose, strip_height
 from aerial_il.evaluation.result import EvaluationResult, load_result
 from tests.evaluation.hover import DT_S, HoverBatch
 
@@ -46,7 +46,7 @@ def test_films_are_small_h264_that_starts_at_once(footage: video.Footage) -> Non
         assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
         assert stream.average_rate == video.FPS
         height, width = video.VIEW_SIZE
-        assert frames[0].shape == (height + STRIP_HEIGHT, 2 * width, 3)
+        assert frames[0].shape == (height + strip_height(2 * width), 2 * width, 3)
 
 
 @pytest.mark.render
@@ -108,6 +108,6 @@ def test_the_strip_says_the_outcome_and_leaves_the_picture_alone() -> None:
     view = np.full((64, 200, 3), 90, np.uint8)
     caption = Caption("reach", 1.0, 0.5, "fly", {"near": True})
     flying, crashed = (compose({"scene": view}, c) for c in (caption, Caption("reach", 1.0, 1.0, "", {}, "crash")))
-    assert flying.shape == (64 + STRIP_HEIGHT, 200, 3)
+    assert flying.shape == (64 + strip_height(200), 200, 3)
     np.testing.assert_array_equal(flying[40:64], view[40:])
     assert not np.array_equal(flying[64:], crashed[64:])

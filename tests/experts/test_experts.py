@@ -13,7 +13,7 @@ from aerial_il.experts.expert import UNDECIDED, Expert
 from aerial_il.experts.pick_place import CARRY, HOVER, LIFT
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
-from tests.contract.registered import CELLS, batch, each_cell, single
+from tests.contract.registered import CELLS, batch, each_sample, single
 
 PICK = ("ua_quad_arm4", "pick_place")
 
@@ -50,7 +50,7 @@ def test_every_task_of_a_cell_has_an_expert() -> None:
     assert {task for _, task in CELLS} <= set(experts.names())
 
 
-@each_cell
+@each_sample
 def test_an_expert_is_a_policy_with_phases(robot: str, task: str) -> None:
     worlds = batch(robot, task)
     expert = attached(worlds)

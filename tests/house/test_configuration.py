@@ -12,12 +12,14 @@ from aerial_il.cli import commands, conf, keys
 from aerial_il.cli.build import build, parameters
 from aerial_il.cli.compose import compose
 from aerial_il.cli.overrides import known_keys
+from aerial_il.control import laws
 from aerial_il.suite import tiers
 
 REGISTRIES = {
     "robot": aerial_il.list_robots(),
     "task": aerial_il.list_tasks(),
     "tier": tiers.names(),
+    "controller": laws.names(),
     "policy": policies.list_policies(),
     "algorithm": algorithms.list_algorithms(),
     "bench": benchmarks.names(),
@@ -41,7 +43,7 @@ def test_each_registered_name_has_a_file_and_each_file_a_registered_name(group: 
     """A policy or an algorithm may have further files: the same thing with other values."""
     registered, files = set(REGISTRIES[group]), set(conf.options(group))
     assert registered <= files
-    if group in ("robot", "task", "tier"):
+    if group in ("robot", "task", "tier", "controller"):
         assert registered == files
         assert all(conf.read_option(group, name) == {"name": name} for name in files)
 

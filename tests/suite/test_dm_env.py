@@ -11,7 +11,7 @@ from dm_control.rl import control
 from dm_env import StepType, test_utils
 
 import aerial_il
-from tests.contract.registered import CELLS, each_cell, single
+from tests.contract.registered import CELLS, each_sample, single
 
 
 class TestConformance(test_utils.EnvironmentTestMixin, absltest.TestCase):
@@ -41,7 +41,7 @@ class TestConformanceWithCameras(TestConformance):
         return env
 
 
-@each_cell
+@each_sample
 def test_it_is_a_dm_control_environment(robot: str, task: str) -> None:
     env = single(robot, task)
     assert isinstance(env, control.Environment)

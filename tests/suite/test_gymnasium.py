@@ -20,7 +20,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite.gymnasium_env import SingleEnv
 from aerial_il.suite.gymnasium_ids import gymnasium_id
 from aerial_il.suite.gymnasium_vector import BatchEnv
-from tests.contract.registered import CELLS, LEVELS, each_cell, random_actions
+from tests.contract.registered import CELLS, each_sample, levels, random_actions
 
 ROBOT, TASK = "ua_quad_arm4", "pick_place"
 ID = gymnasium_id(ROBOT, TASK)
@@ -42,14 +42,14 @@ def checked(env: gymnasium.Env) -> None:
     assert [m for m in messages if not any(known in m for known in KNOWN_WARNINGS)] == []
 
 
-@each_cell
+@each_sample
 def test_every_cell_is_registered_and_passes_the_checker(robot: str, task: str) -> None:
-    with gymnasium.make(gymnasium_id(robot, task), tier="gusts") as env:
+    with gymnasium.make(gymnasium_id(robot, task), tier="gusts+latency-noise") as env:
         assert isinstance(env.unwrapped, SingleEnv)
         checked(env)
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", levels("ua_quad_arm4"))
 def test_every_action_level_passes_the_checker(level: str) -> None:
     with gymnasium.make(ID, action=level) as env:
         checked(env)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 Rows = Sequence[Mapping[str, Any]]
 INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c")
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
+ROWS_PER_PANEL = 10  # lines of text that such a height has room for
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "aerial_il",
     "svg.fonttype": "none",
@@ -31,20 +32,21 @@ STYLE: dict[Any, Any] = {
 
 
 def tracking_bars(rows: Rows, limits_cm: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
-    """Draw the tool's RMSE: a panel per robot and reference, tiers side by side, observer on and off, targets dashed.
+    """Draw the tool's RMSE: a panel per robot and reference, tiers side by side, a bar per flight law, targets dashed.
 
     Args:
         rows: of the first table of the tracking benchmark. limits_cm: (robot, tier) -> reference -> largest RMSE, cm.
     """
     panels = list(dict.fromkeys((r["robot"], r["reference"]) for r in rows))
-    tiers, observers = (list(dict.fromkeys(r[k] for r in rows)) for k in ("tier", "observer"))
+    tiers, laws = (list(dict.fromkeys(r[k] for r in rows)) for k in ("tier", "controller"))
+    width = 0.8 / len(laws)
 
     def draw(axes: Axes, panel: tuple[str, str]) -> None:
-        for k, observer in enumerate(observers):
-            bars = [r for r in rows if (r["robot"], r["reference"]) == panel and r["observer"] == observer]
-            places = [tiers.index(r["tier"]) + 0.36 * (k - 0.5 * (len(observers) - 1)) for r in bars]
+        for k, law in enumerate(laws):
+            bars = [r for r in rows if (r["robot"], r["reference"]) == panel and r["controller"] == law]
+            places = [tiers.index(r["tier"]) + width * (k - 0.5 * (len(laws) - 1)) for r in bars]
             values, spread = [r["rmse_cm"] for r in bars], [r["seed_sd_cm"] for r in bars]
-            axes.bar(places, values, 0.34, yerr=spread, color=COLOURS[k], ecolor=INK, label=f"observer {observer}")
+            axes.bar(places, values, 0.94 * width, yerr=spread, color=COLOURS[k], ecolor=INK, label=law)
         for i, tier in enumerate(tiers):
             limit = limits_cm.get((panel[0], tier), {}).get(panel[1])
             if limit is not None:
@@ -72,13 +74,14 @@ def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
             axes.plot(r["percent"], y, "o", color=COLOURS[0])
         if tier in limits:
             axes.axvline(limits[tier], color=INK, linestyle="dashed", linewidth=1)
-        axes.set_yticks(range(len(cells)), [f"{robot}\n{task}" for robot, task in cells])
+        axes.set_yticks(range(len(cells)), [f"{robot}, {task}" for robot, task in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.set_xlim(lowest - 1.0, 100.5)
         axes.set_xlabel("success (%)")
         axes.grid(axis="y", visible=False)
 
-    return _panels({tier: tier for tier in dict.fromkeys(r["tier"] for r in rows)}, draw)
+    titles = {tier: tier for tier in dict.fromkeys(r["tier"] for r in rows)}
+    return _panels(titles, draw, width=1.4, height=max(1.0, len(cells) / ROWS_PER_PANEL))
 
 
 def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
@@ -132,11 +135,65 @@ def time_shares(rows: Rows, parts: Sequence[str]) -> str:
     return _panels({"": "Where the time of the batch environment goes"}, draw, width=2.0)
 
 
-def _panels[K](titles: Mapping[K, str], draw: Callable[[Axes, K], None], *, width: float = 1.0) -> str:
+def spectra(frequency_hz: Sequence[float], measured: Mapping[str, Sequence[float]], theory: Mapping[str, Any]) -> str:
+    """Draw power spectra over frequency, a panel per component: dots measured, line from theory.
+
+    Args:
+        frequency_hz: (F,). measured, theory: component -> (F,) density, m²/s² per Hz.
+    """
+
+    def draw(axes: Axes, component: str) -> None:
+        axes.plot(frequency_hz, measured[component], "o", color=COLOURS[0], markersize=3, label="simulated")
+        axes.plot(frequency_hz, theory[component], color=INK, linewidth=1, label="Dryden")
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("frequency (Hz)")
+        axes.set_ylabel("density (m²/s²/Hz)")
+
+    return _panels({component: component for component in measured}, draw)
+
+
+def force_lines(time_s: Sequence[float], percent: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+    """Draw forces along the mean wind over time, a panel per robot, a line per tier.
+
+    Args:
+        time_s: (T,). percent: robot -> tier -> (T,) force as a percentage of weight.
+    """
+
+    def draw(axes: Axes, robot: str) -> None:
+        for k, (tier, values) in enumerate(percent[robot].items()):
+            axes.plot(time_s, values, color=COLOURS[k], linewidth=1, label=tier)
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel("drag (% of weight)")
+        axes.set_ylim(bottom=0.0)
+
+    return _panels({robot: robot for robot in percent}, draw)
+
+
+def step_lines(time_s: Sequence[float], percent: Mapping[tuple[str, str], Mapping[str, Sequence[float]]]) -> str:
+    """Draw step responses: a panel per robot and step, a line per flight law.
+
+    Args:
+        time_s: (T,) since the step. percent: (robot, step) -> law -> (T,) response as a percentage of the step.
+    """
+
+    def draw(axes: Axes, panel: tuple[str, str]) -> None:
+        for k, (law, values) in enumerate(percent[panel].items()):
+            axes.plot(time_s, values, color=COLOURS[k], linewidth=1.2, label=law)
+        axes.axhline(100.0, color=INK, linestyle="dashed", linewidth=1)
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel("response (%)")
+
+    return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in percent}, draw)
+
+
+def _panels[K](
+    titles: Mapping[K, str], draw: Callable[[Axes, K], None], *, width: float = 1.0, height: float = 1.0
+) -> str:
     """Draw one panel per key, two in a row, and return the SVG.
 
     Args:
-        titles: key -> title. draw: ``(axes, key) -> None``. width: of a panel, relative to the usual.
+        titles: key -> title. draw: ``(axes, key) -> None``. width, height: of a panel, relative to the usual.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -144,7 +201,7 @@ def _panels[K](titles: Mapping[K, str], draw: Callable[[Axes, K], None], *, widt
     columns = min(2, len(titles))
     rows = -(-len(titles) // columns)
     with rc_context(STYLE):
-        figure = Figure((width * columns * PANEL_IN[0], rows * PANEL_IN[1]), layout="constrained")
+        figure = Figure((width * columns * PANEL_IN[0], height * rows * PANEL_IN[1]), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for panel, (key, title) in zip(axes, titles.items(), strict=False):
             draw(panel, key)

@@ -12,7 +12,7 @@ from aerial_il import experts
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.scene import SUBSTEPS
 
-INPUTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_XFRC_APPLIED
+INPUTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
 VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
@@ -22,7 +22,7 @@ class Workload:
 
     Attributes:
         start: (n, S) states before the first step. actions: (T, n, Da) commanded.
-        inputs: (n, 5 T, nu + 6 nbody) what entered the physics before each of its steps: actuator commands, wrenches.
+        inputs: (n, 5 T, nu + nv) what entered the physics before each of its steps: actuator commands, the air's force.
         end: (n, nq) positions after the last step.
     """
 
@@ -40,7 +40,7 @@ class Workload:
 def record(env: BatchEnvironment, seeds: np.ndarray, steps: int) -> Workload:
     """Let the cell's expert fly the worlds of ``env`` from ``seeds`` (n,) on, and keep everything."""
     simulation, expert = env.simulation, experts.make(env.spec.robot, env.spec.task)
-    ctrl, wrench = simulation.worlds.bind("ctrl"), simulation.worlds.bind("xfrc_applied")
+    ctrl, wrench = simulation.worlds.bind("ctrl"), simulation.worlds.bind("qfrc_applied")
     expert.attach(env)
     obs, start = env.reset(seeds), env.get_state()
     actions, inputs = [], []
@@ -48,9 +48,8 @@ def record(env: BatchEnvironment, seeds: np.ndarray, steps: int) -> Workload:
         actions.append(expert.act(obs))
         simulation.receive(actions[-1])
         for _ in range(SUBSTEPS):
-            simulation.control()
+            simulation.fly(1)
             inputs.append(np.concatenate([ctrl, wrench.reshape(env.num_envs, -1)], axis=1))
-            simulation.worlds.step(None)
         simulation.settle()
         obs = env.observe()
     return Workload(start, np.stack(actions), np.stack(inputs, axis=1), simulation.view.qpos.copy())
@@ -72,7 +71,6 @@ class RawPhysics:
     def __init__(self, model: mujoco.MjModel, work: Workload, num_threads: int = 0) -> None:
         self.work = work
         self._batch = mujoco_batch.Batch(model, len(work.start), num_threads, persistent=True)
-        self._ctrl, self._wrench = self._batch.bind("ctrl"), self._batch.bind("xfrc_applied")
 
     @property
     def qpos(self) -> np.ndarray:
@@ -84,14 +82,11 @@ class RawPhysics:
         self._batch.state[:] = self.work.start
         self._batch.forward(None, VELOCITY_STAGE)
 
+    def step(self) -> None:
+        """Fly on by control steps, as a policy must that looks at all worlds: one call per control step."""
+        for k in range(0, self.work.inputs.shape[1], SUBSTEPS):
+            self._batch.rollout(SUBSTEPS, self.work.inputs[:, k : k + SUBSTEPS], int(INPUTS), record=())
+
     def roll_out(self) -> None:
         """Fly on in one call: each thread takes a world from its first step to its last, the fastest there is."""
         self._batch.rollout(self.work.inputs.shape[1], self.work.inputs, int(INPUTS), record=())
-
-    def step_together(self) -> None:
-        """Fly on with all worlds in step, as anything that reacts must: one call per physics step."""
-        split = self._ctrl.shape[1]
-        for k in range(self.work.inputs.shape[1]):
-            self._ctrl[:] = self.work.inputs[:, k, :split]
-            self._wrench[:] = self.work.inputs[:, k, split:].reshape(self._wrench.shape)
-            self._batch.step(None, 1, VELOCITY_STAGE)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aerial_il.cli.commands import convert
-from aerial_il.cli.keys import MISSING, Named, at_least, group, key, output
+from aerial_il.cli.keys import MISSING, Named, TierName, at_least, group, key, output
 
 
 @dataclass
@@ -28,8 +28,9 @@ class Expert:
 class Config:
     robot: Named = group("which vehicle")
     task: Named = group("what it does")
-    tier: Named = group("how rough the air is")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
     expert: Expert = group("how the demonstrator flies")
+    controller: Named = group("which law flies the base")
     out: str = output(MISSING, "folder of the dataset")
     action: str = key("ee_pose", "action level that is recorded")
     episodes: int = key(100, "how many seeds are flown")
@@ -69,6 +70,7 @@ def record(config: Config) -> None:
         cameras=tuple(config.cameras),
         image_size=(config.image_size[0], config.image_size[1]),
         num_threads=config.threads,
+        controller=config.controller.name,
     )
     try:
         collect(

@@ -15,15 +15,16 @@ from typing import Any
 
 from aerial_il.cli import words
 from aerial_il.cli.commands import collect, convert, evaluate, report, train
-from aerial_il.cli.keys import Located, MaybeLocated, Named, at_least, group, key, output
+from aerial_il.cli.keys import Located, MaybeLocated, Named, TierName, at_least, group, key, output
 
 
 @dataclass
 class Config:
     robot: Named = group("which vehicle")
     task: Named = group("what it does")
-    tier: Named = group("how rough the air is")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
     expert: collect.Expert = group("how the demonstrator flies")
+    controller: Named = group("which law flies the base")
     policy: dict[str, Any] = group("what is trained")
     algorithm: dict[str, Any] = group("how it is trained")
     out: str = output("runs/demo", "folder for everything")
@@ -44,18 +45,19 @@ def run(config: Config) -> None:
     out, started = Path(config.out), time.perf_counter()
     dataset, training, judged = out / "dataset", out / "training", out / "evaluation"
     cell = f"robot={config.robot.name} task={config.task.name} tier={config.tier.name}"
+    law = f"controller={config.controller.name}"
     recipe = [*words.of_group("policy", config.policy, default="mlp")]
     recipe += words.of_group("algorithm", config.algorithm, default="bc")
     flown = f"tier={config.tier.name} episodes={config.evaluation_episodes} seed={config.evaluation_seed}"
 
     flight = f"expert.noise={config.expert.noise} episodes={config.episodes} seed={config.seed}"
-    _announce("Fly and record", f"collect {cell} {flight} out={dataset}")
+    _announce("Fly and record", f"collect {cell} {law} {flight} out={dataset}")
     collect.record(_collect(config, dataset))
     _announce("Convert for LeRobot", f"convert {dataset}")
     convert.run(convert.Config(str(dataset), progress=config.progress))
     _announce("Learn", " ".join(["train", f"dataset={dataset}", *recipe, f"seed={config.seed}", f"run={training}"]))
     train.learn(_train(config, dataset, training))
-    _announce("Evaluate", f"evaluate policy={training} {flown} out={judged}")
+    _announce("Evaluate", f"evaluate policy={training} {law} {flown} out={judged}")
     if not _is_current(judged, training, config):
         evaluate.run(_evaluate(config, training, judged))
     _announce("Report", f"report {judged} run={training} dataset={dataset}")
@@ -74,6 +76,7 @@ def _collect(config: Config, dataset: Path) -> collect.Config:
         task=config.task,
         tier=config.tier,
         expert=config.expert,
+        controller=config.controller,
         out=str(dataset),
         episodes=config.episodes,
         seed=config.seed,
@@ -96,6 +99,7 @@ def _evaluate(config: Config, training: Path, judged: Path) -> evaluate.Config:
     return evaluate.Config(
         policy=Located(str(training)),
         tier=config.tier,
+        controller=config.controller,
         out=str(judged),
         episodes=config.evaluation_episodes,
         seed=config.evaluation_seed,
@@ -116,9 +120,9 @@ def _is_current(judged: Path, training: Path, config: Config) -> bool:
         return False
     wanted = list(range(config.evaluation_seed, config.evaluation_seed + config.evaluation_episodes))
     same_policy = result.provenance.get("policy_sha256") == digest(load_policy(training).to_checkpoint())
-    return (
-        (judged / "report.html").exists() and same_policy and (result.tier, result.seeds) == (config.tier.name, wanted)
-    )
+    flown = (result.tier, result.provenance.get("environment", {}).get("controller"), result.seeds)
+    same_flights = flown == (config.tier.name, config.controller.name, wanted)
+    return (judged / "report.html").exists() and same_policy and same_flights
 
 
 def _announce(what: str, words: str) -> None:

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.cli.keys import MISSING, Located, Named, at_least, group, key, output, path
+from aerial_il.cli.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
 
 
 @dataclass
 class Config:
-    policy: Located = path(Located, "folder of a run or a policy, or: expert")
+    policy: Located = path(Located, "folder of a run or a policy, or: expert, random, hover")
     robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
     task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
-    tier: Named = group("how rough the air is")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    controller: Named = group("which law flies the base")
     out: str = output(MISSING, "folder for evaluation.json, videos/ and report.html")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for experts)")
     episodes: int = key(200, "how many seeds are flown")
@@ -44,7 +45,12 @@ def run(config: Config) -> None:
         action=config.action,
     )
     seeds = range(config.seed, config.seed + config.episodes)
-    env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, len(seeds)), threads=config.threads)
+    env = pilot.environment(
+        config.tier.name,
+        num_envs=min(config.num_envs, len(seeds)),
+        threads=config.threads,
+        controller=config.controller.name,
+    )
     try:
         result = evaluate(
             env,
@@ -61,5 +67,5 @@ def run(config: Config) -> None:
 
 
 def _command(config: Config, pilot: str) -> str:
-    where = f"tier={config.tier.name} episodes={config.episodes} seed={config.seed}"
+    where = f"tier={config.tier.name} controller={config.controller.name} episodes={config.episodes} seed={config.seed}"
     return f"aerial-il evaluate {pilot} {where} out={config.out}"

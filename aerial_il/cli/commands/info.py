@@ -36,6 +36,7 @@ def _environment(spec: Any) -> dict[str, Any]:
         "robot": spec.robot,
         "task": spec.task,
         "tier": spec.tier,
+        "controller": spec.controller,
         "instruction": spec.instruction,
         "action": {"level": spec.action.level, "elements": list(spec.action.labels)},
         "control_dt_s": spec.control_dt_s,

@@ -1,8 +1,10 @@
-"""Show what there is: robots, tasks, cells, tiers, action levels, policies, algorithms.
+"""Show what there is: robots, tasks, cells, tiers, action levels, controllers, policies, algorithms.
 
-A cell is a robot with a task that it can do.
+Tiers are shown with the components that they may be made of. A cell is a robot with a task that it can do. The gallery
+shows them all, with a film of an expert's flight each.
 
 Example: aerial-il list json=true
+Example: aerial-il list html=true
 """
 
 from __future__ import annotations
@@ -13,23 +15,61 @@ from typing import Any
 
 from aerial_il.cli.keys import key
 from aerial_il.cli.tables import table
+from aerial_il.core.errors import InvalidValueError
+
+GALLERY = "runs/gallery.html"
+HIDDEN = ("summary",)  # too long for a terminal's table
 
 
 @dataclass
 class Config:
     json: bool = key(False, "print one JSON object instead of tables (also: --json)")
+    html: str | None = key(None, f"write a gallery page that opens offline: true for {GALLERY}, or its path")
+    sheet: str | None = key(None, "with html: also one PNG with a picture of every robot and task")
+    progress: bool = key(True, "show a progress bar while films are made")
+
+    def __post_init__(self) -> None:
+        self.html = {"true": GALLERY, "false": None}.get(str(self.html).lower(), self.html)
+        if self.html and not self.html.endswith(".html"):
+            raise InvalidValueError(f"html={self.html} names a page: it ends in .html, or is true for {GALLERY}.")
+        if self.sheet and not (self.html and self.sheet.endswith(".png")):
+            raise InvalidValueError(f"sheet={self.sheet} needs html=... too, and a path that ends in .png.")
 
 
 def run(config: Config) -> None:
-    """Print the catalogue."""
+    """Print the catalogue, or write the gallery."""
     found = catalogue()
-    print(json.dumps(found, indent=2) if config.json else as_text(found))
+    if config.html:
+        show(config, found)
+    else:
+        print(json.dumps(found, indent=2) if config.json else as_text(found))
+
+
+def show(config: Config, found: dict[str, list[dict[str, Any]]]) -> None:
+    """Write the page, and the sheet if it is wanted, and say where they are."""
+    from aerial_il.cli.flying import expert_flight
+    from aerial_il.core.rendering import require_rendering
+    from aerial_il.evaluation.gallery import write_gallery, write_sheet
+    from aerial_il.evaluation.studio import obstacle
+
+    assert config.html is not None
+    if config.sheet:
+        require_rendering(f"sheet={config.sheet}")
+    problem = obstacle()
+    note = f"No pictures: {problem}" if problem else ""
+    if note:
+        print(note)
+    gallery = write_gallery(config.html, found, fly=expert_flight, note=note, progress=config.progress)
+    print(f"Gallery: {gallery.path} ({gallery.path.stat().st_size / 1e6:.1f} MB)")
+    if config.sheet:
+        print(f"Sheet: {write_sheet(config.sheet, gallery)}")
 
 
 def catalogue() -> dict[str, list[dict[str, Any]]]:
     """Return everything that is registered, as plain rows."""
     from aerial_il import algorithms, policies, robots
     from aerial_il.control.actions import ActionLevel
+    from aerial_il.control.laws import Law
     from aerial_il.suite import tasks, tiers
 
     cells = tasks.cells()
@@ -38,7 +78,9 @@ def catalogue() -> dict[str, list[dict[str, Any]]]:
         "tasks": [_task_row(tasks.get(name), cells) for name in tasks.names()],
         "cells": [{"robot": robot, "task": task} for robot, task in cells],
         "tiers": [_tier_row(tiers.get(name)) for name in tiers.names()],
+        "tier_components": [_component_row(name, tiers.HARD) for name in tiers.COMPONENTS],
         "action_levels": [{"name": level.label} for level in ActionLevel],
+        "controllers": [{"name": law.label, "summary": law.summary} for law in Law],
         "policies": [{"name": name} for name in policies.list_policies()],
         "algorithms": [{"name": name} for name in algorithms.list_algorithms()],
     }
@@ -46,13 +88,18 @@ def catalogue() -> dict[str, list[dict[str, Any]]]:
 
 def as_text(found: dict[str, list[dict[str, Any]]]) -> str:
     """Lay the catalogue out in tables."""
-    rows = {title: entries for title, entries in found.items() if title != "cells"}
+    rows = {
+        title: [{key: value for key, value in entry.items() if key not in HIDDEN} for entry in entries]
+        for title, entries in found.items()
+        if title != "cells"
+    }
     return "\n\n".join(f"{title.replace('_', ' ').capitalize()}\n{table(entries)}" for title, entries in rows.items())
 
 
 def _robot_row(robot: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:
     return {
         "name": robot.name,
+        "summary": robot.summary,
         "actuation": robot.actuation,
         "rotors": robot.num_rotors,
         "joints": robot.num_joints,
@@ -72,4 +119,17 @@ def _task_row(task: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:
 
 
 def _tier_row(tier: Any) -> dict[str, Any]:
-    return {"name": tier.name, "gusts_up_to_percent_of_weight": round(100 * tier.gust_limit, 1)}
+    return {
+        "name": tier.name,
+        "components": list(tier.components),
+        "gusts_percent_of_weight": round(100 * tier.wind.share, 1) if tier.wind else 0.0,
+    }
+
+
+def _component_row(name: str, hard: Any) -> dict[str, Any]:
+    strength = getattr(hard, name)
+    return {
+        "name": name,
+        "strength_when_added": [f"{key} {value:g}" for key, value in hard.to_dict()[name].items()],
+        "what": str(type(strength).__doc__).partition("\n")[0],
+    }

@@ -56,5 +56,6 @@ def environment_of(spec: Any, *, num_envs: int) -> Any:
         tier=spec.tier,
         action=spec.action.level,
         cameras=tuple(":".join(field.name.rsplit("_", 1)) for field in images),
+        controller=spec.controller,
         image_size=(images[0].shape[0], images[0].shape[1]) if images else (240, 320),
     )

@@ -15,14 +15,14 @@ from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.policy import Observation
-from aerial_il.core.specs import EnvSpec, ObservationSpec
+from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 
-UNIMPORTANT = ("tier", "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
+UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
 
 
 class ChunkPolicy:

@@ -1,7 +1,11 @@
-"""Who touches whom: robots collide with the world but not with themselves; objects collide with everything."""
+"""Who touches whom: robots collide with the world but not with themselves; objects collide with everything.
+
+The parts of a fixture (a door and its frame) touch robots and objects, but not each other: joints hold them together.
+"""
 
 from __future__ import annotations
 
 WORLD = {"contype": 1, "conaffinity": 3}
+FIXTURE = {"contype": 1, "conaffinity": 2}
 ROBOT = {"contype": 2, "conaffinity": 1}
 NOTHING = {"contype": 0, "conaffinity": 0}

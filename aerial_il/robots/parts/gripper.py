@@ -38,6 +38,11 @@ class Gripper:
         return 0.8 * self.finger_length
 
     @property
+    def tip_distance(self) -> float:
+        """From the tool point to the fingers' ends, m."""
+        return self.finger_length - self.tool_distance
+
+    @property
     def com_distance(self) -> float:
         """From the end of the last link to the gripper's centre of mass, m."""
         return 0.3 * self.finger_length
@@ -48,11 +53,11 @@ class Gripper:
         width, depth = 2.0 * self.stroke, self.finger_length
         return (self.mass * width**2 / 12, self.mass * depth**2 / 12, self.mass * (width**2 + depth**2) / 12)
 
-    def add_to(self, spec: mujoco.MjSpec, link: mujoco.MjsBody, start: float) -> None:
-        """Mount the gripper ``start`` m along the x axis of ``link``, with one actuator ``gripper`` (m of opening)."""
+    def add_to(self, spec: mujoco.MjSpec, link: mujoco.MjsBody, start: tuple[float, float, float]) -> None:
+        """Mount the gripper at ``start`` m, along the x axis of ``link``, with one actuator ``gripper`` (m)."""
         box = mujoco.mjtGeom.mjGEOM_BOX
         palm_mass, finger_mass = 0.6 * self.mass, 0.2 * self.mass
-        palm = link.add_body(name="palm", pos=[start, 0, 0])
+        palm = link.add_body(name="palm", pos=start)
         thickness = 0.12 * self.finger_length
         size = [thickness, self.stroke + 0.012, self.pad_height]
         palm.add_geom(name="palm", type=box, size=size, mass=palm_mass, rgba=METAL, **ROBOT)
@@ -83,3 +88,6 @@ class Gripper:
         finger.add_geom(name=f"finger_{side}", type=box, mass=0.5 * mass, **back, **ROBOT)
         front = {"pos": [0.2 * half, sign * 0.5 * thick, 0], "size": [0.8 * half, 0.5 * thick, self.pad_height]}
         finger.add_geom(name=f"pad_{side}", type=box, mass=0.5 * mass, rgba=RUBBER, **front, **ROBOT, **PAD_CONTACT)
+
+
+NO_GRIPPER = Gripper(mass=0.0, stroke=0.0, finger_length=0.0, pad_height=0.0, force=0.0)

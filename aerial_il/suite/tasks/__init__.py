@@ -41,7 +41,7 @@ def get(name: str) -> Task:
 @cache
 def cells() -> tuple[tuple[str, str], ...]:
     """All (robot, task) pairs that are claimed."""
-    return tuple((r, t) for r in robots.names() for t in names() if get(t).obstacle_to(robots.get(r)) is None)
+    return tuple((r, t) for r in robots.names() for t in names() if get(t).obstacle(robots.get(r)) is None)
 
 
 def check_cell(robot: str, task: str) -> None:
@@ -51,7 +51,7 @@ def check_cell(robot: str, task: str) -> None:
         UnknownNameError: no such robot or task.
         CellError: the robot cannot do the task; the message says why and which robots can.
     """
-    obstacle = get(task).obstacle_to(robots.get(robot))
+    obstacle = get(task).obstacle(robots.get(robot))
     if obstacle is not None:
         able = ", ".join(r for r, t in cells() if t == task)
         raise CellError(f"{robot} cannot do {task}: {obstacle}. Robots that can: {able}.")

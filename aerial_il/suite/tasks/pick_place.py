@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import mujoco
 import numpy as np
 
@@ -10,7 +12,8 @@ from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.contact_sensors import add_contact_sensor
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.props.place import two_places
+from aerial_il.suite.tasks.task import Task, hover_start, pointing_down
 from aerial_il.suite.view import View
 
 IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
@@ -19,6 +22,7 @@ CLEAR_OF_CUBE_M = 0.10
 LIFTED_M = 0.06
 AREA_LOW, AREA_HIGH = np.array([-0.25, -0.35]), np.array([0.25, 0.35])
 APART_M = 0.22
+HEADROOM_M = 0.27  # above the table, that carrying and backing off take
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.4])
 
 
@@ -31,6 +35,8 @@ class PickPlace(Task):
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
+
+    needs_flight = False
 
     def obstacle_to(self, robot: Robot) -> str | None:
         opening = 2.0 * robot.gripper.stroke
@@ -47,7 +53,8 @@ class PickPlace(Task):
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
-        cube, bowl = _two_places(rng)
+        workable = partial(_workable, view.robot)
+        cube, bowl = two_places(rng, AREA_LOW, AREA_HIGH, apart=APART_M, workable=workable)
         yaw = rng.uniform(-np.pi, np.pi)
         pose, _ = view.free_joint("cube")
         view.qpos[world, pose] = [*cube, TABLE_HEIGHT_M + CUBE_HALF_M, np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)]
@@ -115,12 +122,10 @@ def _in_bowl(view: View) -> np.ndarray:
     return (planar_length(cube - bowl) <= IN_BOWL_M) & (cube[:, 2] - bowl[:, 2] <= 0.05)
 
 
-def _two_places(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Two points on the table at least ``APART_M`` apart."""
-    while True:
-        a, b = rng.uniform(AREA_LOW, AREA_HIGH), rng.uniform(AREA_LOW, AREA_HIGH)
-        if np.hypot(*(a - b)) >= APART_M:
-            return a, b
+def _workable(robot: Robot, place: np.ndarray) -> bool:
+    """Whether the tool can go down at a place (2,) m of the table, from as high as it travels."""
+    heights = (TABLE_HEIGHT_M + 0.5 * CUBE_HALF_M, TABLE_HEIGHT_M + HEADROOM_M)
+    return all(robot.reachable(np.array([*place, height]), pointing_down(0.0)) for height in heights)
 
 
 TASK = PickPlace()

@@ -8,8 +8,8 @@ import numpy as np
 from aerial_il.core.arrays import closeness, length, rotation_cosine
 from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.core.specs import Field
-from aerial_il.robots.parts.collision import NOTHING
 from aerial_il.robots.robot import Robot
+from aerial_il.suite.props.marker import add_marker
 from aerial_il.suite.tasks.task import Task, hover_start
 from aerial_il.suite.view import View
 
@@ -31,25 +31,19 @@ class Reach(Task):
     dwell_s = 1.0
     subtasks = ("within_10_cm", "at_position", "at_orientation")
 
+    needs_flight = False
+
     def obstacle_to(self, robot: Robot) -> str | None:
         return None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
-        target = spec.worldbody.add_body(name="target", mocap=True)
-        target.add_site(name="target", size=[0.004] * 3, group=4)
-        capsule, sphere = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
-        target.add_geom(
-            name="target", type=sphere, size=[POSITION_TOLERANCE_M, 0, 0], rgba=[0.1, 0.65, 0.3, 0.6], **NOTHING
-        )
-        arrow = [-0.12, 0, 0, -0.025, 0, 0]
-        green = [0.1, 0.65, 0.3, 0.9]
-        target.add_geom(name="target_direction", type=capsule, fromto=arrow, size=[0.006, 0, 0], rgba=green, **NOTHING)
+        add_marker(spec, tolerance=POSITION_TOLERANCE_M, arrow=0.12)
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
         target = view.mocap_id("target")
-        view.mocap_pos[world, target] = rng.uniform(TARGET_LOW, TARGET_HIGH)
-        yaw, pitch = rng.uniform(*YAW_RANGE_RAD), rng.uniform(*PITCH_RANGE_RAD)
+        pos, yaw, pitch = _reachable_pose(view.robot, rng)
+        view.mocap_pos[world, target] = pos
         c, s, cp, sp = np.cos(0.5 * yaw), np.sin(0.5 * yaw), np.cos(0.5 * pitch), np.sin(0.5 * pitch)
         view.mocap_quat[world, target] = [c * cp, -s * sp, c * sp, s * cp]  # yaw, then pitch
 
@@ -83,6 +77,16 @@ class Reach(Task):
         turned = 0.5 * (1.0 + rotation_cosine(view.site_mat("target"), view.tool_mat))
         position = 0.5 * closeness(distance, 0.3) + 0.5 * closeness(distance, 0.03)
         return position * (0.7 + 0.3 * turned)
+
+
+def _reachable_pose(robot: Robot, rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
+    """A random position (m), heading and downward pitch (rad) of the tool to which the robot can bring it."""
+    while True:
+        pos = rng.uniform(TARGET_LOW, TARGET_HIGH)
+        yaw, pitch = rng.uniform(*YAW_RANGE_RAD), rng.uniform(*PITCH_RANGE_RAD)
+        c, s, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+        if robot.reachable(pos, np.array([[c * cp, -s, c * sp], [s * cp, c, s * sp], [-sp, 0.0, cp]])):
+            return pos, yaw, pitch
 
 
 TASK = Reach()

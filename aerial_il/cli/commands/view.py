@@ -1,0 +1,221 @@
+"""Watch a flight: in a window where there is a screen, else on a page with its film and every trace beside it.
+
+Without a recording the policy flies now. A window shows seed after seed until it is closed; a page, a film or a file
+for rerun shows one flight, whose recording is kept beside it.
+
+Example: aerial-il view robot=ua_quad_arm4 task=pick_place
+Example: aerial-il view policy=runs/pick_bc tier=gusts seed=10003 out=failure.html
+Example: aerial-il view recording=datasets/pick seed=3 viewer=rerun
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aerial_il.cli.keys import Located, Named, TierName, at_least, check_choices, group, key, path
+from aerial_il.core.errors import InvalidValueError
+
+VIEWS = "runs/views"
+SUFFIXES = {".html": "page", ".mp4": "film", ".rrd": "rerun"}
+ENDINGS = {viewer: suffix for suffix, viewer in SUFFIXES.items()}
+
+
+@dataclass
+class Config:
+    policy: Located = path(Located, "who flies: expert, random, hover, or the folder of a policy", value="expert")
+    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
+    task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    controller: Named = group("which law flies the base")
+    action: str | None = key(None, "action level (null: the policy's own, ee_pose for the others)")
+    seed: int | None = key(None, "of the flight, or which episode of a dataset (null: the first)")
+    recording: str | None = key(None, "an MCAP file, or a dataset of them, to watch instead of flying")
+    viewer: str = key(
+        "auto",
+        "auto: a window where there is a screen, else a page; rerun: its viewer, or a file for it where no screen is",
+        choices=("auto", "window", "page", "film", "rerun"),
+    )
+    out: str | None = key(None, f"where it goes (.html, .mp4 or .rrd decide the viewer); below {VIEWS} by default")
+    progress: bool = key(True, "show a progress bar while the film is made")
+
+    def __post_init__(self) -> None:
+        check_choices(self)
+        at_least(self, seed=0)
+        if self.recording and (self.robot or self.task or self.policy.path != "expert"):
+            raise InvalidValueError("recording=... says who flew what: leave out robot=, task= and policy=.")
+        if self.out:
+            self._take_viewer_of_out(self.out)
+
+    def _take_viewer_of_out(self, out: str) -> None:
+        meant = SUFFIXES.get(Path(out).suffix)
+        if meant is None:
+            raise InvalidValueError(f"out={out} ends in none of {', '.join(SUFFIXES)}.")
+        if self.viewer not in ("auto", meant):
+            raise InvalidValueError(f"out={out} is for viewer={meant}, not for viewer={self.viewer}.")
+        self.viewer = meant
+
+
+def run(config: Config) -> None:
+    """Show the flight, and say where it went."""
+    from aerial_il.evaluation.window import has_screen
+
+    viewer = config.viewer
+    if viewer == "auto":
+        viewer = "window" if has_screen() else "page"
+        if viewer == "page":
+            print("No screen here: a page instead.")
+    if config.recording:
+        file = _find(Path(config.recording), config.seed)
+        _show_recording(config, viewer, file)
+    else:
+        _show_flight(config, viewer)
+
+
+def _show_flight(config: Config, viewer: str) -> None:
+    from aerial_il.cli import flying
+    from aerial_il.evaluation import window
+
+    pilot = flying.pilot(
+        config.policy.path,
+        robot=config.robot.name if config.robot else None,
+        task=config.task.name if config.task else None,
+        action=config.action,
+    )
+    law, seed = config.controller.name, config.seed or 0
+    env = pilot.environment(config.tier.name, num_envs=1, threads=1, controller=law)
+    try:
+        if viewer == "window":
+            print(f"{pilot.task} on {pilot.robot} from seed {seed} on. Close the window to end.")
+            window.show_live(env, pilot.policy, seed)
+            return
+        out = _out(
+            config, viewer, f"{pilot.task}-{pilot.robot}-{config.tier.name}-{seed}-{Path(config.policy.path).name}"
+        )
+        file = out.with_suffix(".mcap")
+        episode = flying.record(env, pilot.policy, seed, file, name=config.policy.path)
+        again = f"aerial-il view {pilot.words} tier={config.tier.name} controller={law} seed={seed}"
+        _present(config, viewer, episode, file, out, env=env, again=again)
+    finally:
+        env.close()
+    print(f"Recording: {file}")
+
+
+def _show_recording(config: Config, viewer: str, file: Path) -> None:
+    from aerial_il.data.reader import read_episode
+    from aerial_il.evaluation import window
+
+    episode = read_episode(file)
+    if viewer == "window":
+        print(f"{file}: again and again. Close the window to end.")
+        window.show_recording(episode)
+        return
+    env = _same_scene(episode)
+    try:
+        again = f"aerial-il view recording={file}"
+        _present(config, viewer, episode, file, _out(config, viewer, file.stem), env=env, again=again)
+    finally:
+        if env is not None:
+            env.close()
+
+
+def _present(config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: Any, again: str) -> None:
+    """Write what shows one flight without a window, or hand it to rerun."""
+    from aerial_il.evaluation.judging import subtask_flags
+    from aerial_il.evaluation.video import end_of
+
+    print(f"{episode.spec.task} on {episode.spec.robot}: {end_of(episode)} after {episode.sim_time[-1]:.2f} s.")
+    if viewer == "rerun":
+        _rerun(file, out)
+        return
+    flags = None if env is None else subtask_flags(env, episode)
+    if viewer == "film":
+        _film(config, episode, out, flags)
+    else:
+        _page(config, episode, file, out, flags, again)
+
+
+def _rerun(file: Path, out: Path) -> None:
+    from aerial_il.data import rerun_view
+    from aerial_il.evaluation.window import has_screen
+
+    if has_screen():
+        rerun_view.open_viewer(file)
+        print(f"rerun shows {file}")
+    else:
+        print(f"No screen here. On a machine with one: rerun {rerun_view.convert(file, out)}")
+
+
+def _film(config: Config, episode: Any, out: Path, flags: Any) -> None:
+    from aerial_il.core.rendering import RenderingError
+    from aerial_il.evaluation.studio import obstacle
+    from aerial_il.evaluation.video import film_recording
+
+    if problem := obstacle():
+        raise RenderingError(f"No film: {problem} viewer=page shows the traces without it.")
+    print(f"Film: {film_recording(episode, out, flags=flags, progress=config.progress)}")
+
+
+def _page(config: Config, episode: Any, file: Path, out: Path, flags: Any, again: str) -> None:
+    from tempfile import TemporaryDirectory
+
+    from aerial_il.evaluation.player import write_player
+    from aerial_il.evaluation.studio import obstacle
+    from aerial_il.evaluation.video import film_recording
+
+    problem = obstacle()
+    notes = [f"No film: {problem}"] if problem else []
+    if flags is None:
+        notes.append("The scene has changed since this was recorded: its sub-tasks cannot be judged.")
+    for note in notes:
+        print(note)
+    commands = [again, f"aerial-il view recording={file} viewer=rerun", f"aerial-il replay {file}"]
+    with TemporaryDirectory() as folder:
+        film = None if problem else Path(folder) / "film.mp4"
+        if film:
+            film_recording(episode, film, flags=flags, progress=config.progress)
+        page = write_player(out, episode, flags=flags, film=film, note=" ".join(notes), commands=commands)
+    print(f"Page: {page}")
+
+
+def _out(config: Config, viewer: str, name: str) -> Path:
+    return Path(config.out) if config.out else Path(VIEWS) / f"{name}{ENDINGS[viewer]}"
+
+
+def _find(place: Path, seed: int | None) -> Path:
+    """Return the MCAP file meant by ``recording=`` and ``seed=``."""
+    from aerial_il.core.errors import DemoError
+    from aerial_il.data.folder import KINDS, DatasetFolder
+
+    if place.is_file() and place.suffix == ".mcap":
+        return place
+    if place.is_file():
+        raise DemoError(place, "is no MCAP recording, and holds no states to show.")
+    if not place.exists():
+        raise DemoError(place, "does not exist.", hint="Record some with: aerial-il collect robot=R task=T out=PATH")
+    files = [file for kind in KINDS for file in DatasetFolder(place).files(kind)] or sorted(place.glob("*.mcap"))
+    if not files:
+        raise DemoError(place, "holds no MCAP recordings.", hint=f"See what it holds: aerial-il info {place}")
+    chosen = [file for file in files if seed is None or f"-{seed:06d}-" in file.name]
+    if not chosen:
+        seeds = sorted(int(file.stem.split("-")[-2]) for file in files)
+        raise DemoError(place, f"has no episode with seed {seed}.", hint=f"Seeds from {seeds[0]} to {seeds[-1]}.")
+    return chosen[0]
+
+
+def _same_scene(episode: Any) -> Any:
+    """Return an environment of one world in the very scene of a recording, or None if there is none any more."""
+    import aerial_il
+    from aerial_il.core.errors import AerialError
+
+    spec = episode.spec
+    try:
+        where = {"tier": spec.tier, "action": spec.action.level, "controller": spec.controller}
+        env = aerial_il.load_batch(spec.robot, spec.task, num_envs=1, **where)
+    except AerialError:
+        return None
+    if env.model_xml == episode.model_xml and env.spec.state_size == spec.state_size:
+        return env
+    env.close()
+    return None

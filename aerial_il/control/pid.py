@@ -1,0 +1,108 @@
+"""The textbook cascade: a PID loop for position makes a thrust and a tilt, a PID loop for attitude makes the torque.
+
+With e = reference - actual, in this order:
+
+    a   = a_ref + kp e + kv ė + ki ∫e            commanded acceleration, world
+    θ_d =  ( aₓ cos ψ + a_y sin ψ) / g           pitch and roll that point the thrust there, small angles
+    φ_d = -(-aₓ sin ψ + a_y cos ψ) / g
+    f_z = m (g + a_z) / (cos φ cos θ)            hover thrust fed forward, corrected for the tilt
+    τ   = J (kR e_φθψ - kΩ ω + kI ∫e_φθψ)        J: diagonal inertia of the hovering vehicle
+
+Mahony, Kumar & Corke, "Multirotor Aerial Vehicles" (IEEE Robotics & Automation Magazine 2012, eq. 16 to 20) for the
+cascade; Bouabdallah, Noth & Siegwart, "PID vs LQ control techniques applied to an indoor micro quadrotor" (IROS 2004)
+for the attitude. The law knows neither the arm's posture nor its motion: what the arm does to the base is left to the
+integrators. Three things keep them from winding up: they stand still far from the reference and while the command that
+they add to is saturated in their direction (conditional integration), and they are bounded.
+
+A vehicle with tilted rotors exerts as much of the sideways force as it can and tilts only for the rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+from aerial_il.control import memory as mem
+from aerial_il.control.dynamics import put, vec
+from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import (
+    add,
+    clip,
+    dot,
+    euler_from_mat,
+    limit_norm,
+    norm,
+    rotate_back,
+    scale,
+    sub,
+    wrap_angle,
+)
+
+NEAR, NEAR_ANGLE = 0.2, 0.15  # m, rad: an integrator stands still farther from its reference
+LARGEST_POSITION_INTEGRAL = 3.0  # m/s²
+LARGEST_ATTITUDE_INTEGRAL = 30.0  # rad/s², on each axis
+LARGEST_TILT_ACCELERATION, LARGEST_YAW_ACCELERATION = 60.0, 20.0  # rad/s²
+LEAST_UPRIGHTNESS = 0.5  # cos φ cos θ, below which lift is not made up for
+
+
+@kernel
+def pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, dt):
+    """Force (N) and torque about the base origin (N m), body frame, that bring the base to its reference.
+
+    Args:
+        vehicle, gains: model and tuning. memory: controller memory; the integrals in it are advanced.
+        pos, vel: of the base, world. rot: world from base. omega_body: rad/s.
+        feed_forward: acceleration of the reference, world, m/s². dt: s.
+    """
+    acc = _position_loop(gains, memory, pos, vel, feed_forward, dt)
+    mass = vehicle.base_mass
+    for j in range(vehicle.num_joints):
+        mass += vehicle.link_mass[j]
+    roll, pitch, yaw = euler_from_mat(rot)
+    c, s = math.cos(yaw), math.sin(yaw)
+    sideways = mass * math.sqrt(acc[0] * acc[0] + acc[1] * acc[1])
+    by_tilt = max(0.0, sideways - vehicle.lateral_limit) / max(sideways, 1e-9) / GRAVITY
+    forward, left = by_tilt * (c * acc[0] + s * acc[1]), by_tilt * (-s * acc[0] + c * acc[1])
+    tilt = limit_norm((-left, forward, 0.0), gains.max_tilt)
+    error = (tilt[0] - roll, tilt[1] - pitch, wrap_angle(memory[mem.BASE_YAW] - yaw))
+    rate_error = sub((0.0, 0.0, memory[mem.BASE_YAW_RATE]), omega_body)
+    alpha = _attitude_loop(gains, memory, error, rate_error, dt)
+    push = rotate_back(rot, scale(mass, add(acc, (0.0, 0.0, GRAVITY))))
+    lift = mass * (GRAVITY + acc[2]) / max(math.cos(roll) * math.cos(pitch), LEAST_UPRIGHTNESS)
+    inertia = vec(vehicle.hover_inertia, 0)
+    torque = (inertia[0] * alpha[0], inertia[1] * alpha[1], inertia[2] * alpha[2])
+    return (push[0], push[1], lift), torque
+
+
+@kernel
+def _position_loop(gains, memory, pos, vel, feed_forward, dt):
+    """Commanded acceleration of the base, world, m/s²."""
+    error = sub(vec(memory, mem.BASE_POS), pos)
+    error_rate = sub(vec(memory, mem.BASE_VEL), vel)
+    integral = vec(memory, mem.POSITION_INTEGRAL)
+    wanted = add(feed_forward, add(scale(gains.position, error), scale(gains.velocity, error_rate)))
+    wanted = add(wanted, integral)
+    if norm(error) < NEAR and (norm(wanted) <= gains.max_acceleration or dot(wanted, error) < 0.0):
+        integral = limit_norm(add(integral, scale(gains.integral * dt, error)), LARGEST_POSITION_INTEGRAL)
+        put(memory, mem.POSITION_INTEGRAL, integral)
+    return limit_norm(wanted, gains.max_acceleration)
+
+
+@kernel
+def _attitude_loop(gains, memory, error, rate_error, dt):
+    """Commanded angular acceleration about roll, pitch and yaw, rad/s²; ``error`` in rad, ``rate_error`` in rad/s."""
+    pid, limit = (gains.attitude, gains.attitude_integral, gains.rate), LARGEST_TILT_ACCELERATION
+    roll = _axis(memory, mem.ATTITUDE_INTEGRAL, error[0], rate_error[0], pid, limit, dt)
+    pitch = _axis(memory, mem.ATTITUDE_INTEGRAL + 1, error[1], rate_error[1], pid, limit, dt)
+    pid, limit = (gains.heading, gains.heading_integral, gains.heading_rate), LARGEST_YAW_ACCELERATION
+    return (roll, pitch, _axis(memory, mem.ATTITUDE_INTEGRAL + 2, error[2], rate_error[2], pid, limit, dt))
+
+
+@kernel
+def _axis(memory, place, error, rate_error, pid, limit, dt):
+    """One axis of the attitude: proportional, integral and differential gain, the integral at ``place`` of memory."""
+    wanted = pid[0] * error + memory[place] + pid[2] * rate_error
+    if abs(error) < NEAR_ANGLE and (abs(wanted) <= limit or wanted * error < 0.0):
+        grown = memory[place] + pid[1] * dt * error
+        memory[place] = clip(grown, -LARGEST_ATTITUDE_INTEGRAL, LARGEST_ATTITUDE_INTEGRAL)
+    return clip(wanted, -limit, limit)

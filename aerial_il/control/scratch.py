@@ -1,0 +1,33 @@
+"""Working memory of the controller's tick: one block, made once and used for one vehicle after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerial_il.control.vehicle import MAX_JOINTS
+
+FRAME_SIZE = 15  # joint position (3), link rotation (9), joint axis (3); see ``dynamics.forward_kinematics``
+_COORDINATES = 4 + MAX_JOINTS  # base x, y, z, yaw and the joints
+_EQUATIONS = max(6, MAX_JOINTS)
+
+SCRATCH = np.dtype(
+    [
+        ("frames", np.float64, (MAX_JOINTS + 1, FRAME_SIZE)),  # placed links, then the tool
+        *((name, np.float64, (6, _COORDINATES)) for name in ("jacobian", "scaled")),
+        ("gram", np.float64, (_EQUATIONS, _EQUATIONS)),
+        *((name, np.float64, (6,)) for name in ("error", "weight", "residual")),
+        *((name, np.float64, (_COORDINATES,)) for name in ("mobility", "pull", "step")),
+        ("solution", np.float64, (_EQUATIONS,)),
+        *((name, np.float64, (MAX_JOINTS,)) for name in ("servo_vel", "servo_torque")),
+        ("rest", np.float64, (MAX_JOINTS,)),  # stays zero
+    ],
+    align=True,
+)
+
+
+def make_scratch() -> np.record:
+    """Allocate working memory for vehicles of any size; two threads must not share it.
+
+    A block of fixed size, because compiled code reads it without counting references, which arrays would cost it.
+    """
+    return np.zeros(1, SCRATCH).view(np.recarray)[0]

@@ -1,0 +1,128 @@
+"""What a gallery shows of a flight: a film of its most eventful seconds, a poster, and what the cameras see.
+
+Films are named after their content: made once, found again as long as scene and flight stay the same bit for bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aerial_il.core.files import write_atomic
+from aerial_il.data.episode import Episode
+from aerial_il.evaluation.studio import Studio, Viewpoint
+from aerial_il.evaluation.video import FPS, FRAMED_STATES, write_mp4
+
+RECIPE = "2"  # part of every name: raise it when the pictures below are made in another way
+LONGEST_S = 6.0
+HOLD_S = 0.8
+FILM_SIZE = (360, 480)  # height, width
+POSTER_SIZE = (480, 640)
+STILL_SIZE = (180, 240)
+JPEG_QUALITY = 85
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """The steps of a flight that are shown: ``first`` to ``last``, and the one on the poster."""
+
+    first: int
+    last: int
+    poster: int
+
+
+@dataclass(frozen=True)
+class Shot:
+    """Files on disk that show a flight.
+
+    Attributes:
+        film: MP4. poster: JPEG of the moment that tells most. portrait: JPEG of the robot alone.
+        stills: camera -> JPEG of what it sees at that moment.
+    """
+
+    film: Path
+    poster: Path
+    portrait: Path
+    stills: dict[str, Path]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.film, self.poster, self.portrait, *self.stills.values())
+
+
+def take(episode: Episode, subtasks: np.ndarray, folder: Path) -> Shot:
+    """Return the pictures of a flight, made now or before.
+
+    Args:
+        episode: a flight with its states. subtasks: (T, K) flags after each step. folder: where they are kept.
+    """
+    part = excerpt(subtasks, episode.spec.control_dt_s)
+    stem = f"{episode.spec.robot}-{episode.spec.task}-"
+    name = stem + _digest(episode, part)
+    with Studio(episode.model_xml) as studio:
+        shot = Shot(
+            film=folder / f"{name}.mp4",
+            poster=folder / f"{name}-poster.jpg",
+            portrait=folder / f"{name}-robot.jpg",
+            stills={camera: folder / f"{name}-{camera}.jpg" for camera in studio.cameras},
+        )
+        if all(file.exists() for file in shot.files):
+            return shot
+        for old in folder.glob(f"{stem}*"):
+            old.unlink()
+        _make(shot, studio, episode, part)
+    return shot
+
+
+def excerpt(subtasks: np.ndarray, dt: float) -> Excerpt:
+    """Choose the seconds in which most sub-tasks (T, K) are done for the first time, the latest such seconds."""
+    length, most = len(subtasks), round(LONGEST_S / dt)
+    done = sorted(int(np.argmax(flags)) for flags in subtasks.T if flags.any())
+    ends = [length - 1, *(min(length - 1, step + round(1.0 / dt)) for step in done)]
+
+    def events(end: int) -> list[int]:
+        return [step for step in done if end - most < step <= end]
+
+    last = max(ends, key=lambda end: (len(events(end)), end))
+    shown = events(last)
+    first = max(0, last - most + 1)
+    return Excerpt(first, last, shown[-2] if len(shown) > 1 else shown[0] if shown else (first + last) // 2)
+
+
+def _make(shot: Shot, studio: Studio, episode: Episode, part: Excerpt) -> None:
+    after = episode.states[1:]
+    shown = after[part.first : part.last + 1]
+    view = studio.frame(shown[:: max(1, len(shown) // FRAMED_STATES)], FILM_SIZE[1] / FILM_SIZE[0])
+    stride = max(1, round(1 / (episode.spec.control_dt_s * FPS)))
+    rate = Fraction(1 / (episode.spec.control_dt_s * stride)).limit_denominator(1000)
+    write_mp4(shot.film, _frames(studio, shown[::stride], view), rate=rate, hold_frames=round(HOLD_S * rate))
+    moment, aspect = after[part.poster], POSTER_SIZE[1] / POSTER_SIZE[0]
+    _save(shot.poster, studio.draw(moment, studio.frame([moment], aspect), *POSTER_SIZE))
+    for camera, path in shot.stills.items():
+        _save(path, studio.draw(moment, camera, *STILL_SIZE))
+    studio.hide_props()
+    alone = studio.frame([moment], aspect, props=False)
+    _save(shot.portrait, studio.draw(moment, alone, *POSTER_SIZE))
+
+
+def _frames(studio: Studio, states: np.ndarray, view: Viewpoint) -> Iterator[np.ndarray]:
+    return (studio.draw(state, view, *FILM_SIZE) for state in states)
+
+
+def _save(path: Path, picture: np.ndarray) -> None:
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    write_atomic(path, buffer.getvalue())
+
+
+def _digest(episode: Episode, part: Excerpt) -> str:
+    content = hashlib.sha256(f"{RECIPE} {part} {episode.model_xml}".encode())
+    content.update(np.ascontiguousarray(episode.states).tobytes())
+    return content.hexdigest()[:12]

@@ -1,0 +1,66 @@
+"""Expert for contact inspection: stand off, come down along the normal, and press by a force loop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerial_il.core.arrays import length
+from aerial_il.experts.expert import Expert, facing
+from aerial_il.suite.props.plate import PRELOAD_N, STIFFNESS
+from aerial_il.suite.tasks.inspect_contact import FORCE_N, normal, normal_force, slip, squareness, tangential, touching
+
+APPROACH, PRESS = range(2)
+
+STAND_OFF_M = 0.06  # of the fingertips over the plate
+ARRIVED_M = 0.03
+ALIGNED_M, ALIGNED_COS = 0.015, np.cos(np.deg2rad(4.0))  # off the spot and off square when it may go down
+LOST_ALIGNMENT_M = 0.035
+NOISE_WHILE_PRESSING = 0.2  # a newton or so
+SLIPPED_M = 0.018  # then the contact is better begun anew
+AIM_N = 5.4  # to get 5: the loop has no integral part, so that it depends on the present alone
+COMPLIANCE_M_N = 0.012  # of the admittance: depth added per newton that is missing
+
+
+class InspectContactExpert(Expert):
+    """An admittance: the depth at which the spring would give the wanted force, plus what the measured force lacks."""
+
+    phase_names = ("approach", "press")
+
+    def first_phase(self) -> np.ndarray:
+        return np.full(self.view.n, APPROACH)
+
+    def next_phase(self) -> np.ndarray:
+        height, sideways = self._offset()
+        over = (sideways <= ALIGNED_M) & (height <= STAND_OFF_M + ARRIVED_M) & (squareness(self.view) >= ALIGNED_COS)
+        begin = (self.phase == APPROACH) & over
+        give_up = (self.phase == PRESS) & ((sideways > LOST_ALIGNMENT_M) | (length(slip(self.view)) > SLIPPED_M))
+        return np.where(begin, PRESS, np.where(give_up, APPROACH, self.phase))
+
+    def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        view = self.view
+        rot6d, out = facing(view.site_mat("plate"))
+        travel, _ = view.joint("plate")
+        sprung = (FORCE_N - PRELOAD_N) / STIFFNESS
+        missing = np.where(touching(view), AIM_N - normal_force(view), 0.0)
+        depth = np.where(self.phase == PRESS, sprung + COMPLIANCE_M_N * missing, -STAND_OFF_M) - travel
+        tip = view.site_pos("plate") - depth[:, None] * out + self._sideways()
+        return tip + view.robot.gripper.tip_distance * out, rot6d, np.zeros(view.n)
+
+    def noise_share(self) -> np.ndarray:
+        return np.where(self.phase == PRESS, NOISE_WHILE_PRESSING, 1.0)
+
+    def _sideways(self) -> np.ndarray:
+        """(n, 3) where to press, from the plate's middle, m: right there, until contact begins somewhere near it."""
+        view = self.view
+        start = tangential(view, view.tip_pos - view.site_pos("plate")) - slip(view)
+        return np.where(touching(view)[:, None], start, 0.0)
+
+    def _offset(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) height of the fingertips over the plate and their distance from its middle along it, m."""
+        view, out = self.view, normal(self.view)
+        ahead = view.tip_pos - view.site_pos("plate")
+        height = ahead[:, 0] * out[:, 0] + ahead[:, 1] * out[:, 1] + ahead[:, 2] * out[:, 2]
+        return height, length(tangential(view, ahead))
+
+
+EXPERT = InspectContactExpert

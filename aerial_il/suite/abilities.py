@@ -1,0 +1,51 @@
+"""What a task asks of a robot's body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerial_il.control.vehicle import GRAVITY, Gains
+from aerial_il.robots.robot import Robot
+
+STEADY_SHARE = 0.2  # of its weight a vehicle pulls sideways with, in wind too
+WANDER_M = 0.03  # of a base while its tool touches something
+GENTLE_SHARE = 0.7  # of a largest force that its wander may use up
+LEANING_SHARE = 0.3  # of its weight it leans on something with, and still flies
+
+
+def obstacle_to_pulling(robot: Robot, force: float) -> str | None:
+    """Say why ``robot`` cannot pull sideways with ``force`` N, or None if it can."""
+    strength = STEADY_SHARE * robot.vehicle.mass * GRAVITY
+    if strength < force:
+        return f"it can pull with a fifth of its weight, {strength:.1f} N, and {force:.1f} N are needed"
+    return None
+
+
+def obstacle_to_pressing(robot: Robot, force: float) -> str | None:
+    """Say why ``robot`` cannot press with ``force`` N, or None if it can."""
+    strength = LEANING_SHARE * robot.vehicle.mass * GRAVITY
+    if strength < force:
+        return f"it can lean on something with three tenths of its weight, {strength:.1f} N of {force:.1f} N needed"
+    return None
+
+
+def obstacle_to_gentleness(robot: Robot, force: float) -> str | None:
+    """Say why ``robot`` cannot keep a contact below ``force`` N, or None if it can.
+
+    A hovering base pushes back by its position gain times its mass for every metre that it is held off its reference.
+    """
+    stiffness = Gains().position * robot.vehicle.mass
+    if WANDER_M * stiffness > GENTLE_SHARE * force:
+        return (
+            f"it pushes back with {0.01 * stiffness:.1f} N for every centimetre it is held off, too much for contacts "
+            f"of at most {force:.0f} N"
+        )
+    return None
+
+
+def obstacle_to_holding_upright(robot: Robot) -> str | None:
+    """Say why ``robot`` cannot keep upright what it holds while its base leans, or None if it can."""
+    axes = robot.vehicle.link_axis
+    if robot.actuation == "under" and np.linalg.matrix_rank(axes) < 2:
+        return "its base leans when it moves sideways, and its arm cannot turn about two axes to keep a peg upright"
+    return None

@@ -1,0 +1,93 @@
+"""Open a door: put a finger into its bow handle from above and pull the door open along its arc."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.core.specs import Field
+from aerial_il.robots.robot import Robot
+from aerial_il.suite.abilities import obstacle_to_pulling
+from aerial_il.suite.props.door import BAR_HALF_M, DOOR_DAMPING, DOOR_FRICTION_NM, HINGE_TO_LOOP_M, LOOP_M, add_door
+from aerial_il.suite.props.place import place
+from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.view import View
+
+OPEN_RAD = np.deg2rad(60.0)
+SWING_RAD_S = 0.6  # a sensible speed to open it
+START_ANGLE_RAD = (0.0, np.deg2rad(8.0))  # the door may be ajar
+NEAR_M = 0.03
+CABINET_LOW, CABINET_HIGH = np.array([-0.2, -0.25, 0.15]), np.array([0.2, 0.25, 0.27])
+YAW_RAD = (2 * np.pi / 3, 7 * np.pi / 6)  # of the cabinet's front: the robot comes round by 60° or follows by 90°
+START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.2]), np.array([0.3, 0.2, 1.33])
+
+
+class OpenDoor(Task):
+    """Door open by at least 60° for 0.5 s; its hinge has dry friction and damping."""
+
+    name = "open_door"
+    grade = "medium"
+    instruction = "Open the blue cabinet door by its handle."
+    time_limit_s = 25.0
+    dwell_s = 0.5
+    subtasks = ("over_handle", "hooked", "half_open", "open")
+
+    def obstacle_to(self, robot: Robot) -> str | None:
+        torque = DOOR_FRICTION_NM + DOOR_DAMPING * SWING_RAD_S
+        return obstacle_to_pulling(robot, torque / HINGE_TO_LOOP_M)
+
+    def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
+        add_door(spec)
+
+    def start(self, view: View, world: int, rng: np.random.Generator) -> None:
+        hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
+        place(view, world, "cabinet", rng.uniform(CABINET_LOW, CABINET_HIGH), yaw=rng.uniform(*YAW_RAD))
+        angle, _ = view.joint("door")
+        angle[world] = rng.uniform(*START_ANGLE_RAD)
+
+    def fields(self) -> tuple[Field, ...]:
+        xyz = ("x", "y", "z")
+        return (
+            Field("hinge_pos", (3,), "task", unit="m", labels=xyz),
+            Field("door_angle", (1,), "task", unit="rad"),
+            Field("door_rate", (1,), "task", unit="rad/s"),
+            Field("door_direction", (2,), "task", labels=("x", "y")),
+            Field("loop_pos", (3,), "task", unit="m", labels=xyz),
+            Field("tip_to_loop", (3,), "task", unit="m", labels=xyz),
+        )
+
+    def observe(self, view: View) -> dict[str, np.ndarray]:
+        angle, rate = view.joint("door")
+        loop = view.site_pos("loop")
+        return {
+            "hinge_pos": view.site_pos("door").copy(),
+            "door_angle": angle[:, None].copy(),
+            "door_rate": rate[:, None].copy(),
+            "door_direction": view.site_mat("loop")[:, [0, 3]],
+            "loop_pos": loop.copy(),
+            "tip_to_loop": loop - view.tip_pos,
+        }
+
+    def solved(self, view: View) -> np.ndarray:
+        return (view.joint("door")[0] >= OPEN_RAD) & (view.unwanted_contacts == 0)
+
+    def progress(self, view: View) -> np.ndarray:
+        angle, _ = view.joint("door")
+        over = planar_length(view.site_pos("loop") - view.tip_pos) <= NEAR_M
+        return np.stack([over, self.hooked(view), angle >= 0.5 * OPEN_RAD, angle >= OPEN_RAD], axis=1)
+
+    def reward(self, view: View) -> np.ndarray:
+        angle, _ = view.joint("door")
+        near = closeness(length(view.site_pos("loop") - view.tip_pos), 0.15)
+        return 0.25 * near + 0.1 * self.hooked(view) + 0.65 * np.clip(angle / OPEN_RAD, 0.0, 1.0)
+
+    def hooked(self, view: View) -> np.ndarray:
+        """(n,) bool: the fingertips are in the opening between door and handle."""
+        offset, mat = view.tip_pos - view.site_pos("loop"), view.site_mat("loop")
+        out = offset[:, 0] * mat[:, 0] + offset[:, 1] * mat[:, 3]
+        aside = offset[:, 0] * mat[:, 1] + offset[:, 1] * mat[:, 4]
+        return (offset[:, 2] <= 0.0) & (np.abs(out) <= 0.5 * LOOP_M) & (np.abs(aside) <= BAR_HALF_M)
+
+
+TASK = OpenDoor()

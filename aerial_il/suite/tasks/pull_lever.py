@@ -1,0 +1,106 @@
+"""Pull a lever: hook its crossbar from behind and pull it over, against a spring."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.core.specs import Field
+from aerial_il.robots.robot import Robot
+from aerial_il.suite.abilities import obstacle_to_pulling
+from aerial_il.suite.props.lever import (
+    BAR_HALF_M,
+    LEVER_DAMPING,
+    LEVER_FRICTION_NM,
+    LEVER_M,
+    LEVER_SPRING_NM_RAD,
+    add_lever,
+)
+from aerial_il.suite.props.place import place
+from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.view import View
+
+PULLED_RAD = np.deg2rad(55.0)
+SWING_RAD_S = 0.8  # a sensible speed to pull it over
+START_ANGLE_RAD = (0.0, np.deg2rad(10.0))  # from here it is at least 45° to PULLED_RAD; friction holds it there
+BEHIND_M = 0.05  # where the fingers are ready to go down behind the bar
+NEAR_M, REACH_M = 0.03, 0.12  # of that point; behind the bar and still of use
+LEVER_LOW, LEVER_HIGH = np.array([-0.25, -0.3, 0.22]), np.array([0.25, 0.3, 0.33])
+YAW_RAD = (2 * np.pi / 3, 4 * np.pi / 3)  # of the pull: towards the robot, that comes round by up to 60°
+START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.2]), np.array([0.3, 0.2, 1.33])
+
+
+class PullLever(Task):
+    """Lever pulled over by at least 45° and held for 0.5 s, against a spring that takes it back, and dry friction."""
+
+    name = "pull_lever"
+    grade = "medium"
+    instruction = "Hook the orange bar from behind and pull the lever over to the green pin."
+    time_limit_s = 25.0
+    dwell_s = 0.5
+    subtasks = ("behind_bar", "hooked", "half_way", "pulled")
+
+    def obstacle_to(self, robot: Robot) -> str | None:
+        torque = LEVER_FRICTION_NM + LEVER_SPRING_NM_RAD * PULLED_RAD + LEVER_DAMPING * SWING_RAD_S
+        return obstacle_to_pulling(robot, torque / LEVER_M)
+
+    def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
+        add_lever(spec, PULLED_RAD)
+
+    def start(self, view: View, world: int, rng: np.random.Generator) -> None:
+        hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
+        place(view, world, "lever_mount", rng.uniform(LEVER_LOW, LEVER_HIGH), yaw=rng.uniform(*YAW_RAD))
+        angle, _ = view.joint("lever")
+        angle[world] = rng.uniform(*START_ANGLE_RAD)
+
+    def fields(self) -> tuple[Field, ...]:
+        xyz = ("x", "y", "z")
+        return (
+            Field("lever_pos", (3,), "task", unit="m", labels=xyz),
+            Field("pull_direction", (2,), "task", labels=("x", "y")),
+            Field("lever_angle", (1,), "task", unit="rad"),
+            Field("lever_rate", (1,), "task", unit="rad/s"),
+            Field("bar_pos", (3,), "task", unit="m", labels=xyz),
+            Field("tip_to_bar", (3,), "task", unit="m", labels=xyz),
+        )
+
+    def observe(self, view: View) -> dict[str, np.ndarray]:
+        angle, rate = view.joint("lever")
+        bar = view.site_pos("bar")
+        return {
+            "lever_pos": view.site_pos("lever").copy(),
+            "pull_direction": view.site_mat("lever")[:, [0, 3]],
+            "lever_angle": angle[:, None].copy(),
+            "lever_rate": rate[:, None].copy(),
+            "bar_pos": bar.copy(),
+            "tip_to_bar": bar - view.tip_pos,
+        }
+
+    def solved(self, view: View) -> np.ndarray:
+        return (view.joint("lever")[0] >= PULLED_RAD) & (view.unwanted_contacts == 0)
+
+    def progress(self, view: View) -> np.ndarray:
+        angle, _ = view.joint("lever")
+        behind = planar_length(behind_bar(view) - view.tip_pos) <= NEAR_M
+        return np.stack([behind, self.hooked(view), angle >= 0.5 * PULLED_RAD, angle >= PULLED_RAD], axis=1)
+
+    def reward(self, view: View) -> np.ndarray:
+        angle, _ = view.joint("lever")
+        near = closeness(length(behind_bar(view) - view.tip_pos), 0.15)
+        return 0.25 * near + 0.1 * self.hooked(view) + 0.65 * np.clip(angle / PULLED_RAD, 0.0, 1.0)
+
+    def hooked(self, view: View) -> np.ndarray:
+        """(n,) bool: the fingertips are below the bar and behind it."""
+        offset, mat = view.tip_pos - view.site_pos("bar"), view.site_mat("lever")
+        along = offset[:, 0] * mat[:, 0] + offset[:, 1] * mat[:, 3]
+        aside = offset[:, 0] * mat[:, 1] + offset[:, 1] * mat[:, 4]
+        return (offset[:, 2] <= 0.0) & (along <= 0.0) & (along >= -REACH_M) & (np.abs(aside) <= BAR_HALF_M)
+
+
+def behind_bar(view: View) -> np.ndarray:
+    """(n, 3) where the fingertips are ready to pull: behind the middle of the bar, world, m."""
+    return view.site_pos("bar") - BEHIND_M * view.site_mat("lever")[:, [0, 3, 6]]
+
+
+TASK = PullLever()

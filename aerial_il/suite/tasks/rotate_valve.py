@@ -1,0 +1,102 @@
+"""Rotate a valve: put a finger between the spokes of a handwheel and turn it by more than half a turn."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.core.specs import Field
+from aerial_il.robots.robot import Robot
+from aerial_il.suite.abilities import obstacle_to_pulling
+from aerial_il.suite.props.place import place
+from aerial_il.suite.props.valve import (
+    GAP_M,
+    RIM_RADIUS_M,
+    VALVE_DAMPING,
+    VALVE_FRICTION_NM,
+    VALVE_OPEN_RAD,
+    WHEEL_RADIUS_M,
+    add_valve,
+)
+from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.view import View
+
+NEAR_M = 0.05
+TURN_RAD_S = 0.8  # a sensible speed: vehicles can come round with it
+START_ANGLE_RAD = (0.0, 0.25 * np.pi)  # from here it is at least half a turn to VALVE_OPEN_RAD
+VALVE_LOW, VALVE_HIGH = np.array([-0.25, -0.3, 0.36]), np.array([0.25, 0.3, 0.50])
+MOUNT_YAW_RAD = (5 * np.pi / 12, 10 * np.pi / 12)  # a robot that tows the yellow spoke comes round by up to 60°
+START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.2]), np.array([0.3, 0.2, 1.33])
+
+
+class RotateValve(Task):
+    """Valve turned anticlockwise by at least π, against 0.3 N m of dry friction, and kept open for 0.5 s.
+
+    The way to go is between π and 1.25 π, for the valve may be ajar at the start. Friction differs between episodes in
+    the tiers that vary it.
+    """
+
+    name = "rotate_valve"
+    grade = "medium"
+    instruction = "Turn the red handwheel anticlockwise until its yellow spoke is over the green mark."
+    time_limit_s = 30.0
+    dwell_s = 0.5
+    subtasks = ("over_gap", "between_spokes", "half_way", "open")
+
+    def obstacle_to(self, robot: Robot) -> str | None:
+        return obstacle_to_pulling(robot, (VALVE_FRICTION_NM + VALVE_DAMPING * TURN_RAD_S) / GAP_M)
+
+    def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
+        add_valve(spec)
+
+    def start(self, view: View, world: int, rng: np.random.Generator) -> None:
+        hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
+        place(view, world, "valve_mount", rng.uniform(VALVE_LOW, VALVE_HIGH), yaw=rng.uniform(*MOUNT_YAW_RAD))
+        angle, _ = view.joint("valve")
+        angle[world] = rng.uniform(*START_ANGLE_RAD)
+
+    def fields(self) -> tuple[Field, ...]:
+        xyz = ("x", "y", "z")
+        return (
+            Field("valve_pos", (3,), "task", unit="m", labels=xyz),
+            Field("valve_angle", (1,), "task", unit="rad"),
+            Field("valve_rate", (1,), "task", unit="rad/s"),
+            Field("gap_pos", (3,), "task", unit="m", labels=xyz),
+            Field("tool_to_gap", (3,), "task", unit="m", labels=xyz),
+        )
+
+    def observe(self, view: View) -> dict[str, np.ndarray]:
+        angle, rate = view.joint("valve")
+        gap = view.site_pos("gap")
+        return {
+            "valve_pos": view.site_pos("valve").copy(),
+            "valve_angle": angle[:, None].copy(),
+            "valve_rate": rate[:, None].copy(),
+            "gap_pos": gap.copy(),
+            "tool_to_gap": gap - view.tool_pos,
+        }
+
+    def solved(self, view: View) -> np.ndarray:
+        angle, _ = view.joint("valve")
+        return (angle >= VALVE_OPEN_RAD) & (view.unwanted_contacts == 0)
+
+    def progress(self, view: View) -> np.ndarray:
+        angle, _ = view.joint("valve")
+        over = planar_length(view.site_pos("gap") - view.tool_pos) <= NEAR_M
+        half_way = angle >= VALVE_OPEN_RAD - 0.5 * np.pi
+        return np.stack([over, self.inserted(view), half_way, angle >= VALVE_OPEN_RAD], axis=1)
+
+    def reward(self, view: View) -> np.ndarray:
+        angle, _ = view.joint("valve")
+        near = closeness(length(view.site_pos("gap") - view.tool_pos), 0.15)
+        turned = np.clip(angle / VALVE_OPEN_RAD, 0.0, 1.0)
+        return 0.25 * near + 0.1 * self.inserted(view) + 0.65 * turned
+
+    def inserted(self, view: View) -> np.ndarray:
+        """(n,) bool: the fingertips are inside the rim and not above the wheel."""
+        tip = view.tip_pos - view.site_pos("valve")
+        return (tip[:, 2] <= -RIM_RADIUS_M) & (planar_length(tip) <= WHEEL_RADIUS_M)
+
+
+TASK = RotateValve()

@@ -1,0 +1,129 @@
+"""``aerial-il view`` and the gallery of ``aerial-il list`` as a user meets them, on a machine without a screen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli import flying
+from aerial_il.cli.commands import list as catalogue
+from aerial_il.cli.main import main
+from aerial_il.data.reader import read_episode
+from aerial_il.evaluation import studio, window
+
+REACH = ["robot=ua_quad_arm4", "task=reach", "progress=false"]
+
+
+@pytest.fixture(autouse=True)
+def headless(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in window.SCREENS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def dark(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that cannot render, on which pages are quick."""
+    monkeypatch.setattr(studio, "can_render", lambda: False)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset with one flight."""
+    out = tmp_path_factory.mktemp("recorded") / "reach"
+    assert main(["collect", "robot=ua_quad_arm4", "task=reach", "episodes=1", "seed=7", f"out={out}"]) == 0
+    return out
+
+
+def test_without_a_screen_a_flight_becomes_a_page_with_its_recording(
+    dark: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["view", *REACH, "seed=3"]) == 0
+    said = capsys.readouterr().out
+    page = Path("runs/views/reach-ua_quad_arm4-calm-3-expert.html")
+    assert "No screen here: a page instead." in said
+    assert f"Page: {page}" in said
+    assert "No film: no rendering back end" in page.read_text()
+    assert read_episode(page.with_suffix(".mcap")).seed == 3
+
+
+@pytest.mark.parametrize("policy", ["random", "hover"])
+def test_baselines_can_be_watched(policy: str, dark: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["view", *REACH, f"policy={policy}", "out=x.html"]) == 0
+    assert "success" not in capsys.readouterr().out
+    assert read_episode("x.mcap").provenance["policy"] == policy
+
+
+def test_a_recording_becomes_a_page_with_its_sub_tasks(
+    flight: Path, dark: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["view", f"recording={flight}", "seed=7", "out=x.html"]) == 0
+    assert "success" in capsys.readouterr().out
+    assert "within 10 cm" in Path("x.html").read_text()
+
+
+@pytest.mark.render
+def test_a_film_alone(flight: Path) -> None:
+    assert main(["view", f"recording={flight}", "out=x.mp4", "progress=false"]) == 0
+    assert b"ftyp" in Path("x.mp4").read_bytes()[:32]
+
+
+def test_a_file_for_rerun(flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["view", f"recording={flight}", "viewer=rerun"]) == 0
+    said = capsys.readouterr().out
+    assert "No screen here. On a machine with one: rerun runs/views/" in said
+    (file,) = Path("runs/views").glob("*.rrd")
+    assert file.stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["view"], "policy=expert needs robot=... and task=..."),
+        (["view", "policy=random"], "policy=random needs robot=... and task=..."),
+        (["view", "recording=nowhere"], "does not exist"),
+        (["view", "recording=x.mcap", "task=reach"], "leave out robot="),
+        (["view", *REACH, "out=x.gif"], ".html, .mp4, .rrd"),
+        (["view", *REACH, "out=x.mp4", "viewer=rerun"], "out=x.mp4 is for viewer=film"),
+        (["view", *REACH, "viewer=nonsense"], "auto, window, page, film, rerun"),
+        (["view", *REACH, "seed=-1"], "seed=-1 is too small"),
+        (["view", "policy=nowhere"], "does not exist"),
+        (["list", "html=page.txt"], "ends in .html"),
+        (["list", "sheet=x.png"], "needs html=..."),
+    ],
+)
+def test_bad_input_is_answered(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_seed_that_a_dataset_lacks_is_answered_with_those_it_has(
+    flight: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["view", f"recording={flight}", "seed=8"]) == 2
+    assert "Seeds from 7 to 7" in capsys.readouterr().err
+
+
+def test_a_film_needs_a_renderer(flight: Path, dark: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["view", f"recording={flight}", "viewer=film"]) == 2
+    assert "viewer=page shows the traces" in capsys.readouterr().err
+
+
+def test_a_window_without_a_screen_is_refused_by_name(flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["view", f"recording={flight}", "viewer=window"]) == 2
+    assert "viewer=page writes a page instead" in capsys.readouterr().err
+
+
+def test_the_gallery_without_pictures(dark: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "html=true"]) == 0
+    said = capsys.readouterr().out
+    assert "No pictures: no rendering back end" in said
+    assert f"Gallery: {catalogue.GALLERY}" in said
+    assert "aerial-il doctor" in Path(catalogue.GALLERY).read_text()
+
+
+def test_the_expert_s_flight_for_the_gallery_is_one_that_it_solves() -> None:
+    episode, flags = flying.expert_flight("ua_quad_arm4", "reach")
+    assert episode.success
+    assert flags.shape == (len(episode), len(episode.spec.subtasks))

@@ -1,0 +1,95 @@
+"""The force that inspection demands is the one that the plate feels; letting go forgets where contact began."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.experts.expert import Expert
+from aerial_il.suite import memory
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.props.plate import MASS_KG, PRELOAD_N, STIFFNESS
+from aerial_il.suite.tasks.inspect_contact import (
+    FORCE_N,
+    SLIP_M,
+    InspectContact,
+    normal,
+    normal_force,
+    slip,
+    squareness,
+    touching,
+)
+from tests.contract.registered import batch
+
+CELL = ("fa_hexa_arm4", "inspect_contact")
+
+
+@pytest.fixture
+def pressing() -> tuple[BatchEnvironment, Expert]:
+    """Worlds in which the tool has been on the plate for a while."""
+    worlds, expert = batch(*CELL), aerial_il.expert(*CELL)
+    worlds.reset(0)
+    expert.attach(worlds)
+    since = np.zeros(3)
+    while (since < 40).any():
+        worlds.step(expert.act({}))
+        since = np.where(touching(worlds.simulation.view), since + 1, 0)
+    return worlds, expert
+
+
+def test_the_measured_force_is_that_of_the_spring(pressing: tuple[BatchEnvironment, Expert]) -> None:
+    worlds, expert = pressing
+    view, felt, sprung = worlds.simulation.view, [], []
+    for _ in range(50):
+        worlds.step(expert.act({}))
+        felt.append(normal_force(view))
+        weight = MASS_KG * 9.81 * normal(view)[:, 2]
+        sprung.append(PRELOAD_N + STIFFNESS * view.joint("plate")[0] - weight)
+    np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(sprung, axis=0), atol=0.2)
+    np.testing.assert_allclose(np.mean(felt, axis=0), FORCE_N, atol=0.5)
+
+
+def test_success_needs_all_three_seconds(pressing: tuple[BatchEnvironment, Expert]) -> None:
+    worlds, expert = pressing
+    dwell = round(InspectContact.dwell_s / worlds.spec.control_dt_s)
+    held, success = worlds.simulation.view.userdata[:, memory.DWELL].copy(), np.zeros(3, bool)
+    for _ in range(dwell + 100):
+        result = worlds.step(expert.act({}))
+        held = np.where(result.info["subtasks"].all(axis=1), held + 1, 0)
+        np.testing.assert_array_equal(result.info["success"], held >= dwell)
+        success |= result.info["success"]
+    assert success.any()
+
+
+def test_an_oblique_tool_or_a_slipped_one_does_not_count(pressing: tuple[BatchEnvironment, Expert]) -> None:
+    worlds, expert = pressing
+    view = worlds.simulation.view
+    view.memory[0, :3] += 1.5 * SLIP_M * view.site_mat("plate")[0, [0, 3, 6]]  # contact began farther up the plate
+    assert np.linalg.norm(slip(view)[0]) > SLIP_M
+    action = expert.act({})
+    tilted = np.deg2rad(15.0)
+    action[1, 3:6] = np.cos(tilted) * action[1, 3:6] + np.sin(tilted) * view.site_mat("plate")[1, [0, 3, 6]]
+    for _ in range(40):
+        worlds.step(action)
+    assert squareness(view)[1] < np.cos(np.deg2rad(8.0))
+    assert worlds.simulation.task.solved(view)[[0, 1]].tolist() == [False, False]
+
+
+def test_letting_go_forgets_the_contact_and_the_expert_begins_anew(pressing: tuple[BatchEnvironment, Expert]) -> None:
+    worlds, expert = pressing
+    view = worlds.simulation.view
+    began = view.memory[:, :3].copy()
+    away = expert.act({})
+    away[:, :3] += 0.08 * normal(view)
+    for _ in range(60):
+        obs = worlds.step(away).obs
+    assert not touching(view).any()
+    assert not obs["slip"].any()
+    solved = np.zeros(3, bool)
+    for _ in range(worlds.spec.max_steps):
+        solved |= worlds.step(expert.act({}), ~solved).info["success"]
+        if solved.all():
+            break
+    assert solved.all()
+    assert (np.linalg.norm(view.memory[:, :3] - began, axis=1) > 1e-4).all()
