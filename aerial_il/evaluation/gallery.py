@@ -113,21 +113,20 @@ def write_gallery(
 def cards() -> list[Card]:
     """Choose the cell that each robot and each task is shown in, so that all robots and tasks are seen about equally.
 
-    A robot that can do nothing yet, and a task that no robot can do, are left out.
+    Who has the fewest cells to choose from chooses first. A robot that can do nothing yet, and a task that no robot can
+    do, are left out.
     """
     cells, robots_seen, tasks_seen, taken = tasks.cells(), Counter(), Counter(), set()
-    chosen = []
-    for kind, names in (("robot", robots.names()), ("task", tasks.names())):
-        for name in names:
-            own = [cell for cell in cells if cell[kind == "task"] == name]
-            if not own:
-                continue
-            best = min(own, key=lambda c: (c in taken, robots_seen[c[0]] + tasks_seen[c[1]], _ease(c[1])))
-            taken.add(best)
-            robots_seen[best[0]] += 1
-            tasks_seen[best[1]] += 1
-            chosen.append(Card(name, kind, *best))
-    return chosen
+    names = [("robot", name) for name in robots.names()] + [("task", name) for name in tasks.names()]
+    own = {(kind, name): [cell for cell in cells if cell[kind == "task"] == name] for kind, name in names}
+    chosen: dict[tuple[str, str], Card] = {}
+    for subject in sorted((each for each in names if own[each]), key=lambda each: len(own[each])):
+        best = min(own[subject], key=lambda c: (c in taken, robots_seen[c[0]] + tasks_seen[c[1]], _ease(c[1])))
+        taken.add(best)
+        robots_seen[best[0]] += 1
+        tasks_seen[best[1]] += 1
+        chosen[subject] = Card(subject[1], subject[0], *best)
+    return [chosen[subject] for subject in names if subject in chosen]
 
 
 def matrix() -> list[tuple[str, list[tuple[str, str]]]]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 import pytest
 
+import aerial_il
 from aerial_il import robots
 from aerial_il.suite.environment import AerialEnvironment
 from tests.contract.registered import CELLS, each_cell, single
@@ -44,6 +47,14 @@ def test_cameras_are_those_of_the_model(robot: str, task: str) -> None:
     assert set(env.camera_names) == {model.camera(i).name for i in range(model.ncam)}
 
 
+@pytest.fixture
+def env(robot: str, task: str) -> Iterator[AerialEnvironment]:
+    """A world of its own, whose cameras are put away afterwards: each keeps some 50 MB of graphics memory."""
+    env = aerial_il.load(robot, task)
+    yield env
+    env.close()
+
+
 def seen_bodies(env: AerialEnvironment, camera: str, height: int = 120, width: int = 160) -> dict[str, int]:
     """Pixels of each body in the picture of a camera."""
     geoms = env.render(camera, height, width, "segmentation")
@@ -61,8 +72,7 @@ def props(env: AerialEnvironment) -> set[str]:
 
 @pytest.mark.render
 @each_cell
-def test_the_scene_camera_frames_robot_and_props(robot: str, task: str) -> None:
-    env = single(robot, task)
+def test_the_scene_camera_frames_robot_and_props(env: AerialEnvironment, robot: str, task: str) -> None:
     for seed in range(6):
         env.reset(seed=seed)
         seen = seen_bodies(env, "scene", 240, 320)  # the default size of a picture
@@ -81,8 +91,7 @@ def _border(image: np.ndarray) -> np.ndarray:
 
 @pytest.mark.render
 @each_cell_with_gripper
-def test_the_wrist_camera_sees_both_fingers_and_the_tool_point(robot: str, task: str) -> None:
-    env = single(robot, task)
+def test_the_wrist_camera_sees_both_fingers_and_the_tool_point(env: AerialEnvironment, robot: str, task: str) -> None:
     env.reset(seed=0)
     seen = seen_bodies(env, "wrist")
     assert min(seen["finger_left"], seen["finger_right"]) > 20
@@ -95,8 +104,7 @@ def test_the_wrist_camera_sees_both_fingers_and_the_tool_point(robot: str, task:
 
 @pytest.mark.render
 @each_cell_with_gripper
-def test_the_base_camera_sees_the_gripper_and_what_is_below(robot: str, task: str) -> None:
-    env = single(robot, task)
+def test_the_base_camera_sees_the_gripper_and_what_is_below(env: AerialEnvironment, robot: str, task: str) -> None:
     env.reset(seed=0)
     seen = seen_bodies(env, "base")
     assert seen.get("palm", 0) + seen.get("finger_left", 0) + seen.get("finger_right", 0) > 20
