@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.control.vehicle import MAX_JOINTS
+from aerial_il.control.vehicle import MAX_JOINTS, MAX_ROTORS
 
 FRAME_SIZE = 15  # joint position (3), link rotation (9), joint axis (3); see ``dynamics.forward_kinematics``
 _COORDINATES = 4 + MAX_JOINTS  # base x, y, z, yaw and the joints
@@ -20,6 +20,9 @@ SCRATCH = np.dtype(
         ("solution", np.float64, (_EQUATIONS,)),
         *((name, np.float64, (MAX_JOINTS,)) for name in ("servo_vel", "servo_torque")),
         ("rest", np.float64, (MAX_JOINTS,)),  # stays zero
+        *((name, np.float64, (7 + MAX_JOINTS,)) for name in ("pos", "measured_pos")),  # of whoever calls the tick
+        *((name, np.float64, (6 + MAX_JOINTS,)) for name in ("vel", "measured_vel")),
+        ("thrust", np.float64, (MAX_ROTORS,)),
     ],
     align=True,
 )

@@ -1,14 +1,14 @@
-"""Run a compiled, GIL-free function over ranges of the worlds on several threads."""
+"""Run a compiled, GIL-free function over the worlds on several threads."""
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-FEWEST_WORLDS = 4  # below this, handing work to a thread costs more than it saves
-SHARES_PER_THREAD = 4  # so that a thread that was held up does not hold up the others
+import numpy as np
+
+FEWEST_WORLDS = 4  # below this, waking a thread costs more than it saves
 
 
 def available_cores() -> int:
@@ -24,25 +24,24 @@ class Crew:
     """
 
     def __init__(self, n: int, num_threads: int = 0) -> None:
-        self._hands = 1 if n < FEWEST_WORLDS else min(num_threads or available_cores(), n)
-        shares = 1 if self._hands == 1 else min(n, SHARES_PER_THREAD * self._hands)
-        edges = [round(n * k / shares) for k in range(shares + 1)]
-        self._ranges = list(itertools.pairwise(edges))
-        self._pool = ThreadPoolExecutor(self._hands - 1, "aerial_il-crew") if self._hands > 1 else None
+        hands = 1 if n < FEWEST_WORLDS else min(num_threads or available_cores(), n)
+        self._drawn = np.zeros(1, np.int64)
+        self._helpers = hands - 1
+        self._pool = ThreadPoolExecutor(self._helpers, "aerial_il-crew") if self._helpers else None
 
-    def run(self, work: Callable[[int, int], None]) -> None:
-        """Call ``work(first, stop)`` for every range of the worlds, each thread taking the next that is left."""
-        remaining = iter(self._ranges)  # next() of a list's iterator is atomic
+    def run(self, work: Callable[[int], None]) -> None:
+        """Call ``work(counter)`` on every thread; each world it takes is the next number drawn from ``counter``.
 
-        def take() -> None:
-            for first, stop in remaining:
-                work(first, stop)
-
+        Drawing one world at a time keeps all threads busy to the end, however unequal worlds and cores are. ``counter``
+        is the address of an ``int64``, see :func:`aerial_il.suite.native.draw`.
+        """
+        self._drawn[0] = 0
+        counter = self._drawn.ctypes.data
         if self._pool is None:
-            take()
+            work(counter)
             return
-        pending = [self._pool.submit(take) for _ in range(self._hands - 1)]
-        take()
+        pending = [self._pool.submit(work, counter) for _ in range(self._helpers)]
+        work(counter)
         for task in pending:
             task.result()
 

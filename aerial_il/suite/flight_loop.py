@@ -15,7 +15,7 @@ from aerial_il.core.rotations import mat_from_quat
 from aerial_il.suite import memory as mem
 from aerial_il.suite.aerodynamics import air_wrench, lagged_command
 from aerial_il.suite.force_sensing import sense_forces
-from aerial_il.suite.native import mj_step1, mj_step2
+from aerial_il.suite.native import draw, mj_step1, mj_step2, row_at
 from aerial_il.suite.sensing import Sensors, advance_noise, measure, vehicle_state
 from aerial_il.suite.wind import Air, advance_wind
 from aerial_il.suite.worlds import ACT, CTRL, QFRC, QPOS, QVEL, SENSORDATA, USERDATA, inside, pull_all, push_state
@@ -46,19 +46,22 @@ class Flight(NamedTuple):
 
 
 @kernel
-def fly(flight, scratch, worlds, actions, active, fresh, steps, first, stop):
-    """Advance the worlds ``first`` to ``stop - 1`` by some physics steps.
+def fly(flight, scratch, worlds, actions, active, fresh, steps, counter):
+    """Advance the worlds that are drawn from a counter by some physics steps.
 
     Args:
         flight: see :class:`Flight`. scratch: working memory. worlds: addresses, see ``worlds.Memory``.
         actions: (n, Da). active: (n,) bool, others stand still. fresh: the actions are new. steps: physics steps.
+        counter: address of the number of worlds that are taken already; threads that share it share the work.
     """
     vehicle, gains, air, sensors, dt = flight.vehicle, flight.gains, flight.air, flight.sensors, flight.dt
-    rotors, level = vehicle.num_rotors, flight.level
-    thrust = np.empty(rotors)
-    pos, vel = np.empty(7 + vehicle.num_joints), np.empty(6 + vehicle.num_joints)
-    measured_pos, measured_vel = np.empty_like(pos), np.empty_like(vel)
-    for i in range(first, stop):
+    rotors, level, thrust = vehicle.num_rotors, flight.level, scratch.thrust[: vehicle.num_rotors]
+    pos, vel = scratch.pos[: 7 + vehicle.num_joints], scratch.vel[: 6 + vehicle.num_joints]
+    measured_pos, measured_vel = scratch.measured_pos[: pos.size], scratch.measured_vel[: vel.size]
+    while True:
+        i = draw(counter)
+        if i >= active.size:
+            break
         if not active[i]:
             continue
         push_state(worlds, i)
@@ -66,7 +69,7 @@ def fly(flight, scratch, worlds, actions, active, fresh, steps, first, stop):
         ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), inside(worlds, USERDATA, i)
         memory, noise, wind = userdata[:MEMORY_SIZE], userdata[NOISE_START:NOISE_STOP], userdata[WIND_START:WIND_STOP]
         forces, sensordata = userdata[FORCES_START:FORCES_STOP], inside(worlds, SENSORDATA, i)
-        action, servo = actions[i], ctrl[rotors:]
+        action, servo = row_at(actions, i), ctrl[rotors:]
         vehicle_state(vehicle, qpos, qvel, pos, vel)
         if fresh:
             receive_action(vehicle, gains, scratch, level, action, pos, memory, flight.interval)

@@ -3,11 +3,16 @@
 A controller that reacts to every physics step and a physics step of a hundredth of a millisecond leave no time for an
 interpreter: loops over worlds and steps run in one compiled call, and MuJoCo is called through the addresses of its
 structures. Nothing here can raise; whoever calls makes sure of sizes, and looks at MuJoCo's warnings afterwards.
+
+The Python package has MuJoCo read the clock around every stage of a step, for a profiler that nobody looks at here; a
+fifth of a light scene's time goes into it. Importing this module switches the timers off for the process.
 """
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +25,9 @@ from aerial_il.core.kernels import kernel
 
 _FOLDER = Path(mujoco.__file__).parent
 _LIBRARY = next(path for pattern in ("libmujoco.*", "mujoco.dll") for path in _FOLDER.glob(pattern))
-ctypes.CDLL(str(_LIBRARY), mode=ctypes.RTLD_GLOBAL)  # the library that is loaded already: its names become visible
+_loaded = ctypes.CDLL(str(_LIBRARY), mode=ctypes.RTLD_GLOBAL)  # again: its names become visible to compiled code
+_clock = ctypes.c_void_p.in_dll(_loaded, "mjcb_time")  # function that MuJoCo reads its timers with, or null
+_PACKAGE_CLOCK, _clock.value = _clock.value, None
 
 _ADDRESS, _INT, _NOTHING = types.intp, types.int32, types.void
 _ON_WORLD = _NOTHING(_ADDRESS, _ADDRESS)  # (mjModel*, mjData*)
@@ -34,6 +41,16 @@ mj_set_state = types.ExternalFunction("mj_setState", _ON_STATE)
 mju_copy = types.ExternalFunction("mju_copy", _NOTHING(_ADDRESS, _ADDRESS, _INT))  # (to, from, count of doubles)
 
 
+@contextmanager
+def timers_on() -> Iterator[None]:
+    """Let MuJoCo keep its timers, as its Python package does by default; for comparisons with the bare package."""
+    _clock.value = _PACKAGE_CLOCK
+    try:
+        yield
+    finally:
+        _clock.value = None
+
+
 @intrinsic
 def _pointer(_: Any, address: types.Integer) -> Any:
     """Take an address (integer) as a pointer to doubles."""
@@ -44,10 +61,38 @@ def _pointer(_: Any, address: types.Integer) -> Any:
     return types.CPointer(types.float64)(address), generate
 
 
+@intrinsic
+def _fetch_and_add_one(_: Any, address: types.Integer) -> Any:
+    """Add one to the 64-bit integer at an address, in one indivisible step, and return what was there before."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        place = builder.inttoptr(arguments[0], context.get_value_type(types.CPointer(types.int64)))
+        return builder.atomic_rmw("add", place, context.get_constant(types.int64, 1), "monotonic")
+
+    return types.int64(address), generate
+
+
 _at: Any = _pointer  # an intrinsic is called without its first argument
+_take_one: Any = _fetch_and_add_one
 
 
 @kernel
 def doubles(address, size):
     """Return the ``size`` doubles at ``address`` as an array, which nobody owns."""
     return carray(_at(address), (size,))
+
+
+@kernel
+def row_at(array, i):
+    """Row ``i`` of an array (n, k) of doubles, taken by its address.
+
+    Compiled code counts the owners of an array whenever it hands it on; two threads that count on the same array wait
+    for each other all the time.
+    """
+    return doubles(array.ctypes.data + 8 * i * array.shape[1], array.shape[1])
+
+
+@kernel
+def draw(counter):
+    """Return the next number, from 0 on, of the ``int64`` counter at an address; no two threads get the same one."""
+    return _take_one(counter)

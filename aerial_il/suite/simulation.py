@@ -137,7 +137,7 @@ class Simulation:
         self._mask = self._select(mask)
         self._actions = self._checked(actions, self._mask)
         self._flights = self._userdata[:, FLIGHT].copy()
-        self._arriving = self.disturbances.arriving(self._actions, self._mask)
+        self._arriving = np.ascontiguousarray(self.disturbances.arriving(self._actions, self._mask))
         self._fresh = True
         return self._actions
 
@@ -146,7 +146,7 @@ class Simulation:
         self._crew.run(partial(self._fly, steps))
         self._fresh = False
 
-    def _fly(self, steps: int, first: int, stop: int) -> None:
+    def _fly(self, steps: int, counter: int) -> None:
         fly(
             self._flight,
             make_scratch(),
@@ -155,8 +155,7 @@ class Simulation:
             self._mask,
             self._fresh,
             steps,
-            first,
-            stop,
+            counter,
         )
 
     def settle(self) -> None:

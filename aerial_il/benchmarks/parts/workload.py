@@ -10,6 +10,7 @@ from mujoco import batch as mujoco_batch
 
 from aerial_il import experts
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.native import timers_on
 from aerial_il.suite.scene import SUBSTEPS
 
 INPUTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
@@ -62,7 +63,7 @@ def fly_again(env: BatchEnvironment, work: Workload) -> None:
 
 
 class RawPhysics:
-    """The same physics steps without anything of ours: MuJoCo's batch engine, fed with the recorded inputs.
+    """The same physics steps without anything of ours: MuJoCo's batch engine as it comes, fed with the recorded inputs.
 
     Args:
         model: the scene. work: the flight. num_threads: 0 for all cores.
@@ -84,9 +85,18 @@ class RawPhysics:
 
     def step(self) -> None:
         """Fly on by control steps, as a policy must that looks at all worlds: one call per control step."""
-        for k in range(0, self.work.inputs.shape[1], SUBSTEPS):
-            self._batch.rollout(SUBSTEPS, self.work.inputs[:, k : k + SUBSTEPS], int(INPUTS), record=())
+        with timers_on():
+            self._step()
+
+    def step_untimed(self) -> None:
+        """The same with MuJoCo's timers off, as in our flights."""
+        self._step()
 
     def roll_out(self) -> None:
         """Fly on in one call: each thread takes a world from its first step to its last, the fastest there is."""
-        self._batch.rollout(self.work.inputs.shape[1], self.work.inputs, int(INPUTS), record=())
+        with timers_on():
+            self._batch.rollout(self.work.inputs.shape[1], self.work.inputs, int(INPUTS), record=())
+
+    def _step(self) -> None:
+        for k in range(0, self.work.inputs.shape[1], SUBSTEPS):
+            self._batch.rollout(SUBSTEPS, self.work.inputs[:, k : k + SUBSTEPS], int(INPUTS), record=())
