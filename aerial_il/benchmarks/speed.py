@@ -37,10 +37,10 @@ SECTIONS = ("flight", "observation", "judgement", "bookkeeping")
 NOTES = (
     "Steps per second: control steps of 20 ms (five physics steps) of all worlds together.",
     "Raw: mujoco.batch on the same model, threads and inputs, one call per control step, for a policy has to see all "
-    "worlds before it acts. Untimed: the same without the timers that MuJoCo's Python package switches on and the batch "
-    "environment switches off. Uninterrupted: in one call for the whole flight, which keeps each world in cache.",
+    "worlds before it acts. Untimed: the same without the timers that MuJoCo's Python package switches on, and we off. "
+    "Uninterrupted: in one call for the whole flight, which keeps each world in cache.",
     "Gymnasium: AsyncVectorEnv, SB3: Stable-Baselines3's SubprocVecEnv, over the single environment with the same "
-    "actions; each of their processes steps one world.",
+    "actions, in pick_place; each of their processes steps one world.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is the faster.",
     "Time of a control step: the batch environment's own parts, timed around each call; flight is controller, "
     "air and physics; bookkeeping checks actions and states, counts steps and updates success and crash flags.",
@@ -55,7 +55,7 @@ class Speed:
 
     Attributes:
         robots, tasks: names; empty for all. num_envs: worlds of the batch. steps: control steps of the flight.
-        repetitions: turns that each arm takes. processes: of the other libraries; 0 leaves them out.
+        repetitions: turns that each arm takes. processes: of the other libraries, in pick_place; 0 leaves them out.
         demonstrations: episodes flown to count demonstrations per minute; 0 leaves them out.
         seed: the first one flown. threads: of the simulation; 0 for all cores.
     """
@@ -66,7 +66,7 @@ class Speed:
     robots: tuple[str, ...] = ()
     tasks: tuple[str, ...] = ()
     num_envs: int = 256
-    steps: int = 100
+    steps: int = 60
     repetitions: int = 7
     processes: int = 8
     demonstrations: int = 1024
@@ -121,7 +121,7 @@ class Speed:
             "untimed": Arm(raw.step_untimed, units=work.world_steps, prepare=raw.rewind),
             "uninterrupted": Arm(raw.roll_out, units=work.world_steps, prepare=raw.rewind),
         }
-        count = min(self.processes, self.num_envs)
+        count = min(self.processes, self.num_envs) if env.spec.task == MANIPULATION else 0
         with process_arms(env.spec.robot, env.spec.task, count, self.seed, work.actions) as others:
             return interleave({**arms, **others}, self.repetitions)
 
