@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.rendering import choose_backend
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from aerial_il.experts.expert import Expert
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.suite.environment import AerialEnvironment
+    from aerial_il.suite.outside.batch import OutsideBatch
 
 __version__ = "0.1.0"
 
@@ -78,6 +79,56 @@ def load_batch(
     env = BatchEnvironment(scenario, num_envs, num_threads)
     env.reset(seed)
     return env
+
+
+def load_gymnasium(
+    name: str,
+    *,
+    num_envs: int = 1,
+    success: str | None = None,
+    max_steps: int | None = None,
+    ends_at_success: bool = False,
+    **settings: Any,
+) -> OutsideBatch:
+    """Return ``num_envs`` worlds of a Gymnasium environment behind the interface of :func:`load_batch`.
+
+    Args:
+        name: Gymnasium id, e.g. ``AdroitHandDoor-v1``. num_envs: worlds, stepped one after the other.
+        success: when an episode succeeded: ``KEY:N`` (``info[KEY]`` was true in more than N steps), ``return:R`` (at least R)
+            or ``survived`` (flew to the time limit); None for what the environment reports, and ``survived`` where it reports nothing.
+        max_steps: time limit; None for the registered one. ends_at_success: end an episode at its first success.
+        settings: keyword arguments of ``gymnasium.make``.
+
+    Raises:
+        InvalidValueError: Gymnasium cannot make it, it has no time limit, or its spaces have no vector form.
+    """
+    from aerial_il.suite import outside
+
+    return outside.load_gymnasium(
+        name, num_envs=num_envs, success=success, max_steps=max_steps, ends_at_success=ends_at_success, **settings
+    )
+
+
+def load_dm_env(
+    make: Callable[[int], Any],
+    *,
+    num_envs: int = 1,
+    name: str = "environment",
+    success: str | None = None,
+    max_steps: int | None = None,
+    ends_at_success: bool = False,
+) -> OutsideBatch:
+    """Return ``num_envs`` worlds of a dm_env environment behind the interface of :func:`load_batch`.
+
+    Args:
+        make: ``seed -> dm_env.Environment``; called for every episode, so that nothing outlives it.
+        name: what recordings call it. The rest: see :func:`load_gymnasium`.
+    """
+    from aerial_il.suite import outside
+
+    return outside.load_dm_env(
+        make, num_envs=num_envs, name=name, success=success, max_steps=max_steps, ends_at_success=ends_at_success
+    )
 
 
 def expert(robot: str, task: str, **options: Any) -> Expert:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +17,9 @@ from aerial_il.core.policy import Policy
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.judging import subtask_flags
+from aerial_il.experts.outside import load_expert
 from aerial_il.policies import load_policy
+from aerial_il.suite import outside
 
 EXPERT = "expert"
 DEFAULT_ACTION, DEFAULT_CONTROLLER = "ee_pose", "geometric_observer"
@@ -25,16 +28,20 @@ SEEDS_TRIED = 3
 
 @dataclass(frozen=True)
 class Pilot:
-    """A policy with the cell and the action level that it flies."""
+    """A policy with the cell and the action level that it flies, or the key of an environment from outside."""
 
     policy: Policy
     robot: str
     task: str
     action: str
     words: str
+    env: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def environment(self, tier: str, *, num_envs: int, threads: int, controller: str = DEFAULT_CONTROLLER) -> Any:
-        """Return a batch environment for it."""
+        """Return a batch environment for it; one from outside knows no tier, threads or flight law."""
+        if self.env is not None:
+            return outside.load(self.env, num_envs=num_envs, **self.options)
         return aerial_il.load_batch(
             self.robot,
             self.task,
@@ -46,13 +53,25 @@ class Pilot:
         )
 
 
-def pilot(source: str, *, robot: str | None, task: str | None, action: str | None) -> Pilot:
+def pilot(
+    source: str,
+    *,
+    robot: str | None,
+    task: str | None,
+    action: str | None,
+    env: str | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Pilot:
     """Return the expert of a cell, a baseline, or a trained policy with what it was trained on where nothing is said.
 
     Args:
-        source: ``expert``, ``random``, ``hover``, or the folder of a run or a policy.
+        source: ``expert``, ``random``, ``hover``, the folder of a run or a policy, or a file with an expert from outside.
         robot, task, action: registry names; None for the policy's own.
+        env: key of an environment from outside, e.g. ``gymnasium:Pendulum-v1``; None for the policy's own.
+        options: of that environment, where they are to differ from those the policy was trained with.
     """
+    if source.endswith(".npz") or (env is not None and source in BASELINES):
+        return _outsider(source, env, dict(options or {}))
     if source == EXPERT or source in BASELINES:
         if robot is None or task is None:
             raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
@@ -61,6 +80,11 @@ def pilot(source: str, *, robot: str | None, task: str | None, action: str | Non
         return Pilot(policy, robot, task, action or DEFAULT_ACTION, words)
     policy = load_policy(source)
     spec = policy.spec
+    if env is not None or (spec.is_outside and robot is None):
+        key, chosen = env or outside.key_of(spec), {**spec.options, **(options or {})}
+        if key is None:
+            raise InvalidValueError(f"{source} was trained in an environment made by a caller; say env=KEY.")
+        return Pilot(policy, spec.robot, spec.task, spec.action.level, _words(source, key, options), key, chosen)
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
     return Pilot(policy, robot, task, action, f"policy={source} robot={robot} task={task} action={action}")
 
@@ -98,3 +122,22 @@ def expert_flight(robot: str, task: str) -> tuple[Episode, np.ndarray]:
         return episode, subtask_flags(env, episode)
     finally:
         env.close()
+
+
+def _outsider(source: str, env: str | None, options: dict[str, Any]) -> Pilot:
+    """Return an expert from a file, or a baseline, in an environment from outside."""
+    if env is None:
+        raise InvalidValueError(f"policy={source} needs env=... too, e.g. env=gymnasium:AdroitHandDoor-v1.")
+    robot, _, task = env.partition(":")
+    policy = BASELINES[source]() if source in BASELINES else load_expert(source, env)
+    return Pilot(policy, robot, task, "", _words(source, env, options), env, options)
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """Return the options that are not None."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _words(source: str, env: str, options: Mapping[str, Any] | None) -> str:
+    chosen = "".join(f" {name}={value}" for name, value in (options or {}).items())
+    return f"policy={source} env={env}{chosen}"

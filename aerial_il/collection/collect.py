@@ -68,7 +68,8 @@ def collect(
 ) -> Collection:
     """Record one episode for each seed that ``out`` does not hold yet.
 
-    Each world flies until its first success, a crash or the time limit. Successes go to ``demos/``, all others,
+    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash or the time limit.
+    Successes go to ``demos/``, all others,
     labelled so, to ``failures/``. Files are equal byte for byte whatever the number of worlds, processes and restarts,
     as long as the policy treats each row of a batch alike. Killed at any moment, it loses no finished episode; those in
     flight stay as ``.part`` files and are flown anew, identically, when the same call is made again.
@@ -139,7 +140,8 @@ class _Flight:
         while (flying := self.recorder.recording.copy()).any():
             result = self._step(obs, flying)
             obs = result.obs
-            ended = flying & (result.info["success"] | result.terminated | result.truncated)
+            won = result.info["success"] & getattr(self.env, "ends_at_success", True)
+            ended = flying & (won | result.terminated | result.truncated)
             if ended.any():
                 self._land(ended, result)
                 fresh = self._launch(waiting, ended)
@@ -227,8 +229,9 @@ class _Flight:
     def _land(self, ended: np.ndarray, result: Any) -> None:
         """Finish the episodes of the worlds in ``ended`` (n,)."""
         self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
+        crash = result.info.get("crash", result.terminated)
         for world in np.flatnonzero(ended).tolist():
-            success = bool(result.info["success"][world] and not result.terminated[world])
+            success = bool(result.info["success"][world] and not crash[world])
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
             self.recorder.finish(world, success=success, path=path)
             (self.result.demos if success else self.result.failures).append(int(self._seeds[world]))

@@ -15,7 +15,8 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 Group = Literal["proprio", "task", "image"]
-CONDITIONS = ("tier", "disturbances", "controller")  # of a specification: what may change under a policy
+CONDITIONS = ("tier", "disturbances", "controller", "options")  # of a specification: what may change under a policy
+NO_CONTROLLER = "none"  # of environments from outside the suite, whose actions are their own
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,8 @@ class EnvSpec:
         subtasks: names of the sub-task flags, in order.
         state_size: length of the full simulator state (``mjSTATE_INTEGRATION``).
         disturbances: what the tier disturbs and how strongly, as plain values; for the record.
-        controller: name of the flight law under the actions.
+        controller: name of the flight law under the actions, ``none`` for an environment from outside the suite.
+        options: how an environment from outside is made again; empty for the suite's.
     """
 
     robot: str
@@ -162,10 +164,17 @@ class EnvSpec:
     state_size: int
     disturbances: Mapping[str, Any] = field(default_factory=dict, hash=False)
     controller: str = "geometric_observer"
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the environment is not the suite's."""
+        return self.controller == NO_CONTROLLER
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, numbers and strings, ready for JSON or YAML."""
-        return _plain(self)
+        raw = _plain(self)
+        return raw if raw["options"] else {key: value for key, value in raw.items() if key != "options"}
 
     @staticmethod
     def from_dict(raw: Mapping[str, Any]) -> EnvSpec:
@@ -192,6 +201,7 @@ class EnvSpec:
                 subtasks=tuple(raw["subtasks"]),
                 disturbances=raw.get("disturbances", {}),
                 controller=raw.get("controller", "geometric_observer"),  # the only one there was
+                options=raw.get("options", {}),
                 **rest,
             )
         except (KeyError, TypeError) as error:

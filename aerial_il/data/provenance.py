@@ -24,7 +24,7 @@ def episode_uid(spec: EnvSpec, *, seed: int, policy: str, settings: Mapping[str,
     """
     origin = json.dumps([spec.to_dict(), policy, settings], sort_keys=True)
     digest = hashlib.sha256(origin.encode()).hexdigest()[:8]
-    return f"{spec.robot}-{spec.task}-{spec.tier}-{seed:06d}-{digest}"
+    return f"{spec.robot}-{spec.task}-{spec.tier}-{seed:06d}-{digest}".replace("/", "_")
 
 
 def episode_provenance(

@@ -29,7 +29,7 @@ class Random:
 
     def act(self, obs: Observation) -> np.ndarray:
         env = _attached(self._env)
-        low, high, seeds = env.spec.action.low, env.spec.action.high, env.simulation.seeds
+        low, high, seeds = env.spec.action.low, env.spec.action.high, env.seeds
         for world in np.flatnonzero(self._steps % HOLD_STEPS == 0):
             if self._steps[world] == 0:
                 self._rngs[world] = named_rng(int(seeds[world]), "random policy")

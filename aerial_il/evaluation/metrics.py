@@ -47,7 +47,7 @@ class EpisodeRecord:
     mean_reward: float
     ee_error_mean_m: float | None
     ee_error_max_m: float | None
-    effort_mean: float
+    effort_mean: float | None
     action_jerk_rms: Mapping[str, float]
     contact_events: int
     contact_time_s: float
@@ -122,12 +122,12 @@ def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
         end="success" if trace.success else "crash" if trace.crash else "timeout",
         steps=steps,
         duration_s=_tidy(steps * dt),
-        time_to_success_s=_tidy(steps * dt) if trace.success else None,
+        time_to_success_s=(_first_time(trace.solved, dt) or _tidy(steps * dt)) if trace.success else None,
         return_=float(trace.reward.sum()),
         mean_reward=float(trace.reward.mean()),
         ee_error_mean_m=float(error.mean()) if error.size else None,
         ee_error_max_m=float(error.max()) if error.size else None,
-        effort_mean=float(trace.effort.mean()),
+        effort_mean=float(trace.effort.mean()) if np.isfinite(trace.effort).all() else None,
         action_jerk_rms=action_jerk_rms(trace.executed, spec.action.units, dt),
         contact_events=onsets,
         contact_time_s=_tidy(np.count_nonzero(touching) * dt),

@@ -87,6 +87,12 @@ class EvaluationResult:
         count, rate, total = self.success["count"], self.success["rate"], len(self.episodes)
         return f"{count}/{total} = {100 * rate:.1f} % (95 % interval {100 * lo:.1f} to {100 * hi:.1f} %)"
 
+    def return_line(self) -> str:
+        """The mean return in one line, e.g. ``312.4 (95 % interval 290.1 to 330.0)``."""
+        found = spread(RETURN.key, map(RETURN.value, self.episodes))
+        lo, hi = found["ci95"]
+        return f"{found['mean']:.1f} (95 % interval {lo:.1f} to {hi:.1f})"
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``evaluation.json``."""
         return {

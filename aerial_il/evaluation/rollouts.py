@@ -32,8 +32,9 @@ def evaluate(
 ) -> EvaluationResult:
     """Judge a policy in closed loop.
 
-    Every world flies until its first success, a crash or the time limit, then takes the next seed. The result does not
-    depend on the number of worlds, as long as the policy treats each row of a batch alike.
+    Every world flies until its first success, a crash or the time limit, then takes the next seed; where ``env`` says
+    that its episodes do not end at success (``ends_at_success`` is False), success is judged at the end. The result does
+    not depend on the number of worlds, as long as the policy treats each row of a batch alike.
 
     Args:
         env: a batch environment (``aerial_il.load_batch``).
@@ -80,6 +81,7 @@ def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
     flying = np.arange(env.num_envs) < len(order)
     buffer = TraceBuffer(env.spec, env.num_envs)
     attach(policy, env)
+    stops = getattr(env, "ends_at_success", True)
     obs = env.reset(current)
     policy.reset()
     while flying.any():
@@ -87,8 +89,8 @@ def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
         result = env.step(actions, flying)
         obs = result.obs
         buffer.add(actions, result, getattr(policy, "phase", None), flying)
-        success, crash = result.info["success"], result.terminated
-        ended = flying & (success | crash | result.truncated)
+        success, crash = result.info["success"], result.info.get("crash", result.terminated)
+        ended = flying & (success & stops | result.terminated | result.truncated)
         for world in np.flatnonzero(ended):
             won, seed = bool(success[world] and not crash[world]), int(current[world])
             yield buffer.cut(world, seed=seed, success=won, crash=bool(crash[world]))
@@ -156,6 +158,7 @@ def _provenance(env: Any, policy: Policy, wall_time_s: float) -> dict[str, Any]:
             "max_steps": spec.max_steps,
             "num_envs": env.num_envs,
             "disturbances": dict(spec.disturbances),
+            "options": dict(spec.options),
         },
         "policy_sha256": checkpoint.digest(saved()) if saved else None,
         "torch_threads": torch.get_num_threads() if torch else None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ class Trace:
         executed: (T, Da) as the environment executed them.
         ee_pos: (T, 3) end effector in the world after each step, m; NaN where it is not observed.
         phase: (T,) phase of a scripted policy, -1 for policies without phases.
+        solved: (T,) bool, the task's success after each step; empty where it was not kept.
     """
 
     seed: int
@@ -43,6 +44,7 @@ class Trace:
     executed: np.ndarray
     ee_pos: np.ndarray
     phase: np.ndarray
+    solved: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
 
     def __len__(self) -> int:
         return len(self.reward)
@@ -68,6 +70,7 @@ class TraceBuffer:
             "executed": np.zeros(shape + action),
             "ee_pos": np.full((*shape, 3), np.nan),
             "phase": np.full(shape, NO_PHASE, dtype=np.int16),
+            "solved": np.zeros(shape, dtype=bool),
         }
 
     def add(self, actions: np.ndarray, result: Any, phase: np.ndarray | None, mask: np.ndarray) -> None:
@@ -79,6 +82,7 @@ class TraceBuffer:
             "executed": info["executed_action"],
             "ee_pos": result.obs.get("ee_pos"),
             "phase": phase,
+            "solved": info["success"],
         }
         row |= {name: info[name] for name in ("ee_error_m", "effort", "contacts", "subtasks")}
         worlds = np.flatnonzero(mask)

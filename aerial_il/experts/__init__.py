@@ -16,7 +16,7 @@ _INFRASTRUCTURE = {"expert", "hook"}
 @cache
 def names() -> tuple[str, ...]:
     """Names of all tasks that have an expert."""
-    return tuple(sorted(m.name for m in iter_modules(__path__) if m.name not in _INFRASTRUCTURE))
+    return tuple(sorted(m.name for m in iter_modules(__path__) if not m.ispkg and m.name not in _INFRASTRUCTURE))
 
 
 def make(robot: str, task: str, *, noise: float = 0.0, seed: int = 0) -> Expert:

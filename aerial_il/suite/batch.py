@@ -38,9 +38,14 @@ class BatchEnvironment:
 
     The environment does not end an episode on success and does not reset by itself: whoever runs it decides, per world.
 
+    Attributes:
+        ends_at_success: whether it should.
+
     Args:
         scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
     """
+
+    ends_at_success = True
 
     def __init__(self, scenario: Scenario, num_envs: int, num_threads: int = 0, gains: Gains | None = None) -> None:
         if num_envs < 1:
@@ -53,6 +58,11 @@ class BatchEnvironment:
     @property
     def spec(self) -> EnvSpec:
         return self.scenario.spec
+
+    @property
+    def seeds(self) -> np.ndarray:
+        """(n,) seeds of the running episodes."""
+        return self.simulation.seeds
 
     @property
     def model_xml(self) -> str:

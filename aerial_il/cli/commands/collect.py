@@ -4,6 +4,7 @@ Each seed is one episode. Successes go to demos/, the others, labelled so, to fa
 
 Example: aerial-il collect robot=fa_hexa_arm4 task=reach episodes=100 out=datasets/reach
 Example: aerial-il collect task=pick_place episodes=50 cameras=[wrist,scene] lerobot=true out=datasets/pick_seen
+Example: aerial-il collect env=gymnasium:AdroitHandDoor-v1 policy=dapg_policies.npz success=success:25 out=datasets/door
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aerial_il.cli.commands import convert
-from aerial_il.cli.keys import MISSING, Named, TierName, at_least, group, key, output
+from aerial_il.cli.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
+from aerial_il.core.errors import InvalidValueError
 
 
 @dataclass
@@ -31,6 +33,10 @@ class Config:
     tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
     expert: Expert = group("how the demonstrator flies")
     controller: Named = group("which law flies the base")
+    policy: MaybeLocated = path(MaybeLocated, "who flies in env=...: folder of a run, an expert's file, or random")
+    env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:CartPole-v1")
+    success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
+    max_steps: int | None = key(None, "time limit there (null: its own)")
     out: str = output(MISSING, "folder of the dataset")
     action: str = key("ee_pose", "action level that is recorded")
     episodes: int = key(100, "how many seeds are flown")
@@ -48,8 +54,9 @@ class Config:
 
 def run(config: Config) -> None:
     """Record, and say what comes next."""
-    record(config)
-    print(f"Next: aerial-il train dataset={config.out} run=runs/{config.task.name}")
+    (record if config.env is None else record_outside)(config)
+    name = config.task.name if config.env is None else config.env.partition(":")[2]
+    print(f"Next: aerial-il train dataset={config.out} run=runs/{name}")
 
 
 def record(config: Config) -> None:
@@ -81,6 +88,26 @@ def record(config: Config) -> None:
             settings={"noise": config.expert.noise},
             progress=config.progress,
         )
+    finally:
+        env.close()
+    if config.lerobot:
+        convert.run(convert.Config(config.out, progress=config.progress))
+
+
+def record_outside(config: Config) -> None:
+    """Record what is missing of an environment from outside, each episode over its whole horizon."""
+    from aerial_il.cli import flying
+    from aerial_il.collection.collect import collect
+
+    source = config.policy.path
+    if source is None:
+        raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
+    options = flying.given(success=config.success, max_steps=config.max_steps)
+    pilot = flying.pilot(source, robot=None, task=None, action=None, env=config.env, options=options)
+    env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, config.episodes), threads=config.threads)
+    try:
+        seeds = range(config.seed, config.seed + config.episodes)
+        collect(env, pilot.policy, seeds, config.out, policy_name=source, progress=config.progress)
     finally:
         env.close()
     if config.lerobot:

@@ -1,9 +1,11 @@
 """Fly a policy or an expert over fixed seeds and write evaluation.json, videos and a report.
 
-The result does not depend on num_envs. Robot, task and action level are the policy's own unless they are given.
+The result does not depend on num_envs. Robot, task and action level, or the environment from outside,
+are the policy's own unless they are given. An environment from outside is flown over its whole horizon.
 
 Example: aerial-il evaluate policy=runs/pick_bc tier=gusts out=runs/pick_bc/gusts
 Example: aerial-il evaluate policy=expert robot=fa_hexa_arm4 task=reach out=evaluations/expert_reach
+Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=return:475 out=runs/cart/evaluation
 """
 
 from __future__ import annotations
@@ -15,10 +17,13 @@ from aerial_il.cli.keys import MISSING, Located, Named, TierName, at_least, grou
 
 @dataclass
 class Config:
-    policy: Located = path(Located, "folder of a run or a policy, or: expert, random, hover")
+    policy: Located = path(Located, "folder of a run or a policy, an expert's file (.npz), or: expert, random, hover")
     robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
     task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
     tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    env: str | None = key(None, "environment from outside, e.g. gymnasium:CartPole-v1 (null: the policy's own)")
+    success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
+    max_steps: int | None = key(None, "time limit there (null: its own)")
     controller: Named = group("which law flies the base")
     out: str = output(MISSING, "folder for evaluation.json, videos/ and report.html")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for experts)")
@@ -43,6 +48,8 @@ def run(config: Config) -> None:
         robot=config.robot.name if config.robot else None,
         task=config.task.name if config.task else None,
         action=config.action,
+        env=config.env,
+        options=flying.given(success=config.success, max_steps=config.max_steps),
     )
     seeds = range(config.seed, config.seed + config.episodes)
     env = pilot.environment(
@@ -63,9 +70,12 @@ def run(config: Config) -> None:
         results.save(result, config.out, env=env, videos=config.videos)
     finally:
         env.close()
-    print(f"{pilot.robot} {pilot.task} {config.tier.name}: success {result.headline()}")
+    print(f"{pilot.robot} {pilot.task} {env.spec.tier if pilot.env else config.tier.name}: success {result.headline()}")
+    if pilot.env:
+        print(f"Return {result.return_line()}")
 
 
 def _command(config: Config, pilot: str) -> str:
-    where = f"tier={config.tier.name} controller={config.controller.name} episodes={config.episodes} seed={config.seed}"
+    conditions = "" if " env=" in pilot else f"tier={config.tier.name} controller={config.controller.name} "
+    where = f"{conditions}episodes={config.episodes} seed={config.seed}"
     return f"aerial-il evaluate {pilot} {where} out={config.out}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.policy import Observation
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
@@ -42,9 +42,14 @@ class Layout:
 
     @staticmethod
     def of(spec: EnvSpec, config: PolicyConfig) -> Layout:
-        """Return the layout that a policy of this configuration sees ``spec`` in."""
+        """Return the layout that a policy of this configuration sees ``spec`` in.
+
+        An environment from outside the suite that shows no positions has nothing to anchor.
+        """
         default = tuple(name for name in spec.observation.state_names if name not in config.blind_to)
-        return Layout(spec, config.obs_names or default, config.anchor)
+        names = config.obs_names or default
+        placed = any(_is_position(spec.observation[name]) for name in names)
+        return Layout(spec, names, config.anchor if placed or not spec.is_outside else None)
 
     @property
     def size(self) -> int:
@@ -84,8 +89,7 @@ class Layout:
 
     @cached_property
     def _positions(self) -> tuple[str, ...]:
-        fields = (self.spec.observation[name] for name in self.names)
-        return tuple(f.name for f in fields if f.name.endswith("_pos") and f.shape == (3,) and f.unit == "m")
+        return tuple(name for name in self.names if _is_position(self.spec.observation[name]))
 
     @cached_property
     def _anchor(self) -> slice:
@@ -139,6 +143,10 @@ def to_offsets(layout: Layout, actions: np.ndarray, history: np.ndarray) -> np.n
     actions = actions.copy()
     actions[..., : layout.anchored] -= layout.offset_of(history[:, -1:])
     return actions
+
+
+def _is_position(field: Field) -> bool:
+    return field.name.endswith("_pos") and field.shape == (3,) and field.unit == "m"
 
 
 def _first_bad(obs: Observation, names: tuple[str, ...]) -> tuple[str, np.ndarray]:

@@ -1,0 +1,125 @@
+"""Environments from outside, Gymnasium's and dm_env's, behind the interface of the suite's batch environment.
+
+A key names one: ``gymnasium:AdroitHandDoor-v1`` or ``dm_control:cartpole-swingup``. Recordings and policies carry key and
+options in their specification (``robot`` is what stands before the colon, ``task`` what follows), so that a policy finds
+the environment it was trained in.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.outside.batch import OutsideBatch
+
+if TYPE_CHECKING:
+    from aerial_il.suite.outside.dm_env_world import MakeEnv
+
+GYMNASIUM, DM_CONTROL, DM_ENV = "gymnasium", "dm_control", "dm_env"
+SOURCES = (GYMNASIUM, DM_CONTROL)
+
+
+def load_gymnasium(
+    name: str,
+    *,
+    num_envs: int = 1,
+    success: str | None = None,
+    max_steps: int | None = None,
+    ends_at_success: bool = False,
+    **settings: Any,
+) -> OutsideBatch:
+    """Return ``num_envs`` worlds of a Gymnasium environment; see :func:`aerial_il.load_gymnasium`."""
+    from aerial_il.suite.outside.gymnasium_world import GymnasiumWorld
+
+    return OutsideBatch(
+        lambda: GymnasiumWorld(name, settings),
+        num_envs,
+        source=GYMNASIUM,
+        name=name,
+        success=success,
+        max_steps=max_steps,
+        ends_at_success=ends_at_success,
+        options={"max_steps": max_steps, **_storable(settings)},
+    )
+
+
+def load_dm_env(
+    make: MakeEnv,
+    *,
+    num_envs: int = 1,
+    name: str = "environment",
+    source: str = DM_ENV,
+    success: str | None = None,
+    max_steps: int | None = None,
+    ends_at_success: bool = False,
+) -> OutsideBatch:
+    """Return ``num_envs`` worlds of a dm_env environment; see :func:`aerial_il.load_dm_env`."""
+    from aerial_il.suite.outside.dm_env_world import DmEnvWorld
+
+    return OutsideBatch(
+        lambda: DmEnvWorld(make),
+        num_envs,
+        source=source,
+        name=name,
+        success=success,
+        max_steps=max_steps,
+        ends_at_success=ends_at_success,
+        options={"max_steps": max_steps},
+    )
+
+
+def load_dm_control(name: str, *, num_envs: int = 1, **options: Any) -> OutsideBatch:
+    """Return worlds of dm_control's suite, named ``domain-task``; options as for :func:`load_dm_env`."""
+    from dm_control import suite
+
+    domain, _, task = name.rpartition("-")
+    known = [f"{d}-{t}" for d, t in suite.ALL_TASKS]
+    if name not in known:
+        raise UnknownNameError("dm_control task", name, known)
+
+    def make(seed: int) -> Any:
+        return suite.load(domain, task, task_kwargs={"random": seed})
+
+    return load_dm_env(make, num_envs=num_envs, name=name, source=DM_CONTROL, **options)
+
+
+def load(key: str, *, num_envs: int = 1, **options: Any) -> OutsideBatch:
+    """Return worlds of the environment that ``key`` names, e.g. ``gymnasium:Pendulum-v1``.
+
+    Raises:
+        InvalidValueError: no key. UnknownNameError: a source that there is not.
+    """
+    source, colon, name = key.partition(":")
+    if not colon or not name:
+        raise InvalidValueError(f"env={key} names no environment; write e.g. env=gymnasium:Pendulum-v1.")
+    if source not in SOURCES:
+        raise UnknownNameError("source of environments", source, SOURCES)
+    loader = load_gymnasium if source == GYMNASIUM else load_dm_control
+    return loader(name, num_envs=num_envs, **options)
+
+
+def key_of(spec: EnvSpec) -> str | None:
+    """Return the key of a specification's environment, or None for one of the suite's, or one made by a caller."""
+    return f"{spec.robot}:{spec.task}" if spec.robot in SOURCES else None
+
+
+def load_again(spec: EnvSpec, *, num_envs: int = 1, **changed: Any) -> OutsideBatch:
+    """Return worlds of the environment that ``spec`` describes, with the same options but those ``changed``."""
+    key = key_of(spec)
+    if key is None:
+        raise InvalidValueError(f"{spec.robot}:{spec.task} was made by a caller; only who made it can make it again.")
+    return load(key, num_envs=num_envs, **{**spec.options, **changed})
+
+
+def _storable(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings that JSON can hold; others are named by their text, for the record."""
+
+    def plain(value: Any) -> Any:
+        try:
+            return json.loads(json.dumps(value))
+        except TypeError:
+            return repr(value)
+
+    return {name: plain(value) for name, value in settings.items()}
