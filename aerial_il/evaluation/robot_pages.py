@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 REACH, BODY, ARM = "#9fc0e6", "#4a4f57", "#d98032"
+ARM_CAPTION = "*Blue: where the tool can be, seen from the side and from above; orange: the arm at rest.*"
 CELLS_PER_REACH = 20  # squares of the drawn workspace along the outstretched arm
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "aerial_il",
@@ -63,8 +64,8 @@ def page(robot: Robot) -> str:
     parts = [
         f"# {robot.name}",
         robot.summary,
-        f"![Where the tool can be]({robot.name}.svg)",
-        "*Blue: where the tool can be, seen from the side and from above; orange: the arm at rest.*",
+        f"![Side view and top view]({robot.name}.svg)",
+        ARM_CAPTION if robot.num_joints else "*Seen from the side and from above.*",
         _properties(robot),
         "## Balance",
         _balance(robot),

@@ -1,4 +1,4 @@
-"""Write the pages that the project makes of itself: one per robot, with its figures, workspace and tasks.
+"""Write the pages that the project makes of itself: one per robot, with its figures and workspace, one per task.
 
 Example: aerial-il docs out=docs
 """
@@ -12,12 +12,12 @@ from aerial_il.cli.keys import key
 
 @dataclass
 class Config:
-    out: str = key("docs", "folder that gets robots/NAME.md and a drawing for every robot")
+    out: str = key("docs", "folder that gets robots/NAME.md with a drawing, and tasks/NAME.md")
 
 
 def run(config: Config) -> None:
     """Write the pages and say where."""
-    from aerial_il.evaluation.robot_pages import write_pages
+    from aerial_il.evaluation import robot_pages, task_pages
 
-    for path in write_pages(config.out):
+    for path in (*robot_pages.write_pages(config.out), *task_pages.write_pages(config.out)):
         print(path)
