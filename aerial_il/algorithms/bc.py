@@ -34,6 +34,7 @@ from aerial_il.algorithms.parts.training_set import (
     read_demos,
     split,
 )
+from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng
@@ -114,11 +115,13 @@ class BehaviourCloning:
         evaluate: Evaluate | None = None,
         resume: bool = True,
         progress: bool = True,
+        failures: bool = False,
+        initial: ChunkPolicy | None = None,
     ) -> ChunkPolicy:
         """Clone the demonstrator.
 
         Args:
-            dataset: episodes of one environment; failures among them are left out.
+            dataset: episodes of one environment; failures among them are left out unless ``failures`` says otherwise.
             policy: what to train.
             run: folder for configuration, metrics, checkpoints and the finished policy.
             seed: decides initial weights, validation split, minibatches and noise.
@@ -126,26 +129,33 @@ class BehaviourCloning:
             evaluate: ``(policy, step) -> named numbers`` to log every ``evaluate_every`` steps and at the end.
             resume: continue what ``run`` holds; a finished run returns its policy at once.
             progress: show a progress bar.
+            failures: learn from failed episodes too, as from those that an expert has labelled.
+            initial: a policy of the same configuration whose weights and normalisers training goes on from.
 
         Returns:
             The policy with averaged weights, as saved in ``run/policy``.
 
         Raises:
-            InvalidValueError: nothing to learn from, other data than expected, or ``run`` holds another run.
+            InvalidValueError: nothing to learn from, other data than expected, ``initial`` has another configuration,
+                or ``run`` holds another run.
             TrainingDivergedError: the loss or its gradient is not finite; the last checkpoint is intact.
             CheckpointError: the disk is full, or all checkpoints of ``run`` are damaged.
             KeyboardInterrupt, SystemExit: after SIGINT or SIGTERM, once a checkpoint is written.
         """
-        layout, demos = read_demos(dataset, policy)
+        layout, demos = read_demos(dataset, policy, failures=failures)
+        if initial and (initial.config != policy or initial.interface.layout.names != layout.names):
+            raise InvalidValueError("The initial policy has another configuration than the one to train.")
         _check(layout.spec, expect or {})
         kept, held_out = split(demos, self.validation, seed=seed)
         windows = cut_windows(kept, layout, policy)
-        interface = fit_interface(layout, windows, policy)
+        interface = initial.interface if initial else fit_interface(layout, windows, policy)
         training = TrainingSet(windows, interface, self.device)
         unseen = TrainingSet(cut_windows(held_out, layout, policy), interface, self.device) if held_out else None
         order = Shuffle(len(training), self.batch_size, seed=seed)
         data = {"demonstrations": len(demos), "frames": len(training), "digest": digest_of(windows)}
         origin = {"algorithm": "bc", "seed": seed, "dataset": data}
+        if initial:
+            origin["initial"] = digest(Checkpoint(initial.to_checkpoint().arrays))
         config = {**origin, "settings": asdict(self), "policy": {"name": policy.name, **policy.to_dict()}}
 
         with ExitStack() as stack:
@@ -156,6 +166,8 @@ class BehaviourCloning:
             stack.enter_context(torch_rng(seed, "bc"))
             signals = stack.enter_context(SignalWatch())
             network = policy.build(layout.size, layout.spec.action.size).to(self.device)
+            if initial:
+                network.load_state_dict(initial.network.state_dict())
             learner = Learner(network, weight_decay=self.weight_decay, ema=self.ema, clip_norm=self.clip_norm)
             if folder.resumed:
                 learner.restore(folder.resumed)

@@ -16,7 +16,7 @@ import numpy as np
 from tqdm import tqdm
 
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
-from aerial_il.core.policy import Observation, Policy, attach
+from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.provenance import episode_provenance, episode_uid
@@ -76,7 +76,7 @@ def collect(
 
     Args:
         env: a batch environment; it records the cameras it was loaded with.
-        policy: what flies. Where it has ``phase`` and ``expert_action`` they are recorded.
+        policy: what flies. Where it has ``phase``, ``expert_action`` and ``is_intervention`` they are recorded.
         seeds: distinct episode seeds.
         out: the dataset folder; several processes may share it.
         policy_name: who flies, for the provenance; part of what makes two episodes the same.
@@ -187,6 +187,8 @@ class _Flight:
         obs = self.env.reset(self._seeds, worlds)
         for mind in self._minds:
             mind.reset(worlds)
+            if isinstance(mind, SeededPolicy):
+                mind.begin(self._seeds, worlds)
         return obs
 
     def _step(self, obs: Observation, flying: np.ndarray) -> Any:
@@ -200,7 +202,7 @@ class _Flight:
             action=actions,
             executed_action=result.info["executed_action"],
             expert_action=labels,
-            is_intervention=np.zeros(count, bool),
+            is_intervention=np.asarray(getattr(self.policy, "is_intervention", np.zeros(count, bool))),
             phase=np.asarray(getattr(self.policy, "phase", np.full(count, -1))),
             ctrl=self.env.ctrl,
             reward=result.reward,

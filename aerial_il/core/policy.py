@@ -37,3 +37,12 @@ def attach(policy: Policy, env: Any) -> Policy:
     if isinstance(policy, PrivilegedPolicy):
         policy.attach(env)
     return policy
+
+
+@runtime_checkable
+class SeededPolicy(Policy, Protocol):
+    """A policy that rolls dice: given the episodes' seeds, what it does in one does not depend on the others."""
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Learn the seeds (n,) of the episodes that begin in the worlds of ``mask`` (n,) bool, or in all of them."""
+        ...

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,15 @@ class DatasetFolder:
                 write_atomic(path, model_xml)
         return path
 
+    def adopt(self, other: DatasetFolder) -> None:
+        """Show the finished episodes of ``other`` here too: the same files where the disk allows, copies elsewhere."""
+        for kind in KINDS:
+            for file in other.files(kind):
+                target = self.path / kind / file.name
+                with storing(target):
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    _link(file, target)
+
     def log(self, entry: Mapping[str, Any]) -> None:
         """Append a line to ``recordings.jsonl``, the place for what varies from run to run, such as wall time."""
         with storing(self.path / LOG), open(self.path / LOG, "a") as file:
@@ -142,3 +152,15 @@ class DatasetFolder:
             os.replace(file, target)
             sync_folder(target.parent)
         return target
+
+
+def _link(source: Path, target: Path) -> None:
+    """Make ``target``, unless it is there, another name of ``source``, or a copy of it on another disk."""
+    aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    if target.exists():
+        return
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, aside)
+        os.replace(aside, target)

@@ -25,7 +25,7 @@ class Batch(NamedTuple):
     Attributes:
         obs: (B, To, Do) the last To observations, the present one last.
         actions: (B, Ta, Da) the actions from now on.
-        is_pad: (B, Ta) bool, True beyond the end of the episode.
+        is_pad: (B, Ta) bool, True beyond the end of the episode and where nobody said what to do.
     """
 
     obs: np.ndarray
@@ -34,14 +34,16 @@ class Batch(NamedTuple):
 
 
 class Windows:
-    """All windows of some episodes, one for each control step.
+    """All windows of some episodes, one for each control step whose action is known.
 
     Args:
         episodes: where the frames come from; kept in no other form.
         obs_names: state fields, concatenated in this order.
         history: observations To in a window.
         chunk: actions Ta in a window.
-        target: which actions. Steps without an expert's label fall back to the executed action.
+        target: which actions. With ``expert_actions`` an episode in which nobody was asked falls back to what was
+            executed; of one in which somebody was, only the labelled steps count: no window begins at another one, and
+            within a window the others are padding.
         successes_only: leave failed episodes out.
         dtype: of observations and actions in memory.
 
@@ -64,24 +66,26 @@ class Windows:
         if history < 1 or chunk < 1:
             raise InvalidValueError(f"history={history} and chunk={chunk} must be at least 1.")
         self.obs_names, self.history, self.chunk = tuple(obs_names), history, chunk
-        kept = [(_obs(e, self.obs_names), _target(e, target)) for e in episodes if e.success or not successes_only]
+        chosen = (e for e in episodes if e.success or not successes_only)
+        kept = [(_obs(e, self.obs_names), _target(e, target), _known(e, target)) for e in chosen]
         if not kept:
             raise InvalidValueError("No episode is left to cut windows from: none succeeded. See successes_only.")
-        self.lengths = np.array([len(actions) for _, actions in kept])
-        obs = [np.pad(o, ((history - 1, 0), (0, 0)), mode="edge") for o, _ in kept]
-        actions = [np.pad(a, ((0, chunk - 1), (0, 0)), mode="edge") for _, a in kept]
+        self.lengths = np.array([len(actions) for _, actions, _ in kept])
+        obs = [np.pad(o, ((history - 1, 0), (0, 0)), mode="edge") for o, _, _ in kept]
+        actions = [np.pad(a, ((0, chunk - 1), (0, 0)), mode="edge") for _, a, _ in kept]
         self._obs = np.concatenate(obs).astype(dtype)
         self._actions = np.concatenate(actions).astype(dtype)
         episode, step = np.repeat(np.arange(len(kept)), self.lengths), np.arange(self.lengths.sum())
-        self._obs_row = step + episode * (history - 1)
-        self._action_row = step + episode * (chunk - 1)
-        self._left = np.repeat(np.cumsum(self.lengths), self.lengths) - step  # steps to the end, this one included
-        self._ahead = np.arange(chunk)
+        starts = np.flatnonzero(np.concatenate([known for _, _, known in kept]))
+        self._obs_row = (step + episode * (history - 1))[starts]
+        self._action_row = (step + episode * (chunk - 1))[starts]
+        is_pad = np.concatenate([np.pad(~known, (0, chunk - 1), constant_values=True) for _, _, known in kept])
+        self._is_pad_runs = sliding_window_view(is_pad, chunk)
         self._obs_runs = sliding_window_view(self._obs.reshape(-1), history * self._obs.shape[1])
         self._action_runs = sliding_window_view(self._actions.reshape(-1), chunk * self._actions.shape[1])
 
     def __len__(self) -> int:
-        return len(self._left)
+        return len(self._action_row)
 
     def __getitem__(self, index: np.ndarray) -> Batch:
         """Gather the windows at ``index`` (B,)."""
@@ -91,7 +95,7 @@ class Windows:
         return Batch(
             obs.reshape(len(index), self.history, -1),
             actions.reshape(len(index), self.chunk, -1),
-            self._ahead >= self._left[index, None],
+            self._is_pad_runs[self._action_row[index]],
         )
 
     def batches(self, size: int, rng: np.random.Generator) -> Iterator[Batch]:
@@ -109,3 +113,9 @@ def _target(episode: Episode, target: Target) -> np.ndarray:
     if target != "expert_actions":
         return getattr(episode, target)
     return np.where(np.isnan(episode.expert_actions), episode.executed_actions, episode.expert_actions)
+
+
+def _known(episode: Episode, target: Target) -> np.ndarray:
+    """(T,) bool: the steps whose target is worth learning."""
+    asked = np.asarray(~np.isnan(episode.expert_actions).any(axis=1))
+    return asked if target == "expert_actions" and asked.any() else np.ones(len(episode), bool)

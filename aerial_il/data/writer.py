@@ -14,10 +14,12 @@ from typing import Any, BinaryIO
 import numpy as np
 from mcap.records import Channel, Schema
 
-from aerial_il.core.errors import SimulationDivergedError, StorageError
+from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
 from aerial_il.data import messages
 from aerial_il.data.container import ContainerWriter
 from aerial_il.data.digest import ContentDigest
+from aerial_il.data.episode import Episode
+from aerial_il.data.images import encode
 from aerial_il.data.schema import MESSAGE_HEAD_SIZE, MESSAGE_OPCODE, RECORD_HEAD, VERSION, Block, Camera, Layout
 
 CHUNK_BYTES = 64 * 1024
@@ -158,6 +160,44 @@ class EpisodeWriter:
                 raise SimulationDivergedError(
                     f"{name}{list(where[1:])} is not finite", seed=self._seed, step=self._steps + where[0]
                 )
+
+
+def write_episode(episode: Episode, path: Path) -> Path:
+    """Write an episode that is in memory, wherever it came from; its images are left out unless they were decoded.
+
+    Raises:
+        BusyError: another process writes it.
+        InvalidValueError: the episode lacks the images that its specification promises.
+        StorageError: the disk is full or the folder not writable.
+    """
+    layout = Layout(episode.spec, episode.ctrl.shape[1])
+    for camera in layout.cameras:
+        if camera.field not in episode.obs:
+            raise InvalidValueError(f"Episode {episode.uid} was read without its images of {camera.field}.")
+    pictures = {c.field: [encode(c.field, image) for image in episode.obs[c.field]] for c in layout.cameras}
+    writer = EpisodeWriter(path, layout, uid=episode.uid, provenance=episode.provenance, model_xml=episode.model_xml)
+    block = _block(episode)
+    steps = {name: values[: len(episode)] for name, values in block.items()}
+    writer.append(steps, {name: images[:-1] for name, images in pictures.items()})
+    last = {name: block[name][-1:] for name in ("sim_time", "observation", "state")}
+    return writer.finish(last, {name: images[-1:] for name, images in pictures.items()}, success=episode.success)
+
+
+def _block(episode: Episode) -> dict[str, np.ndarray]:
+    return {
+        "sim_time": episode.sim_time,
+        "observation": episode.flat_obs(episode.spec.observation.state_names),
+        "state": episode.states,
+        "ctrl": episode.ctrl,
+        "action": episode.actions,
+        "executed_action": episode.executed_actions,
+        "expert_action": episode.expert_actions,
+        "is_intervention": episode.is_intervention,
+        "phase": episode.phase,
+        "reward": episode.rewards,
+        "terminated": episode.terminated,
+        "truncated": episode.truncated,
+    }
 
 
 def part_of(path: str | os.PathLike[str]) -> Path:

@@ -21,15 +21,19 @@ from aerial_il.policies.parts.switches import Switches
 VALIDATE = "Find out more: aerial-il validate PATH"
 
 
-def read_demos(dataset: Iterable[Episode], policy: PolicyConfig) -> tuple[Layout, list[Episode]]:
-    """Return the successful episodes and the layout ``policy`` sees them in, refusing what nothing should learn from.
+def read_demos(
+    dataset: Iterable[Episode], policy: PolicyConfig, *, failures: bool = False
+) -> tuple[Layout, list[Episode]]:
+    """Return the successful episodes, or all of them, and the layout ``policy`` sees them in.
+
+    Whatever nothing should learn from is refused.
 
     Raises:
         InvalidValueError: there is no success, episodes come from different environments, one is shorter than the
             policy's chunk, or a value is not finite.
         UnknownNameError: the episodes lack an observation field.
     """
-    demos = [episode for episode in dataset if episode.success]
+    demos = [episode for episode in dataset if episode.success or failures]
     if not demos:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"The dataset holds no successful demonstration. {hint}")
@@ -68,7 +72,8 @@ def split(demos: Sequence[Episode], fraction: float, *, seed: int) -> tuple[list
 
 def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicyConfig) -> Windows:
     """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown."""
-    return Windows(demos, layout.names, history=policy.history, chunk=policy.chunk, target="expert_actions")
+    history, chunk = policy.history, policy.chunk
+    return Windows(demos, layout.names, history=history, chunk=chunk, target="expert_actions", successes_only=False)
 
 
 def digest_of(windows: Windows) -> str:
