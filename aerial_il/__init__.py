@@ -94,8 +94,9 @@ def load_gymnasium(
 
     Args:
         name: Gymnasium id, e.g. ``AdroitHandDoor-v1``. num_envs: worlds, stepped one after the other.
-        success: when an episode succeeded: ``KEY:N`` (``info[KEY]`` was true in more than N steps), ``return:R`` (at least R)
-            or ``survived`` (flew to the time limit); None for what the environment reports, and ``survived`` where it reports nothing.
+        success: when an episode succeeded: ``KEY:N`` (``info[KEY]`` was true in more than N steps), ``return:R`` (at
+            least R) or ``survived`` (flew to the time limit); None for what the environment reports, and ``survived``
+            where it reports nothing.
         max_steps: time limit; None for the registered one. ends_at_success: end an episode at its first success.
         settings: keyword arguments of ``gymnasium.make``.
 

@@ -65,7 +65,7 @@ def pilot(
     """Return the expert of a cell, a baseline, or a trained policy with what it was trained on where nothing is said.
 
     Args:
-        source: ``expert``, ``random``, ``hover``, the folder of a run or a policy, or a file with an expert from outside.
+        source: ``expert``, ``random``, ``hover``, the folder of a run or a policy, or an expert's file.
         robot, task, action: registry names; None for the policy's own.
         env: key of an environment from outside, e.g. ``gymnasium:Pendulum-v1``; None for the policy's own.
         options: of that environment, where they are to differ from those the policy was trained with.

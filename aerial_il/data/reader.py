@@ -161,6 +161,11 @@ def read_whole_steps(report: Report, contents: Contents, layout: Layout, steps: 
     return Messages(records, block, last, {c.field: _images(report, c, contents, times) for c in layout.cameras})
 
 
+def _array_of(block: Arrays, name: str) -> np.ndarray:
+    """Return a field (k, ...) that has no bytes, and so no place in a message, where its size is zero."""
+    return block.get(name, np.zeros((len(block["sim_time"]), 0)))
+
+
 def build_episode(head: Head, messages: Messages, outcome: Outcome) -> Episode:
     """Assemble decoded messages."""
     block, last = messages.block, messages.last
@@ -178,8 +183,8 @@ def build_episode(head: Head, messages: Messages, outcome: Outcome) -> Episode:
         rewards=block["reward"],
         terminated=block["terminated"].astype(bool),
         truncated=block["truncated"].astype(bool),
-        states=np.concatenate([block["state"], last["state"]]),
-        ctrl=block["ctrl"],
+        states=np.concatenate([_array_of(block, "state"), _array_of(last, "state")]),
+        ctrl=_array_of(block, "ctrl"),
         sim_time=np.concatenate([block["sim_time"], last["sim_time"]]),
         success=outcome.success,
         model_xml=head.model_xml,

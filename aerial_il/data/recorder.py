@@ -43,6 +43,8 @@ class Recorder:
         step = self.layout.step.template.dtype
         fields = {name: step[name] for name in step.names or () if not name.startswith(("sec", "nanosec", "step"))}
         fields["observation"] = np.dtype((float, (spec.observation.size(spec.observation.state_names),)))
+        for name in ("state", "ctrl"):  # an environment from outside may have neither
+            fields.setdefault(name, np.dtype((float, (0,))))
         self._rows = {
             name: np.zeros((num_envs, STEPS_KEPT, *dtype.shape), dtype.base) for name, dtype in fields.items()
         }

@@ -1,8 +1,8 @@
 """Environments from outside, Gymnasium's and dm_env's, behind the interface of the suite's batch environment.
 
-A key names one: ``gymnasium:AdroitHandDoor-v1`` or ``dm_control:cartpole-swingup``. Recordings and policies carry key and
-options in their specification (``robot`` is what stands before the colon, ``task`` what follows), so that a policy finds
-the environment it was trained in.
+A key names one: ``gymnasium:AdroitHandDoor-v1`` or ``dm_control:cartpole-swingup``. Recordings and policies carry key
+and options in their specification (``robot`` is what stands before the colon, ``task`` what follows), so that a policy
+finds the environment it was trained in.
 """
 
 from __future__ import annotations

@@ -24,10 +24,12 @@ class DmEnvWorld:
     def __init__(self, make: MakeEnv) -> None:
         self._make = make
         self._env = make(0)
-        self._spec = self._env.action_spec()
-        shown = self._env.observation_spec()
+        self._spec: Any = self._env.action_spec()
+        shown: Any = self._env.observation_spec()
         self.observation = ObservationSpec(
-            tuple(_field(name, each) for name, each in (shown if _is_mapping(shown) else {"observation": shown}).items())
+            tuple(
+                _field(name, each) for name, each in (shown if _is_mapping(shown) else {"observation": shown}).items()
+            )
         )
         self.action = action_spec(self._spec)
         timestep: Any = getattr(self._env, "control_timestep", None)
@@ -63,7 +65,8 @@ class DmEnvWorld:
 
     def physics(self) -> tuple[Any, Any] | None:
         physics: Any = getattr(self._env, "physics", None)
-        model, data = getattr(physics, "model", None), getattr(physics, "data", None)
+        model: Any = getattr(physics, "model", None)
+        data: Any = getattr(physics, "data", None)
         return (model.ptr, data.ptr) if hasattr(model, "ptr") and hasattr(data, "ptr") else None
 
     def render(self) -> np.ndarray | None:

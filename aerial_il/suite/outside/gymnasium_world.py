@@ -1,7 +1,7 @@
 """One Gymnasium environment as a world: spaces become named fields, seeds become episodes.
 
-A ``Box`` is one field, a ``Dict`` one field per entry, every other space the vector that Gymnasium flattens it to. Among
-several actions to choose from (``Discrete``), an action is a score for each and the highest is taken.
+A ``Box`` is one field, a ``Dict`` one field per entry, every other space the vector that Gymnasium flattens it to.
+Among several actions to choose from (``Discrete``), an action is a score for each and the highest is taken.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def action_spec(space: spaces.Space[Any], labels: tuple[str, ...] = ()) -> Actio
 
 def actuators(inner: Any) -> tuple[str, ...]:
     """Return the names of the actuators of an environment that runs on MuJoCo."""
-    model = getattr(inner, "model", None)
+    model: Any = getattr(inner, "model", None)
     return tuple(model.actuator(i).name for i in range(model.nu)) if hasattr(model, "nu") else ()
 
 

@@ -1,0 +1,69 @@
+"""The Adroit study: experts that solve their tasks, published rewards, and a report that says when nothing is there."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerial_il.benchmarks.adroit import Adroit
+from aerial_il.benchmarks.parts.adroit import TASKS, PublishedRewards, expert_of
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation.rollouts import evaluate
+
+DATA = next(
+    (p / "shared" / "data" / "adroit" for p in Path(__file__).resolve().parents if (p / "shared" / "data").is_dir()),
+    Path("absent"),
+)
+needs_experts = pytest.mark.skipif(not DATA.is_dir(), reason="the experts of DAPG are not beside the repository")
+needs_robotics = pytest.mark.skipif(
+    importlib.util.find_spec("gymnasium_robotics") is None, reason="gymnasium-robotics is not installed"
+)
+
+
+@needs_experts
+@needs_robotics
+@pytest.mark.parametrize("name", TASKS)
+def test_the_experts_solve_their_tasks_and_earn_what_was_published(name: str) -> None:
+    task = TASKS[name]
+    env = PublishedRewards(task, 2)
+    result = evaluate(env, expert_of(task, DATA, noise=0.0), [0, 1], policy_name="expert", progress=False)
+    assert result.success["count"] == 2
+    scores = task.score(np.array([episode.return_ for episode in result.episodes]))
+    assert (scores > 40).all(), "single episodes of relocate differ much by how soon the ball is there"
+    assert [e.steps for e in result.episodes] == [200, 200]
+    assert all(e.time_to_success_s and e.time_to_success_s < e.duration_s for e in result.episodes)
+
+
+@needs_experts
+@needs_robotics
+def test_the_noise_of_an_expert_depends_on_the_episode_alone() -> None:
+    task = TASKS["door"]
+
+    def first_actions(n: int, seed: int) -> np.ndarray:
+        env, expert = PublishedRewards(task, n), expert_of(task, DATA, noise=1.0)
+        expert.attach(env)
+        obs = env.reset(seed)
+        expert.reset()
+        return np.stack([expert.act(obs), expert.act(obs)])
+
+    assert np.array_equal(first_actions(2, 4)[:, 1], first_actions(1, 5)[:, 0])
+    assert not np.array_equal(*first_actions(1, 5))
+
+
+def test_a_missing_folder_is_said_and_skipped(tmp_path: Path) -> None:
+    report = Adroit(data=str(tmp_path / "nowhere")).run(tmp_path, progress=False)
+    assert not report.targets
+    assert "bench.data=FOLDER" in report.notes[0]
+    with pytest.raises(InvalidValueError, match="bench.data=FOLDER"):
+        expert_of(TASKS["door"], tmp_path, noise=0.0)
+
+
+def test_the_trainings_that_targets_ask_for_come_first_and_unknown_classes_are_left_out() -> None:
+    study = Adroit(policies={"mlp": {"chunk": 1}, "no_such_class": {}}, seeds=2)
+    points = study.points()
+    assert {(p.task, p.demos) for p in points[:2]} == {("door", 100), ("relocate", 100)}
+    assert {p.policy for p in points} == {"mlp"}
+    assert len(points) == len(set(points)) == 2 * (2 + 2 + 2)
