@@ -39,6 +39,7 @@ LONGEST_ERROR = 0.15  # m: the arm does not chase a reference the base has yet t
 ORIENTATION_SHARE = 0.3  # m/rad: weight of the reference's orientation against its position
 YAW_MOBILITY = 2.0  # rad per metre of base motion considered equally dear
 POSTURE_STEPS, POSTURE_STEP = 60, 0.3  # of the search for a posture; rad
+POSTURE_FOUND = 1e-6  # m and rad: where it may stop earlier
 
 
 @kernel
@@ -138,6 +139,8 @@ def solve_posture(vehicle, scratch, pos, rot, target, target_rot, joints):
     """
     for _ in range(POSTURE_STEPS):
         _linearise(vehicle, scratch, pos, rot, joints, 0, target, target_rot, ORIENTATION_SHARE)
+        if norm(vec(scratch.error, 0)) < POSTURE_FOUND and norm(vec(scratch.error, 3)) < POSTURE_FOUND:
+            break
         for j in range(vehicle.num_joints):
             scratch.pull[4 + j] = 0.0
         solve_in_joint_space(scratch, 4, vehicle.num_joints, DAMPING)

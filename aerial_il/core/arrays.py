@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from aerial_il.core.kernels import kernel
+
 
 def length(vectors: np.ndarray) -> np.ndarray:
     """Euclidean length of vectors (..., 3) -> (...)."""
@@ -35,4 +37,12 @@ def closeness(distance: np.ndarray, scale: float) -> np.ndarray:
 
 def cosine_and_sine(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cosine and sine of angles (n,), rad, one by one: numpy's own may round differently for one than for many."""
-    return np.array([math.cos(a) for a in angle]), np.array([math.sin(a) for a in angle])
+    cosine, sine = np.empty(len(angle)), np.empty(len(angle))
+    _write_cosine_and_sine(angle, cosine, sine)
+    return cosine, sine
+
+
+@kernel
+def _write_cosine_and_sine(angle, cosine, sine):
+    for i in range(angle.size):
+        cosine[i], sine[i] = math.cos(angle[i]), math.sin(angle[i])

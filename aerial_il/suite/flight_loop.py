@@ -11,19 +11,34 @@ from aerial_il.control.dynamics import put, vec
 from aerial_il.control.memory import MEMORY_SIZE
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.kernels import kernel
-from aerial_il.core.rotations import mat_from_quat
+from aerial_il.core.rotations import mat_from_quat, norm
 from aerial_il.suite import memory as mem
 from aerial_il.suite.aerodynamics import air_wrench, lagged_command
 from aerial_il.suite.force_sensing import sense_forces
 from aerial_il.suite.native import draw, mj_step1, mj_step2, row_at
 from aerial_il.suite.sensing import Sensors, advance_noise, measure, vehicle_state
 from aerial_il.suite.wind import Air, advance_wind
-from aerial_il.suite.worlds import ACT, CTRL, QFRC, QPOS, QVEL, SENSORDATA, USERDATA, inside, pull_all, push_state
+from aerial_il.suite.worlds import (
+    ACT,
+    CTRL,
+    QFRC,
+    QPOS,
+    QVEL,
+    SENSORDATA,
+    SITE_XMAT,
+    SITE_XPOS,
+    USERDATA,
+    inside,
+    pull_all,
+    push_state,
+)
 
 NOISE_START, NOISE_STOP = mem.NOISE.start, mem.NOISE.stop
 WIND_START, WIND_STOP = mem.WIND.start, mem.WIND.stop
 FORCES_START, FORCES_STOP = mem.FORCES.start, mem.FORCES.stop
-SEED, TICK = mem.SEED, mem.TICK
+SEED, TICK, STEP, CRASHED = mem.SEED, mem.TICK, mem.STEP, mem.CRASHED
+TILTED_OVER = 0.17  # cosine of 80°
+FENCE_M = 4.0  # a base farther than this from the origin has flown away
 
 
 class Flight(NamedTuple):
@@ -32,7 +47,8 @@ class Flight(NamedTuple):
     Attributes:
         vehicle: the nominal model's record. gains, air, sensors: parameters. level: action level.
         force_addresses: (K,) where the task's force sensors start in ``sensordata``.
-        dt: s, of a physics step. interval: s, between actions.
+        base_site: index of the base's site. base_contact: index of its contact count in ``sensordata``.
+        dt: s, of a physics step. interval: s, between actions. substeps: physics steps between actions.
     """
 
     vehicle: np.record
@@ -41,8 +57,11 @@ class Flight(NamedTuple):
     sensors: Sensors
     level: int
     force_addresses: np.ndarray
+    base_site: int
+    base_contact: int
     dt: float
     interval: float
+    substeps: int
 
 
 @kernel
@@ -94,4 +113,16 @@ def fly(flight, scratch, worlds, actions, active, fresh, steps, counter):
             vehicle_state(vehicle, qpos, qvel, pos, vel)
             sense_forces(sensordata, flight.force_addresses, forces, dt)
             userdata[TICK] += 1.0
+        if userdata[TICK] % flight.substeps == 0.0:
+            userdata[STEP] += 1.0
+            if _crashed(flight, worlds, sensordata, i):
+                userdata[CRASHED] = 1.0
         pull_all(worlds, i)
+
+
+@kernel
+def _crashed(flight, worlds, sensordata, i):
+    """Whether the base of world ``i`` touches something, is tilted beyond 80° or has flown away."""
+    pos = vec(inside(worlds, SITE_XPOS, i), 3 * flight.base_site)
+    upright = inside(worlds, SITE_XMAT, i)[9 * flight.base_site + 8]
+    return sensordata[flight.base_contact] > 0.0 or upright < TILTED_OVER or norm(pos) > FENCE_M

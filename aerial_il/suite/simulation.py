@@ -27,7 +27,6 @@ from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
 from aerial_il.suite.view import View
 from aerial_il.suite.worlds import STATE, Worlds
 
-FENCE_M = 4.0  # a base farther than this from the origin has flown away
 LARGEST_SEED = 2**53
 TARGET = slice(controller_memory.TARGET_POS, controller_memory.TARGET_POS + 3)  # the tool position last commanded
 FLIGHT = slice(mem.SEED, mem.STEP + 1)  # what identifies a moment: seed first, step last
@@ -77,8 +76,11 @@ class Simulation:
             sensors=scenario.tier.sensors,
             level=int(scenario.level),
             force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),
+            base_site=self.view.base_site,
+            base_contact=self.view.address("contact_base"),
             dt=PHYSICS_DT_S,
             interval=CONTROL_DT_S,
+            substeps=SUBSTEPS,
         )
         self._dwell_steps = max(1, round(self.task.dwell_s / CONTROL_DT_S))
         self._crew = Crew(worlds.n, num_threads)
@@ -159,10 +161,9 @@ class Simulation:
         )
 
     def settle(self) -> None:
-        """Last part of :meth:`advance`: count the step, check the state, update dwell and crash flags."""
+        """Last part of :meth:`advance`: check the state, update the flags."""
         mask = self._mask
         self._check_physics(mask)
-        self._userdata[mask, mem.STEP] += 1.0
         if self._flight.level == ActionLevel.EE_POSE:
             self._commanded[mask] = self._actions[mask, :3]
         elif self._flight.level == ActionLevel.EE_DELTA:
@@ -266,13 +267,9 @@ class Simulation:
         raise SimulationDivergedError(what.rstrip(". "), seed=int(seed), step=int(step))
 
     def _update_flags(self, mask: np.ndarray) -> None:
-        """Count how long the task has been solved and notice crashes; both live in the simulator's state."""
+        """Count how long the task has been solved without a crash; both live in the simulator's state."""
         view, userdata = self.view, self._userdata
-        upside_down = view.base_mat[:, 8] < 0.17  # tilted beyond 80°
-        away = length(view.base_pos) > FENCE_M
         self.task.remember(view, mask)
-        crash = mask & (view.base_touched | upside_down | away)
-        userdata[crash, mem.CRASHED] = 1.0
         held = self.task.solved(view) & (userdata[:, mem.CRASHED] == 0.0)
         userdata[mask, mem.DWELL] = np.where(held, userdata[:, mem.DWELL] + 1.0, 0.0)[mask]
 

@@ -30,14 +30,14 @@ class View:
         self._sensors, self.mocap_pos = worlds.bind("sensordata"), worlds.bind("mocap_pos")
         self.mocap_quat = worlds.bind("mocap_quat")
         self._applied = worlds.bind("qfrc_applied")
-        self._tool, self._base = self._site("tool"), self._site("imu")
+        self._tool, self.base_site = self._site("tool"), self._site("imu")
         self._ids: dict[str, int] = {}
         self._joints: dict[str, tuple[int, int]] = {}
         (first_pos, first_vel), count = robot.first_joint, robot.num_joints
         self.joint_pos = self.qpos[:, first_pos : first_pos + count]
         self.joint_vel = self.qvel[:, first_vel : first_vel + count]
         twist = np.zeros((self.n, 6)) if robot.fixed else self.qvel[:, :6]
-        self.base_pos, self.base_vel, self.base_angvel = self._site_pos[:, self._base], twist[:, :3], twist[:, 3:]
+        self.base_pos, self.base_vel, self.base_angvel = self._site_pos[:, self.base_site], twist[:, :3], twist[:, 3:]
         self._finger = first_pos + count
         contacts = ["contact_base", *(f"contact_link_{i}" for i in range(robot.num_joints - 1))]
         self._contact_ids = [self.address(name) for name in contacts]
@@ -60,7 +60,7 @@ class View:
     @property
     def base_mat(self) -> np.ndarray:
         """(n, 9) rotation, world from base, row by row."""
-        return self._site_mat[:, self._base].reshape(self.n, 9)
+        return self._site_mat[:, self.base_site].reshape(self.n, 9)
 
     @property
     def base_rot6d(self) -> np.ndarray:
@@ -82,11 +82,6 @@ class View:
         """(n, 1) opening of the gripper: 0 closed, 1 open."""
         left, right = (self.qpos[:, k : k + 1] for k in (self._finger, self._finger + 1))
         return 0.5 * (left + right) / self.robot.gripper.stroke
-
-    @property
-    def base_touched(self) -> np.ndarray:
-        """(n,) bool: hub or a rotor disc touches something."""
-        return self._sensors[:, self._contact_ids[0]] > 0.0
 
     @property
     def unwanted_contacts(self) -> np.ndarray:

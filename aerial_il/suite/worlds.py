@@ -24,7 +24,7 @@ SIGNATURE = int(STATE)
 STATE_FIELDS = ("qpos", "qvel", "act", "ctrl", "qfrc_applied", "userdata", "xfrc_applied", "mocap_pos", "mocap_quat")
 QPOS, QVEL, ACT, CTRL, QFRC, USERDATA = range(6)
 DERIVED_FIELDS = ("sensordata", "site_xpos", "site_xmat")
-SENSORDATA = len(STATE_FIELDS)
+SENSORDATA, SITE_XPOS, SITE_XMAT = range(len(STATE_FIELDS), len(STATE_FIELDS) + len(DERIVED_FIELDS))
 NUM_STATE_FIELDS = len(STATE_FIELDS)
 INFO, COUNT = 0, 1  # columns of a table of warnings
 
