@@ -151,11 +151,15 @@ def load_policy(path: str) -> Policy:
     return load_policy(path)
 
 
-def open_dataset(path: str) -> Dataset:
-    """Open an MCAP folder or file, or a LeRobot v3 folder."""
+def open_dataset(path: str, *, cameras: bool | Sequence[str] = False) -> Dataset:
+    """Open an MCAP folder or file, or a LeRobot v3 folder.
+
+    Args:
+        path: where it lies. cameras: True to decode all recorded images, or the names of some, such as ``wrist_rgb``.
+    """
     from aerial_il.data.dataset import open_dataset
 
-    return open_dataset(path)
+    return open_dataset(path, cameras=cameras)
 
 
 def list_robots() -> tuple[str, ...]:

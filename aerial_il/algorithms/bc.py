@@ -4,7 +4,8 @@ One step draws a minibatch of windows, takes the network's own loss, clips the g
 under a cosine schedule and averages them. The averaged weights are what flies. A run is a function of its data,
 settings, seed and thread count: killed at any moment and started again, it ends with the same bytes.
 
-Metrics: ``loss`` and ``grad_norm`` (means since the last row), ``lr``, ``elapsed_s``; on held-out demonstrations
+Metrics: ``loss`` and ``grad_norm`` (means since the last row), ``lr``, ``elapsed_s``, ``wait_share`` (of the step time,
+spent waiting for minibatches); on held-out demonstrations
 ``validation/loss`` and, in the action's units, ``validation/<element>``; ``evaluate/<name>`` from closed-loop flights.
 The loss on held-out demonstrations does not tell which of two policies flies better: only flights do.
 """
@@ -17,11 +18,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 
-import numpy as np
 import torch
 from tqdm import tqdm
 
 from aerial_il.algorithms.parts.learner import Learner
+from aerial_il.algorithms.parts.loader import AHEAD, Loader
 from aerial_il.algorithms.parts.optimisation import cosine
 from aerial_il.algorithms.parts.run_folder import RunFolder
 from aerial_il.algorithms.parts.signals import SignalWatch
@@ -44,6 +45,7 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, masked_mean
+from aerial_il.policies.parts.vision import build_network
 
 Evaluate = Callable[[ChunkPolicy, int], Mapping[str, float]]
 CADENCE = ("log_every", "validate_every", "evaluate_every", "checkpoint_every", "keep_checkpoints")
@@ -165,13 +167,17 @@ class BehaviourCloning:
             stack.enter_context(_threads(self.threads))
             stack.enter_context(torch_rng(seed, "bc"))
             signals = stack.enter_context(SignalWatch())
-            network = policy.build(layout.size, layout.spec.action.size).to(self.device)
+            network = build_network(policy, layout).to(self.device)
             if initial:
                 network.load_state_dict(initial.network.state_dict())
             learner = Learner(network, weight_decay=self.weight_decay, ema=self.ema, clip_norm=self.clip_norm)
             if folder.resumed:
                 learner.restore(folder.resumed)
             flying = ChunkPolicy(policy, interface, learner.averaged, {**origin, "provenance": provenance()})
+            ahead = AHEAD if training.has_images else 0
+            steps = {"first": learner.step, "last": self.steps}
+            loader = stack.enter_context(Loader(lambda step: training.gather(order[step]), **steps, ahead=ahead))
+            loader.wait_share(learner.elapsed_s)
             bar = stack.enter_context(_bar(self.steps, learner.step, progress))
 
             while True:  # evaluating comes first: a run killed while it evaluates resumes just before
@@ -183,7 +189,7 @@ class BehaviourCloning:
                     break
                 started = time.perf_counter()
                 lr = self.lr * cosine(self._share(learner), step, warmup_steps=self.warmup_steps, floor=self.lr_floor)
-                obs, actions, valid = training.gather(order[step])
+                obs, actions, valid = loader.take(step)
                 obs = obs + self.obs_noise * torch.randn_like(obs) if self.obs_noise else obs
                 loss, logged = learner.network.loss(obs, actions, valid)
                 learner.descend(loss, lr=lr, logged=logged)
@@ -194,6 +200,7 @@ class BehaviourCloning:
                 row: dict[str, float] = {}
                 if done or due(self.log_every, step):
                     row = {**learner.report(), "lr": lr, "elapsed_s": learner.elapsed_s}
+                    row["wait_share"] = loader.wait_share(learner.elapsed_s)
                     bar.set_postfix_str(f"loss {row['loss']:.4f}", refresh=False)
                 if unseen and (done or due(self.validate_every, step)):
                     row |= validation_errors(learner.averaged, unseen, interface)
@@ -222,7 +229,7 @@ def due(every: int, step: int) -> bool:
 @torch.no_grad()
 def validation_errors(network: ChunkNetwork, unseen: TrainingSet, interface: Interface) -> dict[str, float]:
     """Return the loss on held-out demonstrations and the mean absolute error of each action element in its unit."""
-    obs, actions, valid = unseen.gather(np.arange(len(unseen)))
+    obs, actions, valid = unseen.gather(unseen.sample())
     loss, _ = network.loss(obs, actions, valid)
     errors = (network(obs) - actions).abs()
     scale, labels = interface.action.scale, interface.layout.spec.action.labels

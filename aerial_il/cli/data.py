@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 
 import aerial_il
@@ -10,19 +10,24 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 
 
-def demonstrations(path: str, *, limit: int | None) -> Iterable[Episode]:
+def demonstrations(path: str, *, limit: int | None, images: Sequence[str] = ()) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
+
+    Args:
+        path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
 
     Raises:
         InvalidValueError: there are fewer of them than ``limit``.
     """
-    dataset = aerial_il.open_dataset(path)
     if limit is None:
-        return dataset
+        return aerial_il.open_dataset(path, cameras=tuple(images))
+    dataset = aerial_il.open_dataset(path)
     chosen = list(islice((episode for episode in dataset if episode.success), limit))
     if len(chosen) < limit:
         raise InvalidValueError(
             f"{path} has {len(chosen)} successful demonstrations; dataset.episodes={limit} asks for more. "
             "Collect more into it, or leave dataset.episodes=null for all."
         )
+    if images:  # one after the other, as the algorithm takes them: they may not fit into memory
+        return aerial_il.open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
     return chosen

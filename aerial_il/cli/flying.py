@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
+from aerial_il.core.rendering import require_rendering
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.judging import subtask_flags
@@ -21,9 +22,13 @@ from aerial_il.experts.outside import load_expert
 from aerial_il.policies import load_policy
 from aerial_il.suite import outside
 
+if TYPE_CHECKING:
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+
 EXPERT = "expert"
 DEFAULT_ACTION, DEFAULT_CONTROLLER = "ee_pose", "geometric_observer"
 SEEDS_TRIED = 3
+IMAGE_SIZE = (240, 320)
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,8 @@ class Pilot:
     words: str
     env: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    cameras: tuple[str, ...] = ()
+    image_size: tuple[int, int] = IMAGE_SIZE
 
     def environment(self, tier: str, *, num_envs: int, threads: int, controller: str = DEFAULT_CONTROLLER) -> Any:
         """Return a batch environment for it; one from outside knows no tier, threads or flight law."""
@@ -50,6 +57,8 @@ class Pilot:
             action=self.action,
             num_threads=threads,
             controller=controller,
+            cameras=self.cameras,
+            image_size=self.image_size,
         )
 
 
@@ -86,7 +95,18 @@ def pilot(
             raise InvalidValueError(f"{source} was trained in an environment made by a caller; say env=KEY.")
         return Pilot(policy, spec.robot, spec.task, spec.action.level, _words(source, key, options), key, chosen)
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
-    return Pilot(policy, robot, task, action, f"policy={source} robot={robot} task={task} action={action}")
+    words, (cameras, size) = f"policy={source} robot={robot} task={task} action={action}", _sight(policy)
+    return Pilot(policy, robot, task, action, words, cameras=cameras, image_size=size)
+
+
+def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
+    """Return the cameras that ``policy`` looks through and the size of their images, all of them alike."""
+    layout = policy.interface.layout
+    if not layout.images:
+        return (), IMAGE_SIZE
+    require_rendering(f"a policy that sees {layout.cameras}")
+    height, width = layout.image_shapes[0][:2]
+    return tuple(name.removesuffix("_rgb") for name in layout.images), (height, width)
 
 
 def record(env: Any, policy: Policy, seed: int, file: Path, *, name: str) -> Episode:

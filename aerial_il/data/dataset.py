@@ -52,6 +52,10 @@ class Dataset:
             )
         return self._loaders[uid]()
 
+    def only(self, uids: Iterable[str]) -> Dataset:
+        """Return the dataset of some of the episodes, in the order of ``uids``."""
+        return Dataset(self.path, {uid: self._loaders[uid] for uid in uids})
+
     def problems(self) -> Iterator[tuple[str, DemoError | None]]:
         """Read every episode; yield its uid and what is wrong with it, or None."""
         for uid, load in self._loaders.items():

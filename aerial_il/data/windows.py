@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
 
 Target = Literal["actions", "executed_actions", "expert_actions"]
@@ -46,6 +46,8 @@ class Windows:
             within a window the others are padding.
         successes_only: leave failed episodes out.
         dtype: of observations and actions in memory.
+        images: image fields that go with the observations. They stay as the episodes hold them, one copy of each frame
+            however many windows show it, and are gathered by :meth:`images`.
 
     Raises:
         InvalidValueError: no episode is left, or a length is not positive.
@@ -62,14 +64,17 @@ class Windows:
         target: Target = "actions",
         successes_only: bool = True,
         dtype: np.typing.DTypeLike = np.float32,
+        images: Sequence[str] = (),
     ) -> None:
         if history < 1 or chunk < 1:
             raise InvalidValueError(f"history={history} and chunk={chunk} must be at least 1.")
         self.obs_names, self.history, self.chunk = tuple(obs_names), history, chunk
-        chosen = (e for e in episodes if e.success or not successes_only)
+        chosen = [e for e in episodes if e.success or not successes_only]
         kept = [(_obs(e, self.obs_names), _target(e, target), _known(e, target)) for e in chosen]
         if not kept:
             raise InvalidValueError("No episode is left to cut windows from: none succeeded. See successes_only.")
+        self.image_names = tuple(images)
+        self.frames = {name: [_image(e, name) for e in chosen] for name in self.image_names}
         self.lengths = np.array([len(actions) for _, actions, _ in kept])
         obs = [np.pad(o, ((history - 1, 0), (0, 0)), mode="edge") for o, _, _ in kept]
         actions = [np.pad(a, ((0, chunk - 1), (0, 0)), mode="edge") for _, a, _ in kept]
@@ -79,6 +84,8 @@ class Windows:
         starts = np.flatnonzero(np.concatenate([known for _, _, known in kept]))
         self._obs_row = (step + episode * (history - 1))[starts]
         self._action_row = (step + episode * (chunk - 1))[starts]
+        first = np.cumsum(self.lengths) - self.lengths
+        self._episode, self._step = episode[starts], (step - first[episode])[starts]
         is_pad = np.concatenate([np.pad(~known, (0, chunk - 1), constant_values=True) for _, _, known in kept])
         self._is_pad_runs = sliding_window_view(is_pad, chunk)
         self._obs_runs = sliding_window_view(self._obs.reshape(-1), history * self._obs.shape[1])
@@ -93,10 +100,17 @@ class Windows:
         obs = self._obs_runs[self._obs_row[index] * self._obs.shape[1]]
         actions = self._action_runs[self._action_row[index] * self._actions.shape[1]]
         return Batch(
-            obs.reshape(len(index), self.history, -1),
-            actions.reshape(len(index), self.chunk, -1),
+            obs.reshape(len(index), self.history, self._obs.shape[1]),
+            actions.reshape(len(index), self.chunk, self._actions.shape[1]),
             self._is_pad_runs[self._action_row[index]],
         )
+
+    def images(self, index: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Gather the images that the windows at ``index`` (B,) show, each (B, To, *shape)."""
+        behind = np.arange(1 - self.history, 1)
+        rows = np.maximum(self._step[index, None] + behind, 0)
+        places = list(zip(self._episode[index].tolist(), rows, strict=True))
+        return tuple(np.stack([frames[e][r] for e, r in places]) for frames in self.frames.values())
 
     def batches(self, size: int, rng: np.random.Generator) -> Iterator[Batch]:
         """Yield one epoch in random order, without the incomplete last batch."""
@@ -106,7 +120,14 @@ class Windows:
 
 
 def _obs(episode: Episode, names: tuple[str, ...]) -> np.ndarray:
-    return episode.flat_obs(names)[: len(episode)]
+    return episode.flat_obs(names)[: len(episode)] if names else np.zeros((len(episode), 0))
+
+
+def _image(episode: Episode, name: str) -> np.ndarray:
+    if name not in episode.obs:
+        there = [field.name for field in episode.spec.observation.of_group("image") if field.name in episode.obs]
+        raise UnknownNameError("image", name, there, f"Open the recordings with cameras=[{name!r}].")
+    return episode.obs[name]
 
 
 def _target(episode: Episode, target: Target) -> np.ndarray:

@@ -57,7 +57,7 @@ def saved_step(run: Path) -> int:
 
 
 def told(run: Path) -> list[dict[str, float]]:
-    return [{k: v for k, v in row.items() if k != "elapsed_s"} for row in read_metrics(run)]
+    return [{k: v for k, v in row.items() if k not in ("elapsed_s", "wait_share")} for row in read_metrics(run)]
 
 
 def assert_same_end(run: Path, whole: Path) -> None:

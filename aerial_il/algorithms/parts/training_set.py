@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.core.computer import free_memory_bytes
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
+from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.windows import Windows
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.vision import with_pixels
 
+GIB = 2**30
+IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
 VALIDATE = "Find out more: aerial-il validate PATH"
 
 
@@ -30,10 +35,10 @@ def read_demos(
 
     Raises:
         InvalidValueError: there is no success, episodes come from different environments, one is shorter than the
-            policy's chunk, or a value is not finite.
+            policy's chunk, a value is not finite, or the images do not fit into memory.
         UnknownNameError: the episodes lack an observation field.
     """
-    demos = [episode for episode in dataset if episode.success or failures]
+    demos = [episode for episode in _within_memory(dataset, policy) if episode.success or failures]
     if not demos:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"The dataset holds no successful demonstration. {hint}")
@@ -41,6 +46,22 @@ def read_demos(
     for episode in demos:
         _check(episode, layout, policy.chunk)
     return layout, demos
+
+
+def _within_memory(dataset: Iterable[Episode], policy: PolicyConfig) -> Iterator[Episode]:
+    """Yield the episodes, which are kept by the caller, as long as the images of those to come will fit."""
+    count, held = len(dataset) if isinstance(dataset, Dataset) else 0, 0  # others are in memory already
+    for number, episode in enumerate(dataset, start=1):
+        held += sum(episode.obs[name].nbytes for name in policy.images if name in episode.obs)
+        to_come, free = held // number * (count - number), free_memory_bytes()
+        if held and to_come > 0.9 * free:
+            size, room = f"{(held + to_come) / GIB:.1f} GiB", f"{(held + free) / GIB:.1f} GiB"
+            raise InvalidValueError(
+                f"The images {', '.join(policy.images)} of {count} episodes take about {size} of memory; {room} are "
+                "free. Train on fewer episodes (dataset.episodes=N), on fewer cameras (policy.images=[...]), or on "
+                "smaller images (aerial-il collect image_size=[64,64])."
+            )
+        yield episode
 
 
 def _check(episode: Episode, layout: Layout, chunk: int) -> None:
@@ -72,8 +93,15 @@ def split(demos: Sequence[Episode], fraction: float, *, seed: int) -> tuple[list
 
 def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicyConfig) -> Windows:
     """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown."""
-    history, chunk = policy.history, policy.chunk
-    return Windows(demos, layout.names, history=history, chunk=chunk, target="expert_actions", successes_only=False)
+    return Windows(
+        demos,
+        layout.names,
+        history=policy.history,
+        chunk=policy.chunk,
+        target="expert_actions",
+        successes_only=False,
+        images=layout.images,
+    )
 
 
 def digest_of(windows: Windows) -> str:
@@ -81,6 +109,8 @@ def digest_of(windows: Windows) -> str:
     seal = hashlib.sha256()
     for array in windows[np.arange(len(windows))]:
         seal.update(np.ascontiguousarray(array).tobytes())
+    for frames in (frames for of_camera in windows.frames.values() for frames in of_camera):
+        seal.update(np.ascontiguousarray(frames))
     return seal.hexdigest()
 
 
@@ -94,7 +124,7 @@ def fit_interface(layout: Layout, windows: Windows, policy: PolicyConfig) -> Int
 
 
 class TrainingSet:
-    """Windows as normalised tensors.
+    """Windows as normalised tensors, the pixels of their images behind the observations.
 
     Args:
         windows: where they are gathered from.
@@ -109,12 +139,23 @@ class TrainingSet:
         return len(self._windows)
 
     def gather(self, index: np.ndarray) -> tuple[Tensor, Tensor, Tensor]:
-        """Return obs (B, To, Do), actions (B, Ta, Da) and valid (B, Ta), 1 within the episode, at ``index`` (B,)."""
+        """Return obs (B, To, Do + pixels), actions (B, Ta, Da) and valid (B, Ta), 1 in the episode, of ``index``."""
         obs, actions, is_pad = self._windows[index]
         inputs, targets = self._interface.encode_obs(obs), self._interface.encode_actions(actions, obs)
         arrays = (inputs, targets, (~is_pad).astype(np.float32))
         encoded, answers, valid = (torch.from_numpy(array).to(self._device) for array in arrays)
-        return encoded, answers, valid
+        images = [torch.from_numpy(image).to(self._device) for image in self._windows.images(index)]
+        return with_pixels(encoded, images), answers, valid
+
+    def sample(self) -> np.ndarray:
+        """Return the windows that a measurement looks at: all of them, or evenly spread ones where each has images."""
+        count = min(len(self), IMAGES_AT_ONCE) if self.has_images else len(self)
+        return np.linspace(0, len(self) - 1, count).round().astype(np.int64)
+
+    @property
+    def has_images(self) -> bool:
+        """Whether gathering is slow enough to be done ahead."""
+        return bool(self._windows.image_names)
 
 
 class Shuffle:

@@ -47,6 +47,6 @@ def learn(config: Config) -> None:
     from aerial_il.cli.build import build_all
 
     policy, algorithm = build_all(config.policy, config.algorithm)
-    episodes = data.demonstrations(config.dataset.path, limit=config.dataset.episodes)
+    episodes = data.demonstrations(config.dataset.path, limit=config.dataset.episodes, images=policy.images)
     algorithm.train(episodes, policy, run=config.run, seed=config.seed, resume=config.resume, progress=config.progress)
     print(f"Policy: {config.run}/policy")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,11 @@ from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
-from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.vision import build_network, with_pixels
 
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
 
@@ -31,7 +32,7 @@ class ChunkPolicy:
     Args:
         config: sizes of the network and how its chunks are flown.
         interface: what the network is wired to.
-        network: maps normalised (B, To, Do) to normalised (B, Ta, Da).
+        network: maps normalised (B, To, Do), pixels behind them, to normalised (B, Ta, Da).
         origin: where the policy comes from (run, step, provenance), kept with it.
     """
 
@@ -45,6 +46,7 @@ class ChunkPolicy:
         self.config, self.interface, self.origin = config, interface, dict(origin or {})
         self.network = network.eval()
         self._history = ObservationHistory(config.history)
+        self._sights = tuple(ObservationHistory(config.history) for _ in interface.layout.images)
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
         self._worlds: int | None = None
 
@@ -57,23 +59,34 @@ class ChunkPolicy:
 
         Raises:
             UnknownNameError: an observation field is missing.
-            InvalidValueError: n changed without a :meth:`reset`.
+            InvalidValueError: n changed without a :meth:`reset`, or an image has another size.
             NonFiniteActionError: NaN or infinity in an observation or in the network's output.
         """
-        frame = self.interface.layout.flatten(obs)
+        frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
         self._count(len(frame))
         history = self._history.push(frame)
+        seen = [sight.push(image) for sight, image in zip(self._sights, images, strict=True)]
         due = self._plan.due(len(frame))
         if due.any():
-            self._plan.add(self.predict(history if due.all() else history[due], np.flatnonzero(due)), due)
+            rows = slice(None) if due.all() else due
+            chunks = self.predict(history[rows], np.flatnonzero(due), images=[images[rows] for images in seen])
+            self._plan.add(chunks, due)
         planned = self.interface.switches.snap(self._plan.pop())
         return self.spec.action.clip(planned.astype(np.float64))
 
-    def predict(self, history: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
-        """Return chunks of actions (B, Ta, Da) in the environment's units for histories (B, To, Do)."""
-        inputs = torch.from_numpy(self.interface.encode_obs(history))
+    def predict(
+        self, history: np.ndarray, worlds: np.ndarray | None = None, *, images: Sequence[np.ndarray] = ()
+    ) -> np.ndarray:
+        """Return chunks of actions (B, Ta, Da) in the environment's units.
+
+        Args:
+            history: frames (B, To, Do). worlds: (B,) whose they are, for errors.
+            images: of the layout's cameras, each (B, To, H, W, 3) uint8.
+        """
+        inputs = torch.from_numpy(self.interface.encode_obs(history)).to(self._device)
+        pictures = [torch.from_numpy(image).to(self._device) for image in images]
         with torch.inference_mode():
-            outputs = self.network(inputs.to(self._device)).cpu().numpy()
+            outputs = self.network(with_pixels(inputs, pictures)).cpu().numpy()
         if not np.isfinite(outputs).all():
             bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
             raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])
@@ -83,8 +96,8 @@ class ChunkPolicy:
         """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
         if mask is None:
             self._worlds = None
-        self._history.reset(mask)
-        self._plan.reset(mask)
+        for memory in (self._history, *self._sights, self._plan):
+            memory.reset(mask)
 
     def attach(self, env: Any) -> None:
         """Refuse an environment that differs from the one the policy was trained in."""
@@ -92,7 +105,8 @@ class ChunkPolicy:
 
     def check(self, spec: EnvSpec) -> None:
         """Raise :class:`InvalidValueError`, naming each differing key, unless the policy can fly under ``spec``."""
-        names = self.interface.layout.names
+        check_cameras(self.interface.layout, spec)
+        names = (*self.interface.layout.names, *self.interface.layout.images)
         differing = _restrict(self.spec, names).differences(_restrict(spec, names), ignore=UNIMPORTANT)
         if differing:
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
@@ -116,7 +130,7 @@ class ChunkPolicy:
         spec = EnvSpec.from_dict(saved.config["spec"])
         layout = Layout.of(spec, config)
         obs, action = (Normaliser.from_arrays(saved.arrays, prefix) for prefix in ("obs", "action"))
-        network = config.build(layout.size, spec.action.size)
+        network = build_network(config, layout)
         network.load_state_dict(
             {k: torch.from_numpy(saved.arrays[f"network.{k}"].copy()) for k in network.state_dict()}
         )

@@ -19,9 +19,9 @@ class ObservationHistory:
         self._fresh = np.zeros(0, bool)
 
     def push(self, frame: np.ndarray) -> np.ndarray:
-        """Append ``frame`` (n, Do) and return the history (n, To, Do), oldest first."""
+        """Append ``frame`` (n, ...) and return the history (n, To, ...), oldest first."""
         if not len(self._frames):
-            self._frames = np.empty((len(frame), self.length, frame.shape[1]), frame.dtype)
+            self._frames = np.empty((len(frame), self.length, *frame.shape[1:]), frame.dtype)
             self._fresh = np.ones(len(frame), bool)
         self._frames[:, :-1] = self._frames[:, 1:]
         self._frames[:, -1] = frame

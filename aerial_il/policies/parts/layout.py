@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from functools import cached_property
 
 import numpy as np
@@ -26,17 +28,27 @@ class Layout:
         spec: the environment that the demonstrations came from.
         names: observation fields, in the order of the columns.
         anchor: the position field that other positions are relative to, or None.
+        images: colour images that the network sees beside the columns.
     """
 
     spec: EnvSpec
     names: tuple[str, ...]
     anchor: str | None = None
+    images: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.names:
             if self.spec.observation[name].group == "image":
                 choices = ", ".join(self.spec.observation.state_names)
-                raise InvalidValueError(f"Observation {name!r} is an image; this policy can see {choices}.")
+                hint = f"Name it in images=[...]; among the columns it can see {choices}."
+                raise InvalidValueError(f"Observation {name!r} is an image. {hint}")
+        recorded = tuple(f.name for f in self.spec.observation.of_group("image") if f.name.endswith("_rgb"))
+        for name in self.images:
+            if name not in recorded:
+                hint = "Record it: aerial-il collect cameras=[wrist,base] image_size=[64,64]"
+                raise UnknownNameError("colour image", name, recorded, hint)
+        if not self.names and not self.images:
+            raise InvalidValueError("The policy is blind to every state field and sees no images. Name some in images.")
         if self.anchor is not None and self.anchor not in self._positions:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
 
@@ -46,15 +58,20 @@ class Layout:
 
         An environment from outside the suite that shows no positions has nothing to anchor.
         """
-        default = tuple(name for name in spec.observation.state_names if name not in config.blind_to)
-        names = config.obs_names or default
+        hidden = {name for name in spec.observation.state_names if any(fnmatch(name, p) for p in config.blind_to)}
+        names = config.obs_names or tuple(name for name in spec.observation.state_names if name not in hidden)
         placed = any(_is_position(spec.observation[name]) for name in names)
-        return Layout(spec, names, config.anchor if placed or not spec.is_outside else None)
+        return Layout(spec, names, config.anchor if placed or not spec.is_outside else None, config.images)
 
     @property
     def size(self) -> int:
         """Columns Do."""
         return self.spec.observation.size(self.names)
+
+    @property
+    def image_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes (H, W, 3) of the images, in their order."""
+        return tuple(self.spec.observation[name].shape for name in self.images)
 
     @property
     def anchored(self) -> int:
@@ -71,10 +88,32 @@ class Layout:
         for name in self.names:
             if name not in obs:
                 raise UnknownNameError("observation", name, obs, "The policy was trained with this field.")
+        if not self.names:
+            return np.zeros((len(obs[self.images[0]]), 0))
         frames = self.spec.observation.flatten(obs, self.names)
         if not np.isfinite(frames).all():
             raise NonFiniteActionError(*_first_bad(obs, self.names))
         return frames
+
+    def look(self, obs: Observation) -> tuple[np.ndarray, ...]:
+        """Return the images (n, H, W, 3) uint8 that the network sees, for observations ``name -> (n, ...)``.
+
+        Raises:
+            UnknownNameError: one is missing. InvalidValueError: one has another size.
+        """
+        for name, shape in zip(self.images, self.image_shapes, strict=True):
+            if name not in obs:
+                there = [key for key in obs if key.endswith("_rgb")]
+                raise UnknownNameError("image", name, there, f"The policy was trained with {self.cameras}.")
+            if obs[name].shape[1:] != shape:
+                found = _size(obs[name].shape[1:])
+                raise InvalidValueError(f"Image {name!r} is {found}; the policy was trained with {self.cameras}.")
+        return tuple(obs[name] for name in self.images)
+
+    @property
+    def cameras(self) -> str:
+        """The images and their sizes in words."""
+        return _in_words(zip(self.images, self.image_shapes, strict=True))
 
     def relate(self, frames: np.ndarray) -> np.ndarray:
         """Return frames (..., Do) with every position but the anchor's own relative to it."""
@@ -147,6 +186,25 @@ def to_offsets(layout: Layout, actions: np.ndarray, history: np.ndarray) -> np.n
 
 def _is_position(field: Field) -> bool:
     return field.name.endswith("_pos") and field.shape == (3,) and field.unit == "m"
+
+
+def check_cameras(layout: Layout, spec: EnvSpec) -> None:
+    """Raise :class:`InvalidValueError`, naming both, unless ``spec`` shows the images of ``layout`` in their sizes."""
+    shown = {f.name: f.shape for f in spec.observation.of_group("image")}
+    wanted = dict(zip(layout.images, layout.image_shapes, strict=True))
+    if any(shown.get(name) != shape for name, shape in wanted.items()):
+        raise InvalidValueError(
+            f"The policy sees {layout.cameras}; the environment shows {_in_words(shown.items())}. "
+            "Load it with the policy's cameras=... and image_size=...."
+        )
+
+
+def _in_words(images: Iterable[tuple[str, tuple[int, ...]]]) -> str:
+    return ", ".join(f"{name} {_size(shape)}" for name, shape in images) or "no images"
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return " x ".join(str(side) for side in shape[:2])
 
 
 def _first_bad(obs: Observation, names: tuple[str, ...]) -> tuple[str, np.ndarray]:

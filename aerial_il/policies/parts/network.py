@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import Any, Literal, get_args
 
 import torch
 from torch import Tensor, nn
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.normaliser import Scaling
+
+Encoder = Literal["cnn", "resnet18"]
 
 
 class ChunkNetwork(nn.Module, ABC):
@@ -43,8 +45,14 @@ class PolicyConfig(ABC):
         anchor: observation field relative to which the network sees every other position and predicts those of an
             ``ee_pose`` action; None keeps all positions in the world.
         obs_names: observation fields; empty for all that are neither images nor named in ``blind_to``.
-        blind_to: fields that show what was decided before, such as how far the gripper has closed. A network that sees
-            them repeats the decision rather than making it, and cannot recover from a wrong one.
+        blind_to: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that tell
+            what was decided before belong here, such as how far the gripper has closed: a network that sees them
+            repeats the decision rather than making it, and cannot recover from a wrong one.
+        images: camera fields that it sees beside them, such as ``wrist_rgb``; see :mod:`.vision`.
+        encoder: what looks at them: ``cnn``, or ``resnet18`` with random weights.
+        image_features: numbers that the encoder makes of each image.
+        crop: side of the part of an image that is looked at, as a share of the image's: at random while training, the
+            middle in flight.
         action_scaling: ``standard`` or ``minmax``.
         obs_clip: normalised observations are limited to ±``obs_clip``, so that what was never seen cannot overwhelm.
     """
@@ -56,6 +64,10 @@ class PolicyConfig(ABC):
     anchor: str | None = "ee_pos"
     obs_names: tuple[str, ...] = ()
     blind_to: tuple[str, ...] = ("gripper",)
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
     action_scaling: Scaling = "standard"
     obs_clip: float = 10.0
 
@@ -69,6 +81,12 @@ class PolicyConfig(ABC):
             raise InvalidValueError(f"execute is {self.execute}; it must lie in [1, {self.chunk}], the chunk.")
         if self.obs_clip <= 0:
             raise InvalidValueError(f"obs_clip is {self.obs_clip}; it must be positive.")
+        if self.encoder not in get_args(Encoder):
+            raise InvalidValueError(f"Unknown encoder {self.encoder!r}. Valid: {', '.join(get_args(Encoder))}.")
+        if self.image_features < 1 or not 0 < self.crop <= 1:
+            raise InvalidValueError(
+                f"image_features is {self.image_features} and crop {self.crop}; they must be at least 1 and in (0, 1]."
+            )
 
     @property
     def name(self) -> str:

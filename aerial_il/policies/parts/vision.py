@@ -1,0 +1,142 @@
+"""Image observations for every policy: encoders whose features join the observation vector.
+
+A network that was written for vectors needs no change to see. Images travel as columns behind those of the state,
+scaled to [-1, 1]; :class:`VisionNetwork` turns them into a few features each and hands the longer vector on. While it
+trains it looks at a random part of each image, one for all images of a window and camera, which is what keeps a few
+thousand frames from being learned by heart; in flight it looks at the middle.
+
+Sources: spatial softmax: S. Levine et al., "End-to-End Training of Deep Visuomotor Policies", 2016, section 4.1;
+GroupNorm instead of batch statistics, which averaged weights would not fit: C. Chi et al., "Diffusion Policy", 2023,
+section III-B; random crops: D. Yarats et al., "Image Augmentation Is All You Need", 2021.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+
+CHANNELS, GROUPS = (16, 32, 32), 8
+SMALLEST = 16  # pixels that the CNN can still halve twice
+
+
+def build_network(config: PolicyConfig, layout: Layout) -> ChunkNetwork:
+    """Return a new network of ``config`` for what ``layout`` shows, with eyes where that includes images."""
+    if layout.images:
+        return VisionNetwork(config, layout)
+    return config.build(layout.size, layout.spec.action.size)
+
+
+def with_pixels(state: Tensor, images: Sequence[Tensor]) -> Tensor:
+    """Return ``state`` (B, To, Do) with the pixels of ``images`` (B, To, H, W, 3) uint8 as further columns."""
+    if not images:
+        return state
+    return torch.cat([state, *(image.flatten(2).float().div_(127.5).sub_(1) for image in images)], dim=-1)
+
+
+class VisionNetwork(ChunkNetwork):
+    """Any network behind one encoder per camera.
+
+    Args:
+        config: builds the network, and says how images are encoded.
+        layout: which columns are state and which are pixels.
+
+    Attributes:
+        eyes: an encoder for each image. body: what acts upon state and features.
+    """
+
+    def __init__(self, config: PolicyConfig, layout: Layout) -> None:
+        super().__init__()
+        self.shapes, self.crop = layout.image_shapes, config.crop
+        self.columns = [layout.size, *(int(torch.Size(shape).numel()) for shape in self.shapes)]
+        for name, shape in zip(layout.images, self.shapes, strict=True):
+            _check_size(name, _cropped(shape, config.crop))
+        self.eyes = nn.ModuleList(_encoder(config) for _ in self.shapes)
+        self.body = config.build(layout.size + len(self.shapes) * config.image_features, layout.spec.action.size)
+
+    def forward(self, obs: Tensor) -> Tensor:
+        return self.body(self.see(obs))
+
+    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        return self.body.loss(self.see(obs), actions, valid)
+
+    def see(self, obs: Tensor) -> Tensor:
+        """Return state and features (B, To, D) for state and pixels (B, To, Do)."""
+        state, *pixels = obs.split(self.columns, dim=-1)
+        features = [self._look(*parts) for parts in zip(self.eyes, pixels, self.shapes, strict=True)]
+        return torch.cat([state, *features], dim=-1)
+
+    def _look(self, eye: nn.Module, pixels: Tensor, shape: tuple[int, ...]) -> Tensor:
+        windows, history = pixels.shape[:2]
+        images = pixels.reshape(windows, history, *shape)
+        part = random_part if self.training else middle_part
+        images = part(images, *_cropped(shape, self.crop)).flatten(0, 1)
+        return eye(images.permute(0, 3, 1, 2)).unflatten(0, (windows, history))
+
+
+def middle_part(images: Tensor, height: int, width: int) -> Tensor:
+    """Return the middle of images (B, To, H, W, C) as (B, To, height, width, C)."""
+    top, left = (images.shape[2] - height) // 2, (images.shape[3] - width) // 2
+    return images[:, :, top : top + height, left : left + width]
+
+
+def random_part(images: Tensor, height: int, width: int) -> Tensor:
+    """Return a random part of images (B, To, H, W, C), one place for each window: (B, To, height, width, C)."""
+    count, device = len(images), images.device
+    top = torch.randint(images.shape[2] - height + 1, (count, 1), device=device)
+    left = torch.randint(images.shape[3] - width + 1, (count, 1), device=device)
+    rows, columns = top + torch.arange(height, device=device), left + torch.arange(width, device=device)
+    window = torch.arange(count, device=device)[:, None, None]
+    picked = images.transpose(0, 1)[:, window, rows[:, :, None], columns[:, None, :]]
+    return picked.transpose(0, 1)
+
+
+class SpatialSoftmax(nn.Module):
+    """Where each channel of a map is brightest, and how bright it is on the whole: (N, C, H, W) to (N, 3 C)."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.sharpness = nn.Parameter(torch.ones(channels))
+
+    def forward(self, maps: Tensor) -> Tensor:
+        weights = torch.softmax(maps.flatten(2) * self.sharpness[:, None], dim=-1).unflatten(2, maps.shape[2:])
+        down, across = (torch.linspace(-1, 1, side, device=maps.device, dtype=maps.dtype) for side in maps.shape[2:])
+        return torch.cat([weights.sum(3) @ down, weights.sum(2) @ across, maps.mean((2, 3))], dim=-1)
+
+
+def _encoder(config: PolicyConfig) -> nn.Sequential:
+    trunk, channels = _resnet18() if config.encoder == "resnet18" else _cnn()
+    width = config.image_features
+    return nn.Sequential(*trunk, SpatialSoftmax(channels), nn.Linear(3 * channels, width), nn.LayerNorm(width))
+
+
+def _cnn() -> tuple[list[nn.Module], int]:
+    """Three convolutions; the map has a quarter of the image's side, fine enough to tell where something is."""
+    layers: list[nn.Module] = []
+    for inputs, outputs, kernel, stride in zip((3, *CHANNELS), CHANNELS, (5, 3, 3), (2, 2, 1), strict=False):
+        layers += [nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2), nn.GroupNorm(GROUPS, outputs), nn.GELU()]
+    return layers, CHANNELS[-1]
+
+
+def _resnet18() -> tuple[list[nn.Module], int]:
+    """torchvision's ResNet-18 from random weights, without its pooling and classifier."""
+    from torchvision.models import resnet18
+
+    whole = resnet18(weights=None, norm_layer=lambda channels: nn.GroupNorm(channels // 16, channels))
+    return list(whole.children())[:-2], 512
+
+
+def _cropped(shape: tuple[int, ...], crop: float) -> tuple[int, int]:
+    return max(1, round(crop * shape[0])), max(1, round(crop * shape[1]))
+
+
+def _check_size(name: str, size: tuple[int, int]) -> None:
+    if min(size) < SMALLEST:
+        raise InvalidValueError(
+            f"Image {name!r} is {size[0]} x {size[1]} after crop; it needs {SMALLEST} x {SMALLEST}."
+        )

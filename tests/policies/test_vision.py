@@ -1,0 +1,142 @@
+"""Policies see: every class of them, the right part of the right frame, and only through its own cameras."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.policies import list_policies, load_policy, policy_config
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.vision import build_network, middle_part, random_part, with_pixels
+from tests.algorithms.point_mass import SPEC
+
+SIDE = 20
+
+
+def seeing(spec: EnvSpec, *names: str, side: int = SIDE) -> EnvSpec:
+    """Return ``spec`` with cameras of these names, and no others."""
+    fields = tuple(f for f in spec.observation.fields if f.group != "image")
+    cameras = tuple(Field(name, (side, side, 3), "image", dtype="uint8") for name in names)
+    return replace(spec, observation=ObservationSpec(fields + cameras))
+
+
+SEEN = seeing(SPEC, "wrist_rgb", "base_rgb")
+EYES = {"history": 2, "chunk": 5, "images": ("wrist_rgb", "base_rgb"), "image_features": 8, "obs_names": ("ee_pos",)}
+
+
+def fresh_policy(name: str = "mlp", **settings: object) -> ChunkPolicy:
+    config = policy_config(name)(**{**EYES, **settings})
+    layout = Layout.of(SEEN, config)
+    data = np.random.default_rng(0)
+    scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, SEEN.action.size))
+    interface = Interface(layout, *scalers, config.obs_clip, Switches.none(SEEN.action.size))
+    torch.manual_seed(0)
+    return ChunkPolicy(config, interface, build_network(config, layout))
+
+
+def look(n: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    states = {f.name: rng.normal(size=(n, *f.shape)) for f in SEEN.observation.fields if f.group != "image"}
+    images = {f.name: rng.integers(0, 256, (n, *f.shape), np.uint8) for f in SEEN.observation.of_group("image")}
+    return states | images
+
+
+@pytest.mark.parametrize("name", list_policies())
+def test_every_policy_sees_without_a_change_and_flies_alike_after_saving(name: str, tmp_path: Path) -> None:
+    policy = fresh_policy(name)
+    again, rng = load_policy(policy.save(tmp_path / "policy")), np.random.default_rng(1)
+    first = look(3, rng)
+    action = policy.act(first)
+    np.testing.assert_array_equal(again.act(first), action)
+    assert action.shape == (3, 10)
+    policy.reset()
+    other = policy.act({**first, "base_rgb": 255 - first["base_rgb"]})
+    assert not np.array_equal(action, other), "what a camera shows must matter"
+
+
+def test_worlds_see_their_own_history() -> None:
+    rng = np.random.default_rng(0)
+    together, alone = fresh_policy(execute=2), fresh_policy(execute=2)
+    for t in range(6):
+        obs = look(3, rng)
+        together.reset(np.array([False, t == 3, t % 5 == 2]))
+        actions = together.act(obs)
+        np.testing.assert_allclose(alone.act({k: v[:1] for k, v in obs.items()})[0], actions[0], atol=1e-5)
+
+
+def test_gradients_reach_the_eyes_and_random_parts_are_looked_at_in_training_only() -> None:
+    policy, rng = fresh_policy(), np.random.default_rng(0)
+    network = policy.network.requires_grad_(True)
+    images = [torch.from_numpy(rng.integers(0, 256, (4, 2, SIDE, SIDE, 3), np.uint8)) for _ in range(2)]
+    obs = with_pixels(torch.randn(4, 2, 3), images)
+    assert torch.equal(network(obs), network(obs))
+    network.train()
+    assert not torch.equal(network(obs), network(obs))
+    loss, _ = network.loss(obs, torch.randn(4, 5, 10), torch.ones(4, 5))
+    loss.backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.parameters())
+
+
+def test_random_parts_are_parts_of_the_image_at_one_place_per_window() -> None:
+    rows, columns = torch.meshgrid(torch.arange(12.0), torch.arange(16.0), indexing="ij")
+    images = torch.stack([rows, columns, rows * 0], dim=-1).expand(64, 2, 12, 16, 3)
+    torch.manual_seed(0)
+    parts = random_part(images, 8, 10)
+    assert parts.shape == (64, 2, 8, 10, 3)
+    corner = parts[:, :, :1, :1]
+    assert torch.equal(parts - corner, (images[:, :, :8, :10] - images[:, :, :1, :1]))
+    assert torch.equal(corner[:, 0], corner[:, 1])
+    assert corner[:, 0, 0, 0, 0].unique().tolist() == [0, 1, 2, 3, 4]
+    assert corner[:, 0, 0, 0, 1].unique().tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert middle_part(images, 8, 10)[0, 0, 0, 0].tolist() == [2, 3, 0]
+
+
+def test_a_resnet_from_random_weights_sees_too() -> None:
+    policy = fresh_policy(encoder="resnet18", images=("wrist_rgb",))
+    assert policy.act(look(1, np.random.default_rng(0))).shape == (1, 10)
+
+
+def test_fields_are_hidden_by_pattern_down_to_images_alone() -> None:
+    assert Layout.of(SEEN, MlpConfig(blind_to=("*_pos",), anchor=None)).names == ("ee_rot6d", "gripper")
+    policy = fresh_policy(obs_names=(), blind_to=("*",), anchor=None)
+    assert policy.interface.layout.names == ()
+    assert policy.act(look(2, np.random.default_rng(0))).shape == (2, 10)
+    with pytest.raises(InvalidValueError, match="blind to every state field"):
+        Layout.of(SEEN, MlpConfig(blind_to=("*",), anchor=None))
+
+
+def test_other_cameras_and_sizes_are_refused_and_both_are_named() -> None:
+    policy = fresh_policy()
+    policy.check(replace(SEEN, tier="gusts"))
+    with pytest.raises(InvalidValueError, match="base_rgb 20 x 20; the environment shows no images"):
+        policy.check(seeing(SPEC))
+    with pytest.raises(InvalidValueError, match=r"shows wrist_rgb 20 x 20\. Load it with"):
+        policy.check(seeing(SPEC, "wrist_rgb"))
+    with pytest.raises(InvalidValueError, match="shows wrist_rgb 32 x 32, base_rgb 32 x 32"):
+        policy.check(seeing(SPEC, "wrist_rgb", "base_rgb", side=32))
+    obs = look(1, np.random.default_rng(0))
+    with pytest.raises(InvalidValueError, match="'base_rgb' is 8 x 20; the policy was trained with wrist_rgb 20 x 20"):
+        policy.act({**obs, "base_rgb": obs["base_rgb"][:, :8]})
+    del obs["base_rgb"]
+    with pytest.raises(UnknownNameError, match="Unknown image 'base_rgb'"):
+        policy.act(obs)
+
+
+def test_images_that_were_not_recorded_or_are_no_colours_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match=r"Unknown colour image 'wrist_depth'.*Record it"):
+        Layout.of(SEEN, MlpConfig(images=("wrist_depth",)))
+    with pytest.raises(InvalidValueError, match=r"is an image\. Name it in images"):
+        Layout.of(SEEN, MlpConfig(obs_names=("ee_pos", "wrist_rgb")))
+    with pytest.raises(InvalidValueError, match="10 x 10 after crop"):
+        fresh_policy(crop=0.5)
+    with pytest.raises(InvalidValueError, match=r"Unknown encoder 'vit'\. Valid: cnn, resnet18"):
+        MlpConfig(encoder="vit")  # pyright: ignore[reportArgumentType]
