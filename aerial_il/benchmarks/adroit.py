@@ -42,8 +42,9 @@ EVALUATION_SEED = 10_000
 MANY = 100
 SCORES = {"door": 103.0, "relocate": 88.0}  # of cloning from 100 demonstrations
 FEW_SUCCESS_PERCENT = 62.0  # 31 of 50: a perceptron on 25 demonstrations of relocate
+FREE = ("tasks", "few", "clean", "seeds", "policies", "training", "interactive", "data", "num_envs")
 CHUNKED = ("act", "diffusion", "flow")
-EXPERT, OWN_RETURNS = "expert", "own_returns.json"
+EXPERT, CLONED, OWN_RETURNS = "expert", "bc", "own_returns.json"
 NOTES = (
     "Success: the goal is held in more than 25 of 200 steps (DAPG). Score: 100 · (return − random) / (expert − random) "
     "with D4RL's reference returns (d4rl/infos.py): door −56.512833 and 2880.5693087, relocate −6.425911 and "
@@ -62,24 +63,31 @@ NOTES = (
 
 @dataclass(frozen=True, order=True)
 class Point:
-    """One training: a task, a number of demonstrations, whether they are noise-free, a policy class and a seed."""
+    """One training.
+
+    Attributes:
+        task: its name. demos: flights of the expert, or labelled by it. clean: whether it flies without noise.
+        policy: class of the learner. seed: of the training. method: ``bc``, or the name of an interactive algorithm.
+    """
 
     task: str
     demos: int
     clean: bool
     policy: str
     seed: int
+    method: str = CLONED
 
     @property
-    def arm(self) -> tuple[str, int, bool, str]:
+    def arm(self) -> tuple[str, int, bool, str, str]:
         """Everything but the seed."""
-        return self.task, self.demos, self.clean, self.policy
+        return self.task, self.demos, self.clean, self.policy, self.method
 
     @property
     def place(self) -> Path:
         """Where its results lie below the folder of the benchmark."""
         source = "clean" if self.clean else "noisy"
-        return Path(self.task) / source / str(self.demos) / self.policy / str(self.seed)
+        learner = self.policy if self.method == CLONED else f"{self.policy}-{self.method}"
+        return Path(self.task) / source / str(self.demos) / learner / str(self.seed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +98,9 @@ class Adroit:
         data: folder of ``dapg_policies.npz``. policies: policy class -> its settings; classes that are not registered
             are left out, and the report says so. algorithm: how they are trained. training: class -> what differs.
         tasks: cloned from 100 demonstrations by the perceptron. few: smaller numbers of demonstrations of relocate, for
-            all classes. clean: numbers of noise-free ones, for the perceptron. seeds: trainings of each arm.
+            all classes. clean: numbers of noise-free ones, for the perceptron. interactive: name -> algorithm that flies
+            and asks the expert, with as many labelled flights in all as ``clean`` says; first: of them, flown by the
+            expert. seeds: trainings of each arm.
         episodes: flown to judge one. num_envs: worlds flown at once.
     """
 
@@ -104,6 +114,8 @@ class Adroit:
     tasks: tuple[str, ...] = ("door", "relocate")
     few: tuple[int, ...] = (10, 25)
     clean: tuple[int, ...] = (15, 30)
+    interactive: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    first: int = 5
     seeds: int = 3
     episodes: int = 100
     num_envs: int = 25
@@ -119,9 +131,9 @@ class Adroit:
         """Record, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
         if not Path(self.data).is_dir():
             return _skipped(self)
-        claim(
-            folder, self._plain(), free=("tasks", "few", "clean", "seeds", "policies", "training", "data", "num_envs")
-        )
+        claim(folder, self._plain(), free=FREE)
+        for name, settings in self._plain()["interactive"].items():
+            claim(folder / "classes" / name, settings)
         for name, settings in self.policies.items():  # one class after another may be added to a folder
             claim(folder / "classes" / name, {"policy": settings, "training": self.training.get(name, {})})
         experts = {task: self._expert(TASKS[task], folder, progress) for task in self.tasks}
@@ -131,10 +143,13 @@ class Adroit:
     def points(self) -> list[Point]:
         """Return all trainings, those that the targets ask for first."""
         classes = [name for name in self.policies if name in policies.list_policies()]
-        arms = [(task, MANY, False, "mlp") for task in self.tasks]
-        arms += [("relocate", demos, False, name) for demos in self.few for name in classes if "relocate" in self.tasks]
-        arms += [("relocate", demos, True, "mlp") for demos in self.clean if "relocate" in self.tasks]
-        return [Point(*arm, seed) for seed in range(self.seeds) for arm in arms]
+        arms = [(task, MANY, False, "mlp", CLONED) for task in self.tasks]
+        if "relocate" in self.tasks:
+            arms += [("relocate", demos, False, name, CLONED) for demos in self.few for name in classes]
+            arms += [
+                ("relocate", demos, True, "mlp", way) for demos in self.clean for way in (CLONED, *self.interactive)
+            ]
+        return [Point(*arm[:4], seed, arm[4]) for seed in range(self.seeds) for arm in arms]
 
     def demonstrations(self, point: Point, folder: Path, progress: bool) -> list[Episode]:
         """Return the first successful flights of the expert, recording what is missing."""
@@ -166,15 +181,37 @@ class Adroit:
         judged = folder / "evaluations" / point.place
         if (judged / FILE_NAME).exists():
             return load_result(judged)
+        policy = (self._cloned if point.method == CLONED else self._taught)(point, folder, progress)
+        return self._judged(TASKS[point.task], policy, judged, str(point.place), progress)
+
+    def _cloned(self, point: Point, folder: Path, progress: bool) -> Policy:
         algorithm = replace(self.algorithm, **self.training.get(point.policy, {}))
-        policy = algorithm.train(
+        return algorithm.train(
             self.demonstrations(point, folder, progress),
             self.policy_config(point.policy),
             run=folder / "training" / point.place,
             seed=point.seed,
             progress=progress,
         )
-        return self._judged(TASKS[point.task], policy, judged, str(point.place), progress)
+
+    def _taught(self, point: Point, folder: Path, progress: bool) -> Policy:
+        """Train with an algorithm that flies and asks, with ``point.demos`` labelled flights in all."""
+        algorithm, task = self.interactive[point.method], TASKS[point.task]
+        algorithm = replace(algorithm, episodes=max(1, (point.demos - self.first) // algorithm.rounds))
+        env = PublishedRewards(task, min(self.num_envs, algorithm.episodes))
+        try:
+            return algorithm.train(
+                self.demonstrations(point, folder, progress)[: self.first],
+                self.policy_config(point.policy),
+                run=folder / "training" / point.place,
+                env=env,
+                expert=expert_of(task, Path(self.data), noise=0.0),
+                collect=collect,
+                seed=point.seed,
+                progress=progress,
+            )
+        finally:
+            env.close()
 
     def policy_config(self, name: str) -> PolicyConfig:
         """Return the settings of a policy class."""
@@ -199,7 +236,7 @@ class Adroit:
     ) -> Report:
         arms = dict.fromkeys(point.arm for point in results)
         rows = [_expert_row(folder, task, result) for task, result in experts.items()]
-        rows += [_arm_row(folder, arm, {p: r for p, r in results.items() if p.arm == arm}) for arm in arms]
+        rows += [_arm_row(folder, {p: r for p, r in results.items() if p.arm == arm}) for arm in arms]
         singles = [_single_row(folder, point, result) for point, result in results.items()]
         left_out = [name for name in self.policies if name not in policies.list_policies()]
         notes = (*NOTES, *([f"Not registered, so left out: {', '.join(left_out)}."] if left_out else []))
@@ -259,16 +296,19 @@ def _expert_row(folder: Path, task: str, result: EvaluationResult) -> Row:
     return {"task": task, "policy": "expert, mean", "demos": None, "noise_free": None, "seeds": None, **numbers}
 
 
-def _arm_row(folder: Path, arm: tuple[str, int, bool, str], results: Mapping[Point, EvaluationResult]) -> Row:
-    task, demos, clean, policy = arm
-    numbers = _numbers(task, [point.place for point in results], results.values(), folder)
-    return {"task": task, "policy": policy, "demos": demos, "noise_free": clean, "seeds": len(results), **numbers}
+def _arm_row(folder: Path, results: Mapping[Point, EvaluationResult]) -> Row:
+    any_of = next(iter(results))
+    learner = any_of.place.parts[3]
+    numbers = _numbers(any_of.task, [point.place for point in results], results.values(), folder)
+    head = {"task": any_of.task, "policy": learner, "demos": any_of.demos, "noise_free": any_of.clean}
+    return {**head, "seeds": len(results), **numbers}
 
 
 def _single_row(folder: Path, point: Point, result: EvaluationResult) -> Row:
     trained = read_metrics(folder / "training" / point.place)[-1]
     numbers = _numbers(point.task, [point.place], [result], folder)
-    training = {"train_steps": int(trained["step"]), "train_min": round(trained["elapsed_s"] / 60, 2)}
+    seconds = trained.get("elapsed_s")
+    training = {"train_steps": int(trained["step"]), "train_min": None if seconds is None else round(seconds / 60, 2)}
     return {**asdict(point), **numbers, **training}
 
 
@@ -300,7 +340,7 @@ def _lines(rows: list[Row]) -> list[Row]:
 
 def _seconds(folder: Path, evaluations: Iterable[EvaluationResult], points: Iterable[Point]) -> float:
     """Return how long training and judging took, whenever it was done."""
-    training = sum(read_metrics(folder / "training" / point.place)[-1]["elapsed_s"] for point in points)
+    training = sum(read_metrics(folder / "training" / point.place)[-1].get("elapsed_s", 0.0) for point in points)
     return training + sum(result.provenance["wall_time_s"] for result in evaluations)
 
 
