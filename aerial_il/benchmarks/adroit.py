@@ -98,9 +98,9 @@ class Adroit:
         data: folder of ``dapg_policies.npz``. policies: policy class -> its settings; classes that are not registered
             are left out, and the report says so. algorithm: how they are trained. training: class -> what differs.
         tasks: cloned from 100 demonstrations by the perceptron. few: smaller numbers of demonstrations of relocate, for
-            all classes. clean: numbers of noise-free ones, for the perceptron. interactive: name -> algorithm that flies
-            and asks the expert, with as many labelled flights in all as ``clean`` says; first: of them, flown by the
-            expert. seeds: trainings of each arm.
+            all classes. clean: numbers of noise-free ones, for the perceptron. interactive: name -> algorithm that
+            flies and asks the expert, with as many labelled flights in all as ``clean`` says. first: of them, flown by
+            the expert. seeds: trainings of each arm.
         episodes: flown to judge one. num_envs: worlds flown at once.
     """
 

@@ -70,6 +70,7 @@ def pilot(
     action: str | None,
     env: str | None = None,
     options: Mapping[str, Any] | None = None,
+    noise: float = 0.0,
 ) -> Pilot:
     """Return the expert of a cell, a baseline, or a trained policy with what it was trained on where nothing is said.
 
@@ -78,9 +79,10 @@ def pilot(
         robot, task, action: registry names; None for the policy's own.
         env: key of an environment from outside, e.g. ``gymnasium:Pendulum-v1``; None for the policy's own.
         options: of that environment, where they are to differ from those the policy was trained with.
+        noise: of an expert from a file, as a share of what it was trained with.
     """
     if source.endswith(".npz") or (env is not None and source in BASELINES):
-        return _outsider(source, env, dict(options or {}))
+        return _outsider(source, env, dict(options or {}), noise)
     if source == EXPERT or source in BASELINES:
         if robot is None or task is None:
             raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
@@ -144,12 +146,12 @@ def expert_flight(robot: str, task: str) -> tuple[Episode, np.ndarray]:
         env.close()
 
 
-def _outsider(source: str, env: str | None, options: dict[str, Any]) -> Pilot:
+def _outsider(source: str, env: str | None, options: dict[str, Any], noise: float) -> Pilot:
     """Return an expert from a file, or a baseline, in an environment from outside."""
     if env is None:
         raise InvalidValueError(f"policy={source} needs env=... too, e.g. env=gymnasium:AdroitHandDoor-v1.")
     robot, _, task = env.partition(":")
-    policy = BASELINES[source]() if source in BASELINES else load_expert(source, env)
+    policy = BASELINES[source]() if source in BASELINES else load_expert(source, env, noise=noise)
     return Pilot(policy, robot, task, "", _words(source, env, options), env, options)
 
 

@@ -57,7 +57,7 @@ def test_a_missing_folder_is_said_and_skipped(tmp_path: Path) -> None:
     report = Adroit(data=str(tmp_path / "nowhere")).run(tmp_path, progress=False)
     assert not report.targets
     assert "bench.data=FOLDER" in report.notes[0]
-    with pytest.raises(InvalidValueError, match="bench.data=FOLDER"):
+    with pytest.raises(InvalidValueError, match="does not exist; say"):
         expert_of(TASKS["door"], tmp_path, noise=0.0)
 
 

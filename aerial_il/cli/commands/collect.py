@@ -103,11 +103,13 @@ def record_outside(config: Config) -> None:
     if source is None:
         raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
     options = flying.given(success=config.success, max_steps=config.max_steps)
-    pilot = flying.pilot(source, robot=None, task=None, action=None, env=config.env, options=options)
+    noise = config.expert.noise
+    pilot = flying.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)
     env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, config.episodes), threads=config.threads)
     try:
         seeds = range(config.seed, config.seed + config.episodes)
-        collect(env, pilot.policy, seeds, config.out, policy_name=source, progress=config.progress)
+        settings = {"noise": noise}
+        collect(env, pilot.policy, seeds, config.out, policy_name=source, settings=settings, progress=config.progress)
     finally:
         env.close()
     if config.lerobot:

@@ -25,20 +25,17 @@ OFFSET = 1e-8  # of the input's scale, as the authors have it
 class DapgExpert:
     """Two tanh layers, a linear one, and Gaussian exploration around their answer.
 
-    ``expert_action`` is the mean, whatever was drawn: what the expert meant.
-
     Args:
         arrays: ``w0, b0, w1, b1, w2, b2`` and the shifts and scales. noise: share of the trained standard deviation
-            that actions are drawn with; 0 flies the mean. labels: whether recordings keep the mean beside the action.
+            that actions are drawn with; 0 flies the mean.
     """
 
     arrays: dict[str, np.ndarray]
     noise: float = 1.0
-    labels: bool = False
     _env: Any = field(default=None, repr=False)
 
     @staticmethod
-    def load(path: str | os.PathLike[str], task: str, *, noise: float = 1.0, labels: bool = False) -> DapgExpert:
+    def load(path: str | os.PathLike[str], task: str, *, noise: float = 1.0) -> DapgExpert:
         """Read the expert for ``task`` from ``dapg_policies.npz``.
 
         Raises:
@@ -50,7 +47,7 @@ class DapgExpert:
                 arrays = {name: np.asarray(file[f"{task}/{name}"], float) for name in names}
         except (OSError, ValueError, KeyError) as error:
             raise InvalidValueError(f"{path}: no expert for {task!r} can be read from it ({error}).") from error
-        return DapgExpert(arrays, noise, labels)
+        return DapgExpert(arrays, noise)
 
     def __post_init__(self) -> None:
         if self.noise < 0:
@@ -75,8 +72,6 @@ class DapgExpert:
     def act(self, obs: Observation) -> np.ndarray:
         """Return actions (n, Da), drawn around the mean."""
         actions = self.mean(obs)
-        if self.labels:
-            self.expert_action = actions.copy()
         if self.noise:
             if self._env is None:
                 raise InvalidValueError("The expert is not attached to an environment; call expert.attach(env) first.")

@@ -69,10 +69,6 @@ class DmEnvWorld:
         data: Any = getattr(physics, "data", None)
         return (model.ptr, data.ptr) if hasattr(model, "ptr") and hasattr(data, "ptr") else None
 
-    def render(self) -> np.ndarray | None:
-        physics: Any = getattr(self._env, "physics", None)
-        return physics.render(240, 320, camera_id=0) if hasattr(physics, "render") else None
-
     def close(self) -> None:
         self._env.close()
 

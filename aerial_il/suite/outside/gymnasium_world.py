@@ -34,7 +34,6 @@ class GymnasiumWorld:
 
     def reset(self, seed: int) -> Outcome:
         obs, info = self._env.reset(seed=seed)
-        self._env.action_space.seed(seed)
         return Outcome(self._named(obs), info=info)
 
     def executed(self, action: np.ndarray) -> np.ndarray:
@@ -62,9 +61,6 @@ class GymnasiumWorld:
         inner: Any = self._env.unwrapped
         model, data = getattr(inner, "model", None), getattr(inner, "data", None)
         return (model, data) if hasattr(model, "nq") and hasattr(data, "qpos") else None
-
-    def render(self) -> np.ndarray | None:
-        return self._env.render() if self._env.render_mode == "rgb_array" else None  # pyright: ignore[reportReturnType]
 
     def close(self) -> None:
         self._env.close()

@@ -64,10 +64,6 @@ class World(Protocol):
         """Return MuJoCo's model and data behind the world, or None."""
         ...
 
-    def render(self) -> np.ndarray | None:
-        """Return a picture (H, W, 3) uint8, or None where the environment was made without."""
-        ...
-
     def close(self) -> None:
         """Free what the environment holds."""
         ...
