@@ -271,7 +271,7 @@ class Controller:
         gains: Gains | None = None, dt: float = 0.004, ticks_per_action: int = 5,
     ) -> None:  # fmt: skip
         self.vehicle, self.law = vehicle, Law.parse(law)
-        self.gains = (gains or self.law.gains)._replace(law=int(self.law)).eased(vehicle.agility)
+        self.gains = (gains or self.law.gains)._replace(law=int(self.law)).fitted(vehicle)
         self.level = ActionLevel.parse(level)
         self.spec = action_spec(self.level, vehicle)
         self.dt, self.ticks_per_action = dt, ticks_per_action

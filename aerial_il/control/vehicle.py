@@ -15,6 +15,7 @@ from aerial_il.core.errors import InvalidValueError
 GRAVITY = 9.81
 MAX_JOINTS, MAX_ROTORS = 8, 12
 QUICK_ROTOR_S = 0.035  # rotors with a longer time constant slow everything down in proportion
+LONG_ARM_M = 0.4  # an arm this long corrects the base's position with ease
 
 
 class Vehicle(NamedTuple):
@@ -110,6 +111,11 @@ class Vehicle(NamedTuple):
         return float(self.base_mass + self.link_mass.sum())
 
     @property
+    def arm_length(self) -> float:
+        """From the first joint to the tool, outstretched, m."""
+        return float(np.linalg.norm(self.link_offset[1:], axis=1).sum() + np.linalg.norm(self.tool_offset))
+
+    @property
     def agility(self) -> float:
         """How fast the vehicle can be flown, as a share of what quick rotors allow, in (0, 1]."""
         return QUICK_ROTOR_S / max(QUICK_ROTOR_S, self.rotor_tau_up)
@@ -188,10 +194,17 @@ class Gains(NamedTuple):
     heading_integral: float = 5.0
     heading_rate: float = 8.0
 
-    def eased(self, agility: float) -> Gains:
-        """The same flight with time stretched by ``1 / agility``, for a vehicle with slow rotors."""
+    def fitted(self, vehicle: Vehicle) -> Gains:
+        """The same flight for a vehicle with slow rotors or a short arm.
+
+        Slow rotors stretch time by ``1 / agility``. A short arm would have to turn far for every millimetre that the
+        base is off, or is measured to be: the shorter it is, the more it keeps the tool's orientation instead.
+        """
+        agility = vehicle.agility
         slow, slower, slowest = agility, agility * agility, agility * agility * agility
+        shortness = max(1.0, LONG_ARM_M / vehicle.arm_length) if vehicle.num_joints else 1.0
         return self._replace(
+            orientation_weight=shortness * self.orientation_weight,
             position=slower * self.position,
             velocity=slow * self.velocity,
             attitude=slower * self.attitude,

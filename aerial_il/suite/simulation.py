@@ -66,7 +66,7 @@ class Simulation:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot)
-        self.gains = (gains or scenario.law.gains).eased(self.robot.vehicle.agility)
+        self.gains = (gains or scenario.law.gains).fitted(self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
         self._act, self._ctrl, self._userdata = (worlds.bind(name) for name in ("act", "ctrl", "userdata"))
         self._flight = Flight(
