@@ -230,7 +230,8 @@ def due(every: int, step: int) -> bool:
 def validation_errors(network: ChunkNetwork, unseen: TrainingSet, interface: Interface) -> dict[str, float]:
     """Return the loss on held-out demonstrations and the mean absolute error of each action element in its unit."""
     obs, actions, valid = unseen.gather(unseen.sample())
-    loss, _ = network.loss(obs, actions, valid)
+    with torch_rng(0, "validation"):  # a loss with chance in it is judged by the same draws each time
+        loss, _ = network.loss(obs, actions, valid)
     errors = (network(obs) - actions).abs()
     scale, labels = interface.action.scale, interface.layout.spec.action.labels
     means = [masked_mean(errors[..., i : i + 1], valid).item() * float(scale[i]) for i in range(len(labels))]

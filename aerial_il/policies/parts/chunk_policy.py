@@ -19,6 +19,7 @@ from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.noise import EpisodeNoise
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.vision import build_network, with_pixels
@@ -48,6 +49,7 @@ class ChunkPolicy:
         self._history = ObservationHistory(config.history)
         self._sights = tuple(ObservationHistory(config.history) for _ in interface.layout.images)
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
+        self._noise = EpisodeNoise(network.noise_size, redraw=network.redraws)
         self._worlds: int | None = None
 
     @property
@@ -68,25 +70,31 @@ class ChunkPolicy:
         seen = [sight.push(image) for sight, image in zip(self._sights, images, strict=True)]
         due = self._plan.due(len(frame))
         if due.any():
-            rows = slice(None) if due.all() else due
-            chunks = self.predict(history[rows], np.flatnonzero(due), images=[images[rows] for images in seen])
-            self._plan.add(chunks, due)
+            rows, worlds = slice(None) if due.all() else due, np.flatnonzero(due)
+            noise, pictures = self._noise.take(frame, due), [images[rows] for images in seen]
+            self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise), due)
         planned = self.interface.switches.snap(self._plan.pop())
         return self.spec.action.clip(planned.astype(np.float64))
 
     def predict(
-        self, history: np.ndarray, worlds: np.ndarray | None = None, *, images: Sequence[np.ndarray] = ()
+        self,
+        history: np.ndarray,
+        worlds: np.ndarray | None = None,
+        *,
+        images: Sequence[np.ndarray] = (),
+        noise: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return chunks of actions (B, Ta, Da) in the environment's units.
 
         Args:
             history: frames (B, To, Do). worlds: (B,) whose they are, for errors.
             images: of the layout's cameras, each (B, To, H, W, 3) uint8.
+            noise: (B, S) what a network with chance draws from; None for its most ordinary answer.
         """
-        inputs = torch.from_numpy(self.interface.encode_obs(history)).to(self._device)
-        pictures = [torch.from_numpy(image).to(self._device) for image in images]
+        encoded, *pictures = (torch.from_numpy(a).to(self._device) for a in (self.interface.encode_obs(history), *images))
+        drawn = () if noise is None or not self.network.noise_size else (torch.from_numpy(noise).to(self._device),)
         with torch.inference_mode():
-            outputs = self.network(with_pixels(inputs, pictures)).cpu().numpy()
+            outputs = self.network(with_pixels(encoded, pictures), *drawn).cpu().numpy()
         if not np.isfinite(outputs).all():
             bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
             raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])
@@ -96,7 +104,7 @@ class ChunkPolicy:
         """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
         if mask is None:
             self._worlds = None
-        for memory in (self._history, *self._sights, self._plan):
+        for memory in (self._history, *self._sights, self._plan, self._noise):
             memory.reset(mask)
 
     def attach(self, env: Any) -> None:

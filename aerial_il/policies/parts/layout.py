@@ -14,7 +14,10 @@ from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.relative import POSE, into_tool, into_world
 from aerial_il.policies.parts.switches import Switches
+
+TOOL = ("ee_pos", "ee_rot6d")  # what the end effector's pose is observed as
 
 
 @dataclass(frozen=True)
@@ -29,12 +32,14 @@ class Layout:
         names: observation fields, in the order of the columns.
         anchor: the position field that other positions are relative to, or None.
         images: colour images that the network sees beside the columns.
+        relative: whether actions are poses in the end effector's own frame.
     """
 
     spec: EnvSpec
     names: tuple[str, ...]
     anchor: str | None = None
     images: tuple[str, ...] = ()
+    relative: bool = False
 
     def __post_init__(self) -> None:
         for name in self.names:
@@ -51,6 +56,8 @@ class Layout:
             raise InvalidValueError("The policy is blind to every state field and sees no images. Name some in images.")
         if self.anchor is not None and self.anchor not in self._positions:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
+        if self.relative:
+            self._check_relative()
 
     @staticmethod
     def of(spec: EnvSpec, config: PolicyConfig) -> Layout:
@@ -61,7 +68,8 @@ class Layout:
         hidden = {name for name in spec.observation.state_names if any(fnmatch(name, p) for p in config.blind_to)}
         names = config.obs_names or tuple(name for name in spec.observation.state_names if name not in hidden)
         placed = any(_is_position(spec.observation[name]) for name in names)
-        return Layout(spec, names, config.anchor if placed or not spec.is_outside else None, config.images)
+        anchor = config.anchor if placed or not spec.is_outside else None
+        return Layout(spec, names, anchor, config.images, config.relative)
 
     @property
     def size(self) -> int:
@@ -76,7 +84,7 @@ class Layout:
     @property
     def anchored(self) -> int:
         """How many elements at the front of an action are relative to the anchor: the position of an ``ee_pose``."""
-        return 3 if self.anchor and self.spec.action.level == "ee_pose" else 0
+        return 3 if self.anchor and not self.relative and self.spec.action.level == "ee_pose" else 0
 
     def flatten(self, obs: Observation) -> np.ndarray:
         """Return frames (n, Do), every position still in the world, for observations ``name -> (n, ...)``.
@@ -126,6 +134,19 @@ class Layout:
         """Return what turns the anchored elements of an action into world positions (..., anchored)."""
         return frames[..., self._anchor][..., : self.anchored]
 
+    def tool_of(self, frames: np.ndarray) -> np.ndarray:
+        """Return the end effector's pose in the world (..., 9), position and rot6d."""
+        return np.concatenate([frames[..., self._columns(name)] for name in TOOL], axis=-1)
+
+    def _check_relative(self) -> None:
+        if self.spec.action.level != "ee_pose":
+            raise InvalidValueError(
+                f"relative=true needs ee_pose actions; these are {self.spec.action.level}. Set relative=false."
+            )
+        for name in TOOL:
+            if name not in self.names:
+                raise UnknownNameError("observation", name, self.names, "relative=true needs it; see obs_names.")
+
     @cached_property
     def _positions(self) -> tuple[str, ...]:
         return tuple(name for name in self.names if _is_position(self.spec.observation[name]))
@@ -150,7 +171,7 @@ class Interface:
     Attributes:
         layout: what goes in and comes out.
         obs: normaliser of related frames (Do,).
-        action: normaliser of actions (Da,), anchored ones as offsets from the anchor.
+        action: normaliser of actions (Da,), anchored ones as offsets from the anchor, relative ones as such.
         obs_clip: limit of normalised observations.
         switches: action elements with two values only.
     """
@@ -173,13 +194,17 @@ class Interface:
     def decode_actions(self, outputs: np.ndarray, history: np.ndarray) -> np.ndarray:
         """Return actions (B, Ta, Da) in the environment's units for the network's answer to ``history``."""
         actions = self.action.denormalise(outputs)
+        if self.layout.relative:
+            actions[..., :POSE] = into_world(actions[..., :POSE], self.layout.tool_of(history[:, -1:]))
         actions[..., : self.layout.anchored] += self.layout.offset_of(history[:, -1:]).astype(np.float32)
         return actions
 
 
 def to_offsets(layout: Layout, actions: np.ndarray, history: np.ndarray) -> np.ndarray:
-    """Return actions (B, Ta, Da) with their anchored elements relative to the last frame of ``history``."""
+    """Return actions (B, Ta, Da) with what is anchored or relative counted from the last frame of ``history``."""
     actions = actions.copy()
+    if layout.relative:
+        actions[..., :POSE] = into_tool(actions[..., :POSE], layout.tool_of(history[:, -1:]))
     actions[..., : layout.anchored] -= layout.offset_of(history[:, -1:])
     return actions
 

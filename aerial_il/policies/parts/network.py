@@ -16,7 +16,19 @@ Encoder = Literal["cnn", "resnet18"]
 
 
 class ChunkNetwork(nn.Module, ABC):
-    """Maps normalised observation histories to normalised action chunks, and knows what it is trained on."""
+    """Maps normalised observation histories to normalised action chunks, and knows what it is trained on.
+
+    A network that draws random numbers to act takes them as a second argument, ``forward(obs, noise=None)`` with
+    ``noise`` (B, S) standard normal, so that what they depend on is decided outside (see ``parts/noise.py``). Without
+    them it answers with its most ordinary chunk.
+
+    Attributes:
+        noise_size: numbers S that one prediction takes.
+        redraws: whether each prediction gets new ones; else an episode keeps its own.
+    """
+
+    noise_size: int = 0
+    redraws: bool = False
 
     @abstractmethod
     def forward(self, obs: Tensor) -> Tensor:
@@ -44,6 +56,8 @@ class PolicyConfig(ABC):
         ensemble: decay of the weights over overlapping chunks, oldest first; None flies the newest chunk alone.
         anchor: observation field relative to which the network sees every other position and predicts those of an
             ``ee_pose`` action; None keeps all positions in the world.
+        relative: predict ``ee_pose`` actions in the frame of the end effector at the moment of prediction, orientations
+            included, normalised as such; the anchor then concerns observations alone.
         obs_names: observation fields; empty for all that are neither images nor named in ``blind_to``.
         blind_to: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that tell
             what was decided before belong here, such as how far the gripper has closed: a network that sees them
@@ -62,6 +76,7 @@ class PolicyConfig(ABC):
     execute: int = 1
     ensemble: float | None = 0.01
     anchor: str | None = "ee_pos"
+    relative: bool = False
     obs_names: tuple[str, ...] = ()
     blind_to: tuple[str, ...] = ("gripper",)
     images: tuple[str, ...] = ()
@@ -105,3 +120,13 @@ class PolicyConfig(ABC):
 def masked_mean(values: Tensor, valid: Tensor) -> Tensor:
     """Return the mean of ``values`` (B, Ta, Da) over the steps where ``valid`` (B, Ta) is 1."""
     return (values.mean(-1) * valid).sum() / torch.clamp(valid.sum(), min=1.0)
+
+
+def hold_last(actions: Tensor, valid: Tensor) -> Tensor:
+    """Return ``actions`` (B, Ta, Da) with the last valid one in place of those after the end of the episode.
+
+    A network that sees a chunk on its way to another must see whole ones, in training as in flight.
+    """
+    last = (valid.sum(-1, keepdim=True) - 1).clamp(min=0).long()
+    index = torch.minimum(torch.arange(actions.shape[1], device=actions.device), last)
+    return actions.gather(1, index[..., None].expand_as(actions))
