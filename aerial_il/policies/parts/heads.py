@@ -70,13 +70,13 @@ class GaussianHead(Head):
         self.min_std = min_std
 
     def forward(self, features: Tensor, noise: Tensor | None = None) -> Tensor:
-        return self._parameters(features)[0]
+        return self._distribution(features)[0]
 
     def loss(self, features: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        mean, std = self._parameters(features)
+        mean, std = self._distribution(features)
         return masked_mean(-log_normal(actions, mean, std), valid), {"std": masked_mean(std, valid).detach()}
 
-    def _parameters(self, features: Tensor) -> tuple[Tensor, Tensor]:
+    def _distribution(self, features: Tensor) -> tuple[Tensor, Tensor]:
         mean, raw = self.linear(features).unflatten(-1, (2, *self.shape)).unbind(1)
         return mean, functional.softplus(raw) + self.min_std
 
@@ -94,7 +94,7 @@ class MixtureHead(Head):
         self.modes, self.min_std = modes, min_std
 
     def forward(self, features: Tensor, noise: Tensor | None = None) -> Tensor:
-        logits, means, _ = self._parameters(features)
+        logits, means, _ = self._distribution(features)
         if noise is None:
             chosen = logits.argmax(-1)
         else:
@@ -103,7 +103,7 @@ class MixtureHead(Head):
         return means[torch.arange(len(means), device=means.device), chosen]
 
     def loss(self, features: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        logits, means, stds = self._parameters(features)
+        logits, means, stds = self._distribution(features)
         elements = log_normal(actions[:, None], means, stds).sum(-1)  # (B, K, Ta)
         chunks = (elements * valid[:, None]).sum(-1)
         likelihood = torch.logsumexp(torch.log_softmax(logits, -1) + chunks, -1)
@@ -111,7 +111,7 @@ class MixtureHead(Head):
         used = torch.softmax(logits, -1).mean(0)
         return per_element, {"modes_used": (-(used * torch.log(used + 1e-9)).sum()).exp().detach()}
 
-    def _parameters(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def _distribution(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         raw = self.linear(features)
         logits, normal = raw[:, : self.modes], raw[:, self.modes :].unflatten(-1, (2, self.modes, *self.shape))
         return logits, normal[:, 0], functional.softplus(normal[:, 1]) + self.min_std
