@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from itertools import cycle
+from itertools import count
 from pathlib import Path
 from typing import ClassVar
 
@@ -44,11 +44,11 @@ CHUNKED_MLP = "mlp"
 NOTES = (
     "Each policy has its default settings and plans at every step; act: observations in, actions out, the policy's own "
     "normalisation, network and ensembling included. The tick is 20 ms.",
-    "Learning: optimisation steps per second of behaviour cloning (loss, gradient, clipping, AdamW, averaged weights) on "
-    "minibatches gathered from windows in memory, as `aerial-il train` does it.",
+    "Learning: optimisation steps per second of behaviour cloning (loss, gradient, clipping, AdamW, averaged weights) "
+    "on minibatches gathered from windows in memory, as `aerial-il train` does it.",
     "Loader: the same, with minibatches from torch's DataLoader over a map-style dataset that cuts and normalises one "
-    "window at a time in this process; workers: with that many processes at it. Ready: the loader over a TensorDataset of "
-    "windows cut and normalised beforehand, which needs memory for every window.",
+    "window at a time in this process; workers: with that many processes at it. Ready: the loader over a TensorDataset "
+    "of windows cut and normalised beforehand, which needs memory for every window.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the own minibatches are the faster.",
 )
 
@@ -100,7 +100,9 @@ class Policies:
                 policy, training, interface = _prepared(config, demos)
                 times = self._act_times(policy, demos)
                 acting.append({"policy": name, **_acting_row(policy.network, times)})
-                rates = interleave(self._learning_arms(config, policy.network, training, interface, demos), self.repetitions)
+                rates = interleave(
+                    self._learning_arms(config, policy.network, training, interface, demos), self.repetitions
+                )
                 learning.append({"policy": name, **_learning_row(rates)})
                 details.append({"policy": name, "rates": {k: v.round(2).tolist() for k, v in rates.items()}})
         return Report(
@@ -133,13 +135,18 @@ class Policies:
         }
 
     def _learning_arms(
-        self, config: PolicyConfig, network: ChunkNetwork, training: TrainingSet, interface: Interface, demos: list[Episode]
+        self,
+        config: PolicyConfig,
+        network: ChunkNetwork,
+        training: TrainingSet,
+        interface: Interface,
+        demos: list[Episode],
     ) -> dict[str, Arm]:
         order = Shuffle(len(training), self.batch_size, seed=self.seed)
         windows = OneByOne(demos, interface, config)
         everything = torch.utils.data.TensorDataset(*training.gather(np.arange(len(training))))
         feeds: dict[str, Iterator[Minibatch]] = {
-            "own": (training.gather(order[step]) for step in cycle(range(10**6))),
+            "own": (training.gather(order[step]) for step in count()),
             "loader": self._loaded(windows, 0),
             "ready": self._loaded(everything, 0),
         }
@@ -194,7 +201,11 @@ class OneByOne(Dataset):
         ahead = np.arange(step, step + self._chunk)
         history, chunk = obs[behind][None], actions[np.minimum(ahead, len(actions) - 1)][None]
         seen, answer = self._interface.encode_obs(history)[0], self._interface.encode_actions(chunk, history)[0]
-        return torch.from_numpy(seen), torch.from_numpy(answer), torch.from_numpy((ahead < len(actions)).astype(np.float32))
+        return (
+            torch.from_numpy(seen),
+            torch.from_numpy(answer),
+            torch.from_numpy((ahead < len(actions)).astype(np.float32)),
+        )
 
 
 def _prepared(config: PolicyConfig, demos: list[Episode]) -> tuple[ChunkPolicy, TrainingSet, Interface]:

@@ -17,7 +17,7 @@ defaults are the size of one processor core; ``policy=act_paper`` has the paper'
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 import torch
 from torch import Tensor, nn
@@ -128,7 +128,7 @@ def _encoder(config: ActConfig) -> nn.TransformerEncoder:
     return nn.TransformerEncoder(layer, config.encoder_layers, norm, enable_nested_tensor=False)
 
 
-def _layer(config: ActConfig) -> dict[str, object]:
+def _layer(config: ActConfig) -> dict[str, Any]:
     sizes = {"d_model": config.width, "nhead": config.heads, "dim_feedforward": config.feedforward}
     return {**sizes, "dropout": config.dropout, "batch_first": True, "norm_first": True}
 

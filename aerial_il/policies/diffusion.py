@@ -75,9 +75,7 @@ class Diffusion(ChunkNetwork):
     def __init__(self, config: DiffusionConfig, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.config, self.shape, self.columns = config, (config.chunk, action_size), config.chunk * action_size
-        self.denoiser = Denoiser(
-            config.history * obs_size, self.columns, width=config.width, blocks=config.blocks
-        )
+        self.denoiser = Denoiser(config.history * obs_size, self.columns, width=config.width, blocks=config.blocks)
         self.register_buffer("kept", squared_cosine(config.noise_steps), persistent=False)
         self._path = self._descent()
         draws = config.denoise_steps if config.sampler == "ddpm" else 1

@@ -59,9 +59,7 @@ class Flow(ChunkNetwork):
         super().__init__()
         self.config, self.shape = config, (config.chunk, action_size)
         self.noise_size, self.redraws = config.chunk * action_size, config.redraw
-        self.denoiser = Denoiser(
-            config.history * obs_size, self.noise_size, width=config.width, blocks=config.blocks
-        )
+        self.denoiser = Denoiser(config.history * obs_size, self.noise_size, width=config.width, blocks=config.blocks)
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         actions = hold_last(actions, valid)

@@ -39,6 +39,7 @@ def test_network_maps_histories_to_chunks_and_its_loss_ignores_what_is_not_valid
     assert network(obs).shape == (4, 5, 10)
     valid = torch.ones(4, 5)
     valid[:, 3:] = 0
+
     def loss_of(valid: torch.Tensor) -> torch.Tensor:
         torch.manual_seed(0)
         return network.loss(obs, actions, valid)[0]

@@ -19,6 +19,7 @@ from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.tasks import unite
 from aerial_il.policies.parts.vision import with_pixels
 
 GIB = 2**30
@@ -42,6 +43,7 @@ def read_demos(
     if not demos:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"The dataset holds no successful demonstration. {hint}")
+    demos = unite(demos)
     layout = Layout.of(demos[0].spec, policy)
     for episode in demos:
         _check(episode, layout, policy.chunk)

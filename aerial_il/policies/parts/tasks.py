@@ -1,0 +1,70 @@
+"""One policy for several tasks of a robot: it sees the fields of all of them, and which task it is to do.
+
+Demonstrations of several tasks are shown as if they came from one environment, whose observation has every field of
+any of them, zero where a task has no such field, and ``task_id``, which is 1 at the task's place and 0 elsewhere. In
+flight the environment says which task it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.policy import Observation
+from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.data.episode import Episode
+
+TASK_ID = "task_id"
+OWN = ("task", "observation", "max_steps", "instruction", "subtasks", "state_size")  # in what tasks may differ
+
+
+def tasks_of(spec: EnvSpec) -> tuple[str, ...]:
+    """Return the tasks that ``spec`` stands for, in the order of their places in ``task_id``."""
+    return spec.observation[TASK_ID].labels if TASK_ID in spec.observation.names else (spec.task,)
+
+
+def united(specs: Sequence[EnvSpec]) -> EnvSpec:
+    """Return the one environment that stands for those of several tasks.
+
+    Raises:
+        InvalidValueError: they differ in more than the task, or two fields of one name do.
+    """
+    first, fields = specs[0], dict[str, Field]()
+    for spec in specs:
+        if differing := first.differences(spec, ignore=(*OWN, "tier", "disturbances", "controller")):
+            raise InvalidValueError(f"{first.task} and {spec.task} cannot be learned together: {'; '.join(differing)}.")
+        for field in spec.observation.fields:
+            if fields.setdefault(field.name, field) != field:
+                raise InvalidValueError(f"{field.name!r} of {spec.task} is not that of the other tasks: {field}.")
+    tasks = tuple(sorted({spec.task for spec in specs}))
+    which = Field(TASK_ID, (len(tasks),), "task", labels=tasks)
+    return replace(
+        first,
+        task="+".join(tasks),
+        observation=ObservationSpec((*fields.values(), which)),
+        max_steps=max(spec.max_steps for spec in specs),
+        instruction=" ".join(dict.fromkeys(spec.instruction for spec in specs)),
+        subtasks=(),
+        state_size=0,
+    )
+
+
+def unite(demos: Sequence[Episode]) -> list[Episode]:
+    """Return demonstrations of one task as they are, and those of several as of one environment."""
+    specs = {demo.spec.task: demo.spec for demo in demos}
+    if len(specs) < 2:
+        return list(demos)
+    spec = united(list(specs.values()))
+    return [replace(d, spec=spec, obs=completed(d.obs, spec, d.spec.task)) for d in demos]
+
+
+def completed(obs: Observation, spec: EnvSpec, task: str) -> dict[str, np.ndarray]:
+    """Return ``obs`` (n, ...) of ``task`` with the fields of the other tasks, zero, and which task it is."""
+    count = len(next(iter(obs.values())))
+    missing = [f for f in spec.observation.fields if f.group != "image" and f.name not in obs]
+    blank = {field.name: np.zeros((count, *field.shape)) for field in missing}
+    which = np.array([float(label == task) for label in tasks_of(spec)])
+    return {**obs, **blank, TASK_ID: np.tile(which, (count, 1))}
