@@ -13,7 +13,7 @@ import torch
 
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
-from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
@@ -22,6 +22,7 @@ from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 from aerial_il.policies.parts.noise import EpisodeNoise
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
 from aerial_il.policies.parts.vision import build_network, with_pixels
 
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
@@ -51,6 +52,7 @@ class ChunkPolicy:
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
         self._noise = EpisodeNoise(network.noise_size, redraw=network.redraws)
         self._worlds: int | None = None
+        self.task = self.spec.task
 
     @property
     def spec(self) -> EnvSpec:
@@ -64,6 +66,7 @@ class ChunkPolicy:
             InvalidValueError: n changed without a :meth:`reset`, or an image has another size.
             NonFiniteActionError: NaN or infinity in an observation or in the network's output.
         """
+        obs = self._told(obs)
         frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
         self._count(len(frame))
         history = self._history.push(frame)
@@ -91,7 +94,9 @@ class ChunkPolicy:
             images: of the layout's cameras, each (B, To, H, W, 3) uint8.
             noise: (B, S) what a network with chance draws from; None for its most ordinary answer.
         """
-        encoded, *pictures = (torch.from_numpy(a).to(self._device) for a in (self.interface.encode_obs(history), *images))
+        encoded, *pictures = (
+            torch.from_numpy(a).to(self._device) for a in (self.interface.encode_obs(history), *images)
+        )
         drawn = () if noise is None or not self.network.noise_size else (torch.from_numpy(noise).to(self._device),)
         with torch.inference_mode():
             outputs = self.network(with_pixels(encoded, pictures), *drawn).cpu().numpy()
@@ -108,12 +113,14 @@ class ChunkPolicy:
             memory.reset(mask)
 
     def attach(self, env: Any) -> None:
-        """Refuse an environment that differs from the one the policy was trained in."""
+        """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
         self.check(env.spec)
+        self.task = env.spec.task
 
     def check(self, spec: EnvSpec) -> None:
         """Raise :class:`InvalidValueError`, naming each differing key, unless the policy can fly under ``spec``."""
         check_cameras(self.interface.layout, spec)
+        spec = as_one_of(self.spec, spec)
         names = (*self.interface.layout.names, *self.interface.layout.images)
         differing = _restrict(self.spec, names).differences(_restrict(spec, names), ignore=UNIMPORTANT)
         if differing:
@@ -148,6 +155,16 @@ class ChunkPolicy:
     @property
     def _device(self) -> torch.device:
         return next(self.network.parameters()).device
+
+    def _told(self, obs: Observation) -> Observation:
+        """Return ``obs`` with the task that is flown, where the policy knows several."""
+        tasks = tasks_of(self.spec)
+        if tasks == (self.spec.task,):
+            return obs
+        if self.task not in tasks:
+            hint = "Attach it to an environment first, or set its task."
+            raise UnknownNameError("task of the policy", self.task, tasks, hint)
+        return completed(obs, self.spec, self.task)
 
     def _count(self, n: int) -> None:
         if self._worlds not in (None, n):

@@ -61,6 +61,15 @@ def unite(demos: Sequence[Episode]) -> list[Episode]:
     return [replace(d, spec=spec, obs=completed(d.obs, spec, d.spec.task)) for d in demos]
 
 
+def as_one_of(whole: EnvSpec, spec: EnvSpec) -> EnvSpec:
+    """Return ``spec`` as :func:`completed` makes it look, where its task is one of several in ``whole``."""
+    if spec.task not in tasks_of(whole) or whole.task == spec.task:
+        return spec
+    shown = spec.observation.names
+    added = tuple(field for field in whole.observation.fields if field.name not in shown and field.group != "image")
+    return replace(spec, task=whole.task, observation=ObservationSpec((*spec.observation.fields, *added)))
+
+
 def completed(obs: Observation, spec: EnvSpec, task: str) -> dict[str, np.ndarray]:
     """Return ``obs`` (n, ...) of ``task`` with the fields of the other tasks, zero, and which task it is."""
     count = len(next(iter(obs.values())))

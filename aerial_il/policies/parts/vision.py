@@ -58,9 +58,10 @@ class VisionNetwork(ChunkNetwork):
             _check_size(name, _cropped(shape, config.crop))
         self.eyes = nn.ModuleList(_encoder(config) for _ in self.shapes)
         self.body = config.build(layout.size + len(self.shapes) * config.image_features, layout.spec.action.size)
+        self.noise_size, self.redraws = self.body.noise_size, self.body.redraws
 
-    def forward(self, obs: Tensor) -> Tensor:
-        return self.body(self.see(obs))
+    def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
+        return self.body(self.see(obs), noise) if self.noise_size else self.body(self.see(obs))
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         return self.body.loss(self.see(obs), actions, valid)
