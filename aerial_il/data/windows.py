@@ -49,6 +49,9 @@ class Windows:
         images: image fields that go with the observations. They stay as the episodes hold them, one copy of each frame
             however many windows show it, and are gathered by :meth:`images`.
 
+    Attributes:
+        lengths: (E,) windows of each episode.
+
     Raises:
         InvalidValueError: no episode is left, or a length is not positive.
         UnknownNameError: an episode lacks a field.
@@ -75,16 +78,17 @@ class Windows:
             raise InvalidValueError("No episode is left to cut windows from: none succeeded. See successes_only.")
         self.image_names = tuple(images)
         self.frames = {name: [_image(e, name) for e in chosen] for name in self.image_names}
-        self.lengths = np.array([len(actions) for _, actions, _ in kept])
         obs = [np.pad(o, ((history - 1, 0), (0, 0)), mode="edge") for o, _, _ in kept]
         actions = [np.pad(a, ((0, chunk - 1), (0, 0)), mode="edge") for _, a, _ in kept]
         self._obs = np.concatenate(obs).astype(dtype)
         self._actions = np.concatenate(actions).astype(dtype)
-        episode, step = np.repeat(np.arange(len(kept)), self.lengths), np.arange(self.lengths.sum())
+        self.lengths = np.array([int(known.sum()) for _, _, known in kept])
+        steps = np.array([len(actions) for _, actions, _ in kept])
+        episode, step = np.repeat(np.arange(len(kept)), steps), np.arange(steps.sum())
         starts = np.flatnonzero(np.concatenate([known for _, _, known in kept]))
         self._obs_row = (step + episode * (history - 1))[starts]
         self._action_row = (step + episode * (chunk - 1))[starts]
-        first = np.cumsum(self.lengths) - self.lengths
+        first = np.cumsum(steps) - steps
         self._episode, self._step = episode[starts], (step - first[episode])[starts]
         is_pad = np.concatenate([np.pad(~known, (0, chunk - 1), constant_values=True) for _, _, known in kept])
         self._is_pad_runs = sliding_window_view(is_pad, chunk)

@@ -1,0 +1,153 @@
+"""DAgger: fly the learner, let the expert label what it meets, learn from everything so far, and again.
+
+Behaviour cloning learns on the expert's states and flies on its own: its errors lead where no demonstration has been,
+and grow with the square of the horizon. DAgger trains on the distribution that the learner itself brings about. In
+round i a mixture flies, the expert's share being beta_i; the labels are the expert's whoever flew; the next policy is
+trained on the union of all rounds:
+
+    pi_i = beta_i pi* + (1 - beta_i) pi^_i          D <- D u {(s, pi*(s)) : s visited by pi_i}
+
+What decides who flies, and which states are labelled, is the gate: a coin (classic), the ensemble's doubt and the risk
+of failing (ThriftyDAgger), or a supervisor (HG-DAgger). See :mod:`aerial_il.algorithms.parts.gates` for the sources.
+
+Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``, ``queries``
+(steps that the expert labelled), ``interventions`` (times it took over), ``expert_steps`` (steps it flew), the totals
+of all rounds, and ``evaluate/<name>`` from flights of the learner alone.
+
+Source: S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret
+online learning", AISTATS 2011, algorithm 3.1.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
+from aerial_il.algorithms.parts.gates import CoinGate, GateSettings, Round
+from aerial_il.algorithms.parts.mixture import Mixture
+from aerial_il.algorithms.parts.rounds import Collect, Rounds, Training, Workplace
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.policy import Policy
+from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
+
+MEMBER_SEED = 1_000_003  # between the seeds of an ensemble's members
+
+
+@dataclass(frozen=True, kw_only=True)
+class DAgger:
+    """Settings of a run.
+
+    Attributes:
+        rounds: of flying and learning, after a first training on the demonstrations.
+        episodes: labelled flights per round.
+        gate: who flies and who is asked.
+        training: supervised learning, used as it is in the first and in the last round, which start afresh.
+        between_steps: optimisation steps of the rounds between.
+        warm: those go on from the weights of the round before.
+        evaluate_every: rounds between two evaluations; the last one is always evaluated; 0 for that one only.
+        keep_checkpoints: how many of the newest rounds' policies stay on disk.
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ("env", "expert", "collect")  # handed to train()
+
+    rounds: int = 10
+    episodes: int = 5
+    gate: GateSettings = field(default_factory=CoinGate)
+    training: BehaviourCloning = field(default_factory=BehaviourCloning)
+    between_steps: int = 2_000
+    warm: bool = True
+    evaluate_every: int = 1
+    keep_checkpoints: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("rounds", "episodes", "between_steps", "keep_checkpoints"):
+            if getattr(self, name) < 1:
+                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
+        if self.evaluate_every < 0:
+            raise InvalidValueError(f"evaluate_every is {self.evaluate_every}; it must not be negative.")
+
+    def train(
+        self,
+        dataset: Iterable[Episode],
+        policy: PolicyConfig,
+        *,
+        run: str | os.PathLike[str],
+        env: object,
+        expert: Policy,
+        collect: Collect,
+        seed: int = 0,
+        evaluate: Evaluate | None = None,
+        resume: bool = True,
+        progress: bool = True,
+    ) -> ChunkPolicy:
+        """Learn by flying.
+
+        Args:
+            dataset: demonstrations to begin with, flown in the same kind of environment; failures are left out.
+            policy: what to train.
+            run: folder of the run; see :mod:`aerial_il.algorithms.parts.rounds`.
+            env: batch environment to fly in. expert: whom to ask. collect: records flights.
+            seed: decides weights, minibatches, coins and the seeds of the flights.
+            evaluate: ``(policy, round) -> named numbers`` from flights on seeds of its own.
+            resume: continue what ``run`` holds; a finished run returns its policy at once.
+            progress: show progress bars.
+
+        Returns:
+            The policy of the last round, as saved in ``run/policy``.
+
+        Raises:
+            InvalidValueError: demonstrations of another environment, no expert, or ``run`` holds another run.
+            SimulationDivergedError, StorageError: from the flights. The errors of behaviour cloning.
+        """
+        workplace, training = Workplace(env, expert, collect), self._training(policy, seed)
+        with Rounds.open(run, dataset, workplace, training, resume=resume) as rounds:
+            if rounds.finished:
+                return rounds.finished
+            for number in rounds.left(self.rounds):
+                last, extra = number == self.rounds, {}
+                if number:
+                    pilot = lambda number=number: self._pilot(rounds, number, workplace, progress)  # noqa: E731
+                    rounds.fly(number, pilot, self.episodes, name="dagger", progress=progress)
+                    extra = self._beta(number)
+                rounds.learn(number, last=last, progress=progress)
+                judge = evaluate if last or due(self.evaluate_every, number) else None
+                rounds.report(number, evaluate=judge, extra=extra, keep=self.keep_checkpoints)
+            return rounds.finish(self.rounds)
+
+    def _pilot(self, rounds: Rounds, number: int, at: Workplace, progress: bool) -> Policy:
+        """Return the mixture that flies round ``number``."""
+        assert rounds.learner is not None
+        others = [self._member(rounds, number, k, progress) for k in range(1, self.gate.ensemble)]
+        alone = self.gate.alone
+        probes = rounds.alone(number, self.episodes, alone, progress=progress) if alone else []
+        of = Round(number, rounds.seed, [rounds.learner, *others], rounds.lessons, probes)
+        return Mixture(rounds.learner, at.expert, self.gate.open(of))
+
+    def _member(self, rounds: Rounds, number: int, k: int, progress: bool) -> ChunkPolicy:
+        """Return member k > 0 of the ensemble: other first weights, and other lessons, drawn with replacement."""
+        seed = rounds.seed + MEMBER_SEED * k
+        drawn = named_rng(seed, "bagging", str(number)).integers(len(rounds.lessons), size=len(rounds.lessons))
+        lessons = [rounds.lessons[i] for i in drawn]
+        return rounds.auxiliary(number, f"member_{k}", lessons, seed=seed, progress=progress)
+
+    def _beta(self, number: int) -> Mapping[str, float]:
+        return {"beta": self.gate.share(number)} if isinstance(self.gate, CoinGate) else {}
+
+    def _training(self, policy: PolicyConfig, seed: int) -> Training:
+        return Training(
+            name="dagger",
+            settings=self,
+            policy=policy,
+            bc=self.training,
+            between=replace(self.training, steps=self.between_steps),
+            warm=self.warm,
+            seed=seed,
+            seeds_per_round=self.episodes + self.gate.alone,
+            cadence=CADENCE,
+        )

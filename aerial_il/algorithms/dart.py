@@ -1,0 +1,215 @@
+"""DART: the expert flies throughout, disturbed as the learner would disturb it, so that it shows how to recover.
+
+Off-policy like behaviour cloning, yet robust like DAgger: noise whose distribution is that of the learner's own errors
+takes the expert to the states that the learner will meet, and the expert's clean intention there is the label. The
+covariance is the maximum-likelihood estimate from the learner's errors on labelled flights that it did not train on,
+
+    Sigma = alpha / (T tr S) S,     S = 1/T sum_t (pi^(s_t) - pi*(s_t)) (pi^(s_t) - pi*(s_t))^T
+
+where alpha scales the estimate up to the deviation expected of the final learner; here alpha is ``scale`` times
+``T tr S``, so that ``Sigma = scale S``. Labels have no noise. Before each round the errors are those of a second
+policy, trained without a share of the lessons, on that share.
+
+Two things differ from the paper. The noise has the correlation over time that the errors have (``coloured``): a
+vehicle is deaf to white noise at 50 Hz, and a policy errs the same way for many steps. And elements that the
+demonstrations only switch between two values, such as a gripper, are left alone.
+
+Source: M. Laskey, J. Lee, R. Fox, A. Dragan and K. Goldberg, "DART: noise injection for robust imitation learning",
+CoRL 2017, section 4.2 and algorithm 1.
+
+Metrics: those of :mod:`aerial_il.algorithms.dagger`, and ``noise`` (root of the trace of the covariance, scaled by the
+spread of demonstrated actions) and ``noise_correlation`` (from one step to the next).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
+from aerial_il.algorithms.parts.doubt import actions_along
+from aerial_il.algorithms.parts.rounds import Collect, Rounds, Training, Workplace, asked
+from aerial_il.algorithms.parts.training_set import split
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
+from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
+
+MOST = 0.98  # largest correlation from one step to the next: a decay over 50 steps
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dart:
+    """Settings of a run.
+
+    Attributes:
+        rounds: of flying and learning, after a first training on the demonstrations.
+        episodes: flights per round, all of them labelled.
+        scale: factor on the covariance of the learner's errors.
+        coloured: give the noise the correlation over time that the errors have; white otherwise, as in the paper.
+        held_out: share of the lessons on which the errors are measured.
+        training, between_steps, warm, evaluate_every, keep_checkpoints: see DAgger.
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ("env", "expert", "collect")
+
+    rounds: int = 4
+    episodes: int = 10
+    scale: float = 1.0
+    coloured: bool = True
+    held_out: float = 0.2
+    training: BehaviourCloning = field(default_factory=BehaviourCloning)
+    between_steps: int = 2_000
+    warm: bool = True
+    evaluate_every: int = 1
+    keep_checkpoints: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("rounds", "episodes", "between_steps", "keep_checkpoints"):
+            if getattr(self, name) < 1:
+                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
+        if self.scale <= 0:
+            raise InvalidValueError(f"scale is {self.scale}; it must be positive.")
+        if not 0 < self.held_out < 1:
+            raise InvalidValueError(f"held_out is {self.held_out}; it must lie in (0, 1).")
+        if self.evaluate_every < 0:
+            raise InvalidValueError(f"evaluate_every is {self.evaluate_every}; it must not be negative.")
+
+    def train(
+        self,
+        dataset: Iterable[Episode],
+        policy: PolicyConfig,
+        *,
+        run: str | os.PathLike[str],
+        env: object,
+        expert: Policy,
+        collect: Collect,
+        seed: int = 0,
+        evaluate: Evaluate | None = None,
+        resume: bool = True,
+        progress: bool = True,
+    ) -> ChunkPolicy:
+        """Learn from a disturbed expert; arguments, result and errors are those of DAgger."""
+        workplace, training = Workplace(env, expert, collect), self._training(policy, seed)
+        with Rounds.open(run, dataset, workplace, training, resume=resume) as rounds:
+            if rounds.finished:
+                return rounds.finished
+            for number in rounds.left(self.rounds):
+                last, extra = number == self.rounds, {}
+                if number:
+                    noise = self._noise(rounds, number, progress)
+                    extra = {"noise": noise.size, "noise_correlation": noise.correlation}
+                    pilot = lambda noise=noise: Disturbed(expert, noise)  # noqa: E731
+                    rounds.fly(number, pilot, self.episodes, name="dart", progress=progress)
+                rounds.learn(number, last=last, progress=progress)
+                judge = evaluate if last or due(self.evaluate_every, number) else None
+                rounds.report(number, evaluate=judge, extra=extra, keep=self.keep_checkpoints)
+            return rounds.finish(self.rounds)
+
+    def _noise(self, rounds: Rounds, number: int, progress: bool) -> Noise:
+        """Estimate how a learner errs from one that did not see a share of the lessons."""
+        kept, held = split(rounds.lessons, self.held_out, seed=rounds.seed + number)
+        other = rounds.auxiliary(number, "held_out", kept, seed=rounds.seed, progress=progress)
+        return Noise.of(other, held or kept, scale=self.scale, coloured=self.coloured)
+
+    def _training(self, policy: PolicyConfig, seed: int) -> Training:
+        return Training(
+            name="dart",
+            settings=self,
+            policy=policy,
+            bc=self.training,
+            between=replace(self.training, steps=self.between_steps),
+            warm=self.warm,
+            seed=seed,
+            seeds_per_round=self.episodes,
+            cadence=CADENCE,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """A stationary Gaussian process.
+
+    Attributes:
+        root: (Da, Da) matrix L with L Lᵀ = covariance, in the action's units.
+        correlation: from one step to the next, in [0, 1).
+        size: root of the trace of the covariance in units of the spread of demonstrated actions.
+    """
+
+    root: np.ndarray
+    correlation: float
+    size: float
+
+    @staticmethod
+    def of(policy: ChunkPolicy, flights: Sequence[Episode], *, scale: float, coloured: bool) -> Noise:
+        """Estimate the noise from the errors of ``policy`` along labelled flights that it did not learn from."""
+        switched = np.isfinite(policy.interface.switches.low)
+        labels = np.concatenate([np.where(asked(f)[:, None], f.expert_actions, f.executed_actions) for f in flights])
+        errors = np.where(switched, 0.0, actions_along(policy, flights) - labels)
+        spread = policy.interface.action.scale
+        pieces = np.split(errors / spread, np.cumsum([len(f) for f in flights])[:-1])
+        together = sum(float((e[1:] * e[:-1]).sum()) for e in pieces)
+        values, vectors = np.linalg.eigh(scale * errors.T @ errors / len(errors))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        correlation = min(MOST, max(0.0, together / max(1e-12, float(((errors / spread) ** 2).sum()))))
+        return Noise(root, correlation if coloured else 0.0, float(np.sqrt(((root / spread[:, None]) ** 2).sum())))
+
+
+class Disturbed:
+    """The expert, its actions shaken while its intentions are recorded.
+
+    Args:
+        expert: who flies. noise: what is added; each episode has a stream of its own.
+
+    Attributes:
+        expert_action: (n, Da) what it meant.
+    """
+
+    def __init__(self, expert: Policy, noise: Noise) -> None:
+        self.expert, self.noise = expert, noise
+        self.expert_action = np.zeros((0, 0))
+        self._rngs: list[np.random.Generator] = []
+        self._drift = np.zeros((0, len(noise.root)))
+
+    @property
+    def phase_names(self) -> tuple[str, ...]:
+        return tuple(getattr(self.expert, "phase_names", ()))
+
+    @property
+    def phase(self) -> np.ndarray:
+        return np.asarray(getattr(self.expert, "phase", np.full(len(self._rngs), -1)))
+
+    def attach(self, env: Any) -> None:
+        attach(self.expert, env)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        self.expert.reset(mask)
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
+        chosen = np.ones(len(seeds), bool) if mask is None or len(self._rngs) != len(seeds) else mask
+        fresh = [named_rng(int(seed), "dart noise") for seed in seeds]
+        kept = fresh if len(self._rngs) != len(seeds) else self._rngs
+        self._rngs = [new if due else old for new, old, due in zip(fresh, kept, chosen, strict=True)]
+        if len(self._drift) != len(seeds):
+            self._drift = np.zeros((len(seeds), len(self.noise.root)))
+        for world in np.flatnonzero(chosen):
+            self._drift[world] = self._drawn(world)
+        if isinstance(self.expert, SeededPolicy):
+            self.expert.begin(seeds, mask)
+
+    def act(self, obs: Observation) -> np.ndarray:
+        flown = np.asarray(self.expert.act(obs), float)
+        self.expert_action = np.asarray(getattr(self.expert, "expert_action", flown), float)
+        shaken, kept = flown + self._drift, self.noise.correlation
+        fresh = np.stack([self._drawn(world) for world in range(len(self._rngs))])
+        self._drift = kept * self._drift + np.sqrt(1.0 - kept**2) * fresh
+        return shaken
+
+    def _drawn(self, world: int) -> np.ndarray:
+        return self.noise.root @ self._rngs[world].standard_normal(len(self.noise.root))

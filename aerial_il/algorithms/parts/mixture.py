@@ -1,0 +1,114 @@
+"""A learner and an expert who share the sticks: a gate says, world by world and step by step, which of them flies.
+
+Every step is told as it was: the action that was flown, the expert's where it was asked, and who held the sticks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a gate may look at before a step of n worlds.
+
+    Attributes:
+        obs: ``name -> (n, ...)``.
+        proposed: (n, Da) what the learner would do.
+        wished: (n, Da) what the expert would do. A gate that reads a row of it counts as having asked: see
+            :meth:`Gate.choose`.
+        flew: (n,) bool, the expert held the sticks in the step before.
+    """
+
+    obs: Observation
+    proposed: np.ndarray
+    wished: np.ndarray
+    flew: np.ndarray
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A gate's answer.
+
+    Attributes:
+        expert_flies: (n,) bool.
+        asked: (n,) bool, the expert's action is a label, and a query; wherever it flies it has been asked.
+    """
+
+    expert_flies: np.ndarray
+    asked: np.ndarray
+
+
+class Gate(Protocol):
+    """Decides who flies. Its memory has a row per world."""
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
+        """Begin the episodes of ``seeds`` (n,) in the worlds of ``mask`` (n,) bool."""
+        ...
+
+    def choose(self, sight: Sight) -> Choice:
+        """Say who flies now; ``sight.wished`` may be read in the rows that are answered with ``asked`` only."""
+        ...
+
+
+class Mixture:
+    """Flies for the learner or the expert, as the gate decides.
+
+    Both are shown every state, so that whichever takes over knows where it is: the learner's plan is up to date, and an
+    expert with phases follows the flight. What it is not asked for is not told.
+
+    Args:
+        learner: the policy in training.
+        expert: whom to learn from.
+        gate: who decides.
+
+    Attributes:
+        expert_action: (n, Da) the expert's answers, NaN where it was not asked.
+        is_intervention: (n,) bool, the expert held the sticks.
+    """
+
+    def __init__(self, learner: Policy, expert: Policy, gate: Gate) -> None:
+        self.learner, self.expert, self.gate = learner, expert, gate
+        self.expert_action = np.zeros((0, 0))
+        self.is_intervention = np.zeros(0, bool)
+
+    @property
+    def phase_names(self) -> tuple[str, ...]:
+        return tuple(getattr(self.expert, "phase_names", ()))
+
+    @property
+    def phase(self) -> np.ndarray:
+        """(n,) the expert's phases, -1 for one without."""
+        return np.asarray(getattr(self.expert, "phase", np.full(len(self.is_intervention), -1)))
+
+    def attach(self, env: Any) -> None:
+        attach(self.learner, env)
+        attach(self.expert, env)
+        self.is_intervention = np.zeros(env.num_envs, bool)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        self.learner.reset(mask)
+        self.expert.reset(mask)
+        self.is_intervention = np.zeros_like(self.is_intervention) if mask is None else self.is_intervention & ~mask
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
+        chosen = np.ones(len(seeds), bool) if mask is None else mask
+        self.gate.begin(seeds, chosen)
+        for mind in (self.learner, self.expert):
+            if isinstance(mind, SeededPolicy):
+                mind.begin(seeds, chosen)
+
+    def act(self, obs: Observation) -> np.ndarray:
+        proposed = np.asarray(self.learner.act(obs), float)
+        flown = np.asarray(self.expert.act(obs), float)
+        wished = np.asarray(getattr(self.expert, "expert_action", flown), float)  # before its own perturbation
+        choice = self.gate.choose(Sight(obs, proposed, wished, self.is_intervention))
+        self.is_intervention = choice.expert_flies
+        asked = choice.asked | choice.expert_flies
+        self.expert_action = np.where(asked[:, None], wished, np.nan)
+        return np.where(choice.expert_flies[:, None], flown, proposed)

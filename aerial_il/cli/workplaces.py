@@ -1,0 +1,87 @@
+"""Where an algorithm that flies while it learns does so, and whom it asks: the environment of its demonstrations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from aerial_il.core.policy import Policy
+    from aerial_il.core.specs import EnvSpec
+
+WORLDS = 64
+
+
+@contextmanager
+def workplace(
+    algorithm: Any, dataset: str, *, expert: str | None, tier: str | None, num_envs: int | None, threads: int
+) -> Iterator[dict[str, Any]]:
+    """Yield what ``algorithm.train`` is to be handed besides data, by name; nothing where it only learns.
+
+    Args:
+        algorithm: its attribute ``needs`` names what it wants: ``env``, ``expert``, ``collect``.
+        dataset: folder of the demonstrations, which say what environment they come from.
+        expert: file of an expert from outside; None for the task's own.
+        tier: how rough the air is; None as in the demonstrations.
+        num_envs: worlds flown at once; None as the algorithm likes best (its ``worlds``).
+        threads: of the simulation; 0 for all cores.
+
+    Raises:
+        UnknownNameError: the task has no expert. InvalidValueError: an environment from outside without one.
+    """
+    needs = getattr(algorithm, "needs", ())
+    if not needs:
+        yield {}
+        return
+    import aerial_il
+    from aerial_il.collection.collect import collect
+
+    spec = aerial_il.open_dataset(dataset).spec
+    asked = _expert(spec, expert) if "expert" in needs else None
+    env = _environment(spec, tier, num_envs or getattr(algorithm, "worlds", WORLDS), threads)
+    try:
+        handed = {"env": env, "expert": asked, "collect": collect}
+        yield {name: handed[name] for name in needs}
+    finally:
+        env.close()
+
+
+def _environment(spec: EnvSpec, tier: str | None, num_envs: int, threads: int) -> Any:
+    import aerial_il
+    from aerial_il.suite import outside
+
+    if spec.is_outside:
+        return outside.load(_key(spec), num_envs=num_envs, **spec.options)
+    return aerial_il.load_batch(
+        spec.robot,
+        spec.task,
+        num_envs=num_envs,
+        tier=tier or spec.tier,
+        action=spec.action.level,
+        num_threads=threads,
+        controller=spec.controller,
+    )
+
+
+def _expert(spec: EnvSpec, file: str | None) -> Policy:
+    import aerial_il
+    from aerial_il.core.errors import InvalidValueError
+    from aerial_il.experts.outside import load_expert
+
+    if file is not None:
+        return load_expert(file, _key(spec))
+    if spec.is_outside:
+        raise InvalidValueError(f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE.")
+    return aerial_il.expert(spec.robot, spec.task)
+
+
+def _key(spec: EnvSpec) -> str:
+    from aerial_il.core.errors import InvalidValueError
+    from aerial_il.suite import outside
+
+    key = outside.key_of(spec)
+    if key is None:
+        where = f"{spec.robot}/{spec.task}"
+        raise InvalidValueError(f"{where} is no environment that can be loaded by name: train in Python, see docs.")
+    return key

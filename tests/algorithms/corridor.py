@@ -1,0 +1,112 @@
+"""A point in the plane that must stay on a curve: small errors add up, and the demonstrations show none of them.
+
+The point moves forward by itself and is steered sideways; its target is a sine. A gust that grows with the distance from
+the curve pushes it further off: whoever drifts has to know how to come back, which the demonstrator never had to. It
+has the suite's interface and flies hundreds of episodes a second.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from aerial_il.core.seeding import episode_rng
+from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
+from tests.algorithms.point_mass import StepResult
+
+STEPS, LIMIT, PUSH, GAIN = 60, 1.0, 0.12, 0.6
+
+SPEC = EnvSpec(
+    robot="point",
+    task="corridor",
+    tier="calm",
+    observation=ObservationSpec((Field("place", (2,)), Field("course", (2,), "task"))),
+    action=ActionSpec("steer", ("sideways",), ("m",), np.array([-0.5]), np.array([0.5])),
+    control_dt_s=0.02,
+    max_steps=STEPS,
+    instruction="Stay in the corridor.",
+    subtasks=("inside",),
+    state_size=0,
+)
+
+
+class Corridor:
+    """n points; an episode fails as soon as one leaves the corridor, and succeeds at its end."""
+
+    spec = SPEC
+    model, model_xml = SimpleNamespace(nu=0), "<mujoco/>"
+
+    def __init__(self, num_envs: int = 5) -> None:
+        self.num_envs = num_envs
+        self.y, self.slope, self.shift = np.zeros((3, num_envs))
+        self.steps = np.zeros(num_envs, int)
+
+    @property
+    def ctrl(self) -> np.ndarray:
+        return np.zeros((self.num_envs, 0))
+
+    @property
+    def sim_time(self) -> np.ndarray:
+        return self.steps * self.spec.control_dt_s
+
+    def get_state(self) -> np.ndarray:
+        return np.zeros((self.num_envs, 0))
+
+    def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        seeds = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
+        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
+            rng = episode_rng("point", "corridor", "start", int(seeds[i]))
+            self.slope[i], self.shift[i] = rng.uniform(0.1, 0.2), rng.uniform(0, 2 * np.pi)
+            self.steps[i] = 0
+            self.y[i] = np.sin(self.shift[i])
+        return self._observe()
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        live = np.ones(self.num_envs, bool) if mask is None else mask
+        executed = self.spec.action.clip(actions)
+        error = self.y - self._course(self.steps)
+        self.y = np.where(live, self.y + executed[:, 0] + PUSH * error, self.y)
+        self.steps = self.steps + live
+        outside = np.abs(self.y - self._course(self.steps)) > LIMIT
+        success = (self.steps >= STEPS) & ~outside
+        info = {"success": success, "crash": outside, "subtasks": ~outside[:, None], "executed_action": executed}
+        return StepResult(self._observe(), success * 1.0, outside, self.steps >= STEPS, info)
+
+    def close(self) -> None: ...
+
+    def _course(self, steps: np.ndarray) -> np.ndarray:
+        return np.sin(self.slope * steps + self.shift)
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        ahead = np.stack([self._course(self.steps), self._course(self.steps + 1)], axis=1)
+        return {"place": np.stack([self.y, self.steps / STEPS], axis=1), "course": ahead}
+
+
+class Pilot:
+    """Steers onto the curve: all of the way ahead and a part of the error, which it never lets grow."""
+
+    def __init__(self) -> None:
+        self.shown = 0
+
+    def attach(self, env: Corridor) -> None:
+        self.env = env
+
+    def reset(self, mask: np.ndarray | None = None) -> None: ...
+
+    def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
+        self.shown += len(obs["place"])
+        error = obs["place"][:, 0] - obs["course"][:, 0]
+        ahead = obs["course"][:, 1] - obs["course"][:, 0]
+        return (ahead - (GAIN + PUSH) * np.clip(error, -1, 1) - 0.4 * np.sin(3 * error))[:, None].clip(-0.5, 0.5)
+
+
+def success_rate(policy, *, episodes: int, seed: int) -> float:
+    """Fly ``episodes`` seeds at once and return the share that stays inside."""
+    env = Corridor(episodes)
+    obs, inside = env.reset(seed), np.ones(episodes, bool)
+    policy.reset()
+    for _ in range(STEPS):
+        result = env.step(policy.act(obs))
+        obs, inside = result.obs, inside & ~result.terminated
+    return float(inside.mean())

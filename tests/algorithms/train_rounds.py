@@ -1,0 +1,55 @@
+"""Train interactively on the corridor, also in a process of its own: ``python -m tests.algorithms.train_rounds RUN``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.dagger import DAgger
+from aerial_il.algorithms.dart import Dart
+from aerial_il.algorithms.parts.gates import CoinGate, ThriftyGate
+from aerial_il.collection.collect import collect
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.episode import Episode
+from aerial_il.policies.mlp import MlpConfig
+from tests.algorithms.corridor import Corridor, Pilot, success_rate
+
+POLICY = MlpConfig(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
+BC = BehaviourCloning(
+    steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.98, validation=0.0, validate_every=0, checkpoint_every=40
+)
+DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=120)
+THRIFTY = DAgger(
+    rounds=2, episodes=5, gate=ThriftyGate(ensemble=2, alone=5, least=3), training=BC, between_steps=60, warm=False
+)
+DART = Dart(rounds=2, episodes=5, training=BC, between_steps=60)
+SETTINGS = {"dagger": DAGGER, "thrifty": THRIFTY, "dart": DART}
+
+
+def demonstrations(folder: Path, count: int = 3) -> list[Episode]:
+    collect(Corridor(count), Pilot(), range(count), folder, progress=False)
+    return list(open_dataset(folder))
+
+
+def evaluate(policy: Any, round_number: int) -> dict[str, float]:
+    return {"success": success_rate(policy, episodes=20, seed=10_000)}
+
+
+def train(run: Path, settings: Any = DAGGER, demos: list[Episode] | None = None, **changes: Any) -> Any:
+    options: dict[str, Any] = {
+        "run": run,
+        "env": Corridor(5),
+        "expert": Pilot(),
+        "collect": collect,
+        "evaluate": evaluate,
+        "seed": 1,
+        "progress": False,
+    }
+    demos = demos or demonstrations(run.with_name(f"{run.name}.demos"))
+    return settings.train(demos, POLICY, **(options | changes))
+
+
+if __name__ == "__main__":
+    train(Path(sys.argv[1]), SETTINGS[sys.argv[2]])
