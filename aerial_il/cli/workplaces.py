@@ -15,13 +15,21 @@ WORLDS = 64
 
 @contextmanager
 def workplace(
-    algorithm: Any, dataset: str, *, expert: str | None, tier: str | None, num_envs: int | None, threads: int
+    algorithm: Any,
+    dataset: str,
+    *,
+    images: tuple[str, ...],
+    expert: str | None,
+    tier: str | None,
+    num_envs: int | None,
+    threads: int,
 ) -> Iterator[dict[str, Any]]:
     """Yield what ``algorithm.train`` is to be handed besides data, by name; nothing where it only learns.
 
     Args:
         algorithm: its attribute ``needs`` names what it wants: ``env``, ``expert``, ``collect``.
         dataset: folder of the demonstrations, which say what environment they come from.
+        images: camera fields that the policy sees.
         expert: file of an expert from outside; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
         num_envs: worlds flown at once; None as the algorithm likes best (its ``worlds``).
@@ -39,7 +47,7 @@ def workplace(
 
     spec = aerial_il.open_dataset(dataset).spec
     asked = _expert(spec, expert) if "expert" in needs else None
-    env = _environment(spec, tier, num_envs or getattr(algorithm, "worlds", WORLDS), threads)
+    env = _environment(spec, images, tier, num_envs or getattr(algorithm, "worlds", WORLDS), threads)
     try:
         handed = {"env": env, "expert": asked, "collect": collect}
         yield {name: handed[name] for name in needs}
@@ -47,12 +55,14 @@ def workplace(
         env.close()
 
 
-def _environment(spec: EnvSpec, tier: str | None, num_envs: int, threads: int) -> Any:
+def _environment(spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_envs: int, threads: int) -> Any:
     import aerial_il
     from aerial_il.suite import outside
 
     if spec.is_outside:
         return outside.load(_key(spec), num_envs=num_envs, **spec.options)
+    sizes = {spec.observation[name].shape[:2] for name in images}
+    seen = {"cameras": tuple(name.removesuffix("_rgb") for name in images), "image_size": sizes.pop()} if images else {}
     return aerial_il.load_batch(
         spec.robot,
         spec.task,
@@ -61,6 +71,7 @@ def _environment(spec: EnvSpec, tier: str | None, num_envs: int, threads: int) -
         action=spec.action.level,
         num_threads=threads,
         controller=spec.controller,
+        **seen,
     )
 
 
@@ -70,7 +81,7 @@ def _expert(spec: EnvSpec, file: str | None) -> Policy:
     from aerial_il.experts.outside import load_expert
 
     if file is not None:
-        return load_expert(file, _key(spec))
+        return load_expert(file, _key(spec), noise=0.0)
     if spec.is_outside:
         raise InvalidValueError(f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE.")
     return aerial_il.expert(spec.robot, spec.task)

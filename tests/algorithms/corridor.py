@@ -1,8 +1,8 @@
 """A point in the plane that must stay on a curve: small errors add up, and the demonstrations show none of them.
 
-The point moves forward by itself and is steered sideways; its target is a sine. A gust that grows with the distance from
-the curve pushes it further off: whoever drifts has to know how to come back, which the demonstrator never had to. It
-has the suite's interface and flies hundreds of episodes a second.
+The point moves forward by itself and is steered sideways; its target is a sine. A gust that grows with the distance
+from the curve pushes it further off: whoever drifts has to know how to come back, which the demonstrator never had to.
+It has the suite's interface and flies hundreds of episodes a second.
 """
 
 from __future__ import annotations

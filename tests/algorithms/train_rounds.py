@@ -1,4 +1,4 @@
-"""Train interactively on the corridor, also in a process of its own: ``python -m tests.algorithms.train_rounds RUN``."""
+"""Train interactively on the corridor, also as a process: ``python -m tests.algorithms.train_rounds RUN NAME``."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tests.algorithms.corridor import Corridor, Pilot, success_rate
 
 POLICY = MlpConfig(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
 BC = BehaviourCloning(
-    steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.98, validation=0.0, validate_every=0, checkpoint_every=40
+    steps=500, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.98, validation=0.0, validate_every=0, checkpoint_every=40
 )
-DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=120)
+DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=200)
 THRIFTY = DAgger(
-    rounds=2, episodes=5, gate=ThriftyGate(ensemble=2, alone=5, least=3), training=BC, between_steps=60, warm=False
+    rounds=2, episodes=5, gate=ThriftyGate(ensemble=2, alone=5, least=3), training=BC, between_steps=200, warm=False
 )
-DART = Dart(rounds=2, episodes=5, training=BC, between_steps=60)
+DART = Dart(rounds=2, episodes=5, training=BC, between_steps=200)
 SETTINGS = {"dagger": DAGGER, "thrifty": THRIFTY, "dart": DART}
 
 

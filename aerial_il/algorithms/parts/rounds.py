@@ -153,7 +153,9 @@ class Rounds:
         spec = workplace.env.spec
         _, demos = read_demos((_as_shown(episode, spec) for episode in dataset), training.policy)
         _check(demos[0].spec, spec)
-        with RunFolder.open(run, training.describe(demos, spec, workplace.env.num_envs), cadence=training.cadence, resume=resume) as folder:
+        with RunFolder.open(
+            run, training.describe(demos, spec, workplace.env.num_envs), cadence=training.cadence, resume=resume
+        ) as folder:
             if not resume:
                 for name in (ROUNDS, DATASET):
                     shutil.rmtree(folder.path / name, ignore_errors=True)

@@ -1,0 +1,363 @@
+"""Interactive learning: who flies, who is asked, what it costs, what it brings, and that a kill costs nothing."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from aerial_il.algorithms.dart import Disturbed, Noise
+from aerial_il.algorithms.parts.doubt import Scale, disagreement
+from aerial_il.algorithms.parts.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
+from aerial_il.algorithms.parts.mixture import Choice, Mixture, Sight
+from aerial_il.algorithms.parts.rounds import Tally, asked
+from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.parts.supervisors import Corrector
+from aerial_il.collection.collect import collect
+from aerial_il.core import checkpoint
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from tests.algorithms import train_rounds
+from tests.algorithms.corridor import SPEC, Corridor, Pilot, success_rate
+from tests.algorithms.train_rounds import BC, DAGGER, DART, POLICY, THRIFTY, demonstrations, train
+
+EPISODES = 100
+
+
+@pytest.fixture(scope="module")
+def demos(tmp_path_factory: pytest.TempPathFactory) -> list[Episode]:
+    return demonstrations(tmp_path_factory.mktemp("demos"))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, demos: list[Episode]) -> Path:
+    """A run that nothing disturbed."""
+    run = tmp_path_factory.mktemp("whole") / "run"
+    train(run, DAGGER, demos)
+    return run
+
+
+def flights_of(run: Path, number: int) -> list[Episode]:
+    return list(open_dataset(run / "rounds" / f"{number:03d}" / "flights", failures=True))
+
+
+# --- what it brings
+
+
+def test_it_learns_to_come_back_where_cloning_drifts_off(tmp_path: Path, demos: list[Episode], whole: Path) -> None:
+    """On unseen seeds, far beyond chance, and although cloning gets as many demonstrations as there were episodes."""
+    dagger = success_rate(load_policy(whole), episodes=EPISODES, seed=20_000)
+    episodes = int(read_metrics(whole)[-1]["total/episodes"])
+    shown = demonstrations(tmp_path / "more", episodes)
+    cloned = BC.train(shown, POLICY, run=tmp_path / "bc", seed=1, progress=False)
+    bc = success_rate(cloned, episodes=EPISODES, seed=20_000)
+    table = [[round(EPISODES * rate), round(EPISODES * (1 - rate))] for rate in (dagger, bc)]
+    assert stats.fisher_exact(table, alternative="greater").pvalue < 1e-4, (dagger, bc)
+
+
+def test_a_round_tells_what_it_cost(whole: Path, demos: list[Episode]) -> None:
+    rows = read_metrics(whole)
+    assert [row["step"] for row in rows] == [0, 1, 2, 3]
+    assert rows[0]["queries"] == 0
+    assert rows[0]["total/labelled_steps"] == sum(map(len, demos))
+    for number, row in enumerate(rows[1:], start=1):
+        flights = flights_of(whole, number)
+        assert row["flights"] == len(flights) == DAGGER.episodes
+        assert row["queries"] == row["flight_steps"] == sum(map(len, flights)), "every state is labelled"
+        assert row["beta"] == pytest.approx(0.7**number)
+        assert row["expert_steps"] == sum(int(f.is_intervention.sum()) for f in flights)
+    assert rows[-1]["total/queries"] == sum(row["queries"] for row in rows)
+    assert rows[-1]["total/episodes"] == len(demos) + 3 * DAGGER.episodes
+    assert all("evaluate/success" in row for row in rows)
+    assert load_policy(whole).origin["total/queries"] == rows[-1]["total/queries"]
+
+
+def test_executed_and_expert_actions_are_both_kept(whole: Path) -> None:
+    for flight in flights_of(whole, 2):
+        expert, held = Pilot().act(flight.obs)[: len(flight)], flight.is_intervention
+        np.testing.assert_allclose(flight.expert_actions, expert, atol=1e-12)
+        np.testing.assert_allclose(flight.actions[held], expert[held], atol=1e-12)
+        assert np.abs(flight.actions[~held] - expert[~held]).max() > 1e-3, "the learner flew its own way"
+
+
+def test_the_union_of_all_rounds_is_an_ordinary_dataset(whole: Path, demos: list[Episode], tmp_path: Path) -> None:
+    found = list(open_dataset(whole / "dataset", failures=True))
+    tags = [episode.provenance["settings"].get("round", 0) for episode in found]
+    assert {number: tags.count(number) for number in set(tags)} == {0: len(demos), 1: 5, 2: 5, 3: 5}
+    first = next(episode for episode in found if episode.uid == demos[0].uid)
+    np.testing.assert_array_equal(first.expert_actions, demos[0].expert_actions)
+    np.testing.assert_array_equal(first.obs["place"], demos[0].obs["place"])
+    BC.train(open_dataset(whole / "dataset"), POLICY, run=tmp_path / "plain", progress=False)
+
+
+# --- what may go wrong
+
+
+def test_killed_at_random_moments_it_ends_with_the_same_bytes(
+    tmp_path: Path, whole: Path, demos: list[Episode]
+) -> None:
+    run, ends, rng = tmp_path / "run", [], np.random.default_rng(3)
+    demonstrations(run.with_name("run.demos"))
+    for number in (1, 3):  # in the middle of a round: flying, learning or between
+        child = subprocess.Popen([sys.executable, "-m", "tests.algorithms.train_rounds", str(run), "dagger"])
+        while not list((run / "rounds").glob(f"{number:03d}*/flights*")) and child.poll() is None:
+            time.sleep(0.002)
+        time.sleep(rng.uniform(0.0, 0.2))
+        child.kill()
+        ends.append(child.wait())
+    assert -signal.SIGKILL in ends, "every child finished before its kill; the test showed nothing"
+    train(run, DAGGER, demos)
+    same_end(run, whole)
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_interrupted_while_it_flies_or_is_judged_it_goes_on(
+    tmp_path: Path, whole: Path, demos: list[Episode], number: int
+) -> None:
+    def broken(env: Any, policy: Any, seeds: Any, out: Any, **options: Any) -> None:
+        if options["settings"]["round"] == number:
+            collect(env, policy, list(seeds)[:2], out, **options)
+            raise KeyboardInterrupt
+        collect(env, policy, seeds, out, **options)
+
+    def judge(policy: Any, step: int) -> dict[str, float]:
+        if step == 0:
+            raise KeyboardInterrupt
+        return train_rounds.evaluate(policy, step)
+
+    with pytest.raises(KeyboardInterrupt):
+        train(tmp_path / "run", DAGGER, demos, **({"collect": broken} if number else {"evaluate": judge}))
+    train(tmp_path / "run", DAGGER, demos)
+    same_end(tmp_path / "run", whole)
+
+
+def same_end(run: Path, whole: Path) -> None:
+    assert (run / "policy" / checkpoint.ARRAYS).read_bytes() == (whole / "policy" / checkpoint.ARRAYS).read_bytes()
+    assert read_metrics(run) == read_metrics(whole)
+    names = [{path.name for path in (r / "dataset").rglob("*.mcap")} for r in (run, whole)]
+    assert names[0] == names[1]
+
+
+def test_a_finished_run_is_not_done_again(whole: Path, demos: list[Episode]) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (whole / "rounds").rglob("*") if path.is_file()}
+    expert = Pilot()
+    train(whole, DAGGER, demos, expert=expert)
+    assert expert.shown == 0
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_what_does_not_fit_together_is_refused(whole: Path, demos: list[Episode], tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"settings\.rounds: 3 then, 4 now"):
+        train(whole, replace(DAGGER, rounds=4), demos)
+    with pytest.raises(InvalidValueError, match="asks an expert, and there is none"):
+        train(tmp_path / "a", DAGGER, demos, expert=None)
+    other = Corridor(5)
+    other.spec = replace(SPEC, robot="crane")
+    with pytest.raises(InvalidValueError, match="corridor on point, the environment is corridor on crane"):
+        train(tmp_path / "b", DAGGER, demos, env=other)
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        (CoinGate, {"beta": "cubic"}),
+        (CoinGate, {"decay": 1.5}),
+        (CoinGate, {"over": 0}),
+        (ThriftyGate, {"ensemble": 1}),
+        (ThriftyGate, {"alarms": 0.0}),
+        (ThriftyGate, {"novelty": False, "risk": False}),
+        (Corrector, {"take": 0.1, "give": 0.2}),
+        (type(DAGGER), {"rounds": 0}),
+        (type(DART), {"scale": 0.0}),
+    ],
+)
+def test_impossible_settings_are_refused(kind: Any, wrong: dict[str, Any]) -> None:
+    with pytest.raises(InvalidValueError, match=next(iter(wrong))):
+        kind(**wrong)
+
+
+# --- gates
+
+
+@given(
+    beta=st.sampled_from(["exponential", "linear", "zero"]),
+    decay=st.floats(0, 1),
+    over=st.integers(1, 30),
+    number=st.integers(0, 40),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_beta_schedule_begins_with_the_expert_and_never_rises(
+    beta: Any, decay: float, over: int, number: int
+) -> None:
+    gate = CoinGate(beta=beta, decay=decay, over=over)
+    assert gate.share(0) == 1.0
+    assert 0.0 <= gate.share(number + 1) <= gate.share(number) <= 1.0
+
+
+def test_named_schedules_are_what_their_names_say() -> None:
+    assert [CoinGate(decay=0.5).share(i) for i in (1, 3)] == [0.5, 0.125]
+    assert [CoinGate(beta="linear", over=4).share(i) for i in (1, 3, 4, 9)] == [0.75, 0.25, 0.0, 0.0]
+    assert [CoinGate(beta="zero").share(i) for i in (0, 1)] == [1.0, 0.0]
+
+
+def coins(seeds: np.ndarray, steps: int = 200) -> np.ndarray:
+    gate = CoinGate(beta="exponential", decay=0.3).open(Round(1, 7, [], [], []))
+    gate.begin(seeds, np.ones(len(seeds), bool))
+    sight = Sight({}, *np.zeros((2, len(seeds), 1)), np.zeros(len(seeds), bool))
+    return np.stack([gate.choose(sight).expert_flies for _ in range(steps)], axis=1)
+
+
+def test_coins_fall_by_the_episode_not_by_its_place_in_the_batch() -> None:
+    together = coins(np.array([5, 6, 7]))
+    np.testing.assert_array_equal(coins(np.array([7]))[0], together[2])
+    assert not np.array_equal(together[0], together[1])
+    assert 0.2 < coins(np.arange(10)).mean() < 0.4
+
+
+class Fixed:
+    """Does what it is told and counts."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def reset(self, mask: np.ndarray | None = None) -> None: ...
+
+    def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
+        return np.full((len(obs["place"]), 1), self.value)
+
+
+class Every:
+    """Lets the expert fly where the mask says so, and asks elsewhere where the second says so."""
+
+    def __init__(self, flies: list[bool], asks: list[bool]) -> None:
+        self.choice = Choice(np.array(flies), np.array(asks))
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None: ...
+
+    def choose(self, sight: Sight) -> Choice:
+        return self.choice
+
+
+def test_a_mixture_flies_and_tells_what_the_gate_says() -> None:
+    mixture = Mixture(Fixed(0.1), Fixed(0.2), Every([True, False, False], [False, True, False]))
+    mixture.attach(Corridor(3))
+    assert mixture.act({"place": np.zeros((3, 2))})[:, 0].tolist() == [0.2, 0.1, 0.1]
+    np.testing.assert_array_equal(mixture.expert_action[:, 0], [0.2, 0.2, np.nan])
+    assert mixture.is_intervention.tolist() == [True, False, False]
+    mixture.reset(np.array([True, False, False]))
+    assert not mixture.is_intervention.any()
+
+
+def thrifty(others: list[Any], **options: Any) -> _Thrifty:
+    limits = Thresholds(novelty=0.1, risk=np.inf, discrepancy=0.3, calm=np.inf)
+    gate = _Thrifty(others, Scale(np.ones(1)), None, limits, **({"least": 2, "patience": 1} | options))
+    gate.begin(np.arange(1), np.ones(1, bool))
+    return gate
+
+
+def fly(gate: _Thrifty, proposals: list[float], wishes: list[float]) -> list[bool]:
+    flew, told = np.zeros(1, bool), []
+    for proposed, wished in zip(proposals, wishes, strict=True):
+        sight = Sight({"place": np.zeros((1, 2))}, np.array([[proposed]]), np.array([[wished]]), flew)
+        flew = gate.choose(sight).expert_flies
+        told.append(bool(flew[0]))
+    return told
+
+
+def test_doubt_calls_the_expert_and_agreement_sends_it_away() -> None:
+    """The other member says 0: the variance is a quarter of the square, so 1 is alarming and 0.5 is not."""
+    proposals, wishes = [0.5, 1.0, 0.5, 0.5, 0.5, 0.5], [0.5, 0.0, 0.0, 0.4, 0.4, 9.0]
+    assert fly(thrifty([Fixed(0.0)]), proposals, wishes) == [False, True, True, True, False, False]
+    assert fly(thrifty([Fixed(0.0)], least=1), [1.0, 0.5, 0.5], [1.0, 0.5, 0.5]) == [True, True, False]
+    assert fly(thrifty([Fixed(0.0)], patience=2), [1.0, 0.5, 1.0, 1.0], [0.0] * 4) == [False, False, False, True]
+
+
+def test_the_learner_is_left_alone_until_it_doubts() -> None:
+    """What the expert would do must not decide whether it is called: that would be a query."""
+    assert not any(fly(thrifty([Fixed(0.0)]), [0.1] * 5, [9.0] * 5))
+
+
+def test_disagreement_is_a_variance_in_units_of_the_data() -> None:
+    opinions = np.array([[[1.0, 0.0]], [[3.0, 0.0]]])
+    assert disagreement(opinions, Scale(np.array([1.0, 1.0]))) == pytest.approx([0.5])
+    assert disagreement(opinions, Scale(np.array([2.0, 1.0]))) == pytest.approx([0.125])
+
+
+def test_thrifty_asks_less_counts_what_it_asks_and_learns(tmp_path: Path, demos: list[Episode]) -> None:
+    run = tmp_path / "run"
+    train(run, THRIFTY, demos)
+    rows = read_metrics(run)[1:]
+    for number, row in enumerate(rows, start=1):
+        flights = flights_of(run, number)
+        assert row["queries"] == sum(int(asked(f).sum()) for f in flights) < row["flight_steps"]
+        for flight in flights:
+            np.testing.assert_array_equal(asked(flight), flight.is_intervention)
+            np.testing.assert_array_equal(flight.actions[asked(flight)], flight.expert_actions[asked(flight)])
+        starts = sum(int((np.diff(f.is_intervention, prepend=False) & f.is_intervention).sum()) for f in flights)
+        assert row["interventions"] == starts
+    probes = list(open_dataset(run / "rounds" / "001" / "alone", failures=True))
+    assert Tally.of(probes).queries == 0
+    assert len(probes) == 5
+
+
+def test_a_supervisor_takes_the_sticks_late_and_gives_them_back_when_content(
+    demos: list[Episode], tmp_path: Path
+) -> None:
+    gate = Corrector(take=1.0, give=0.5, patience=2, least=2)
+    gate.reset(np.ones(1, bool))
+    flew, told = np.zeros(1, bool), []
+    for distance in (2.0, 0.0, 2.0, 2.0, 0.7, 0.4, 0.4, 0.4):
+        flew = gate.holds({}, np.array([distance]), flew)
+        told.append(bool(flew[0]))
+    assert told == [False, False, False, True, True, True, False, False]
+    human = HumanGate(supervisor=Corrector(take=0.3, give=0.2, patience=2, least=3))
+    train(tmp_path / "run", replace(DAGGER, rounds=1, gate=human), demos)
+    (flown,) = (read_metrics(tmp_path / "run")[1],)
+    assert 0 < flown["queries"] == flown["expert_steps"] < flown["flight_steps"]
+
+
+# --- noise
+
+
+def test_noise_has_the_covariance_and_correlation_of_the_errors(demos: list[Episode], tmp_path: Path) -> None:
+    """Errors of a policy that always says 0 are the labels themselves."""
+    policy = BC.train(demos, POLICY, run=tmp_path / "bc", progress=False)
+    labels = np.concatenate([demo.expert_actions for demo in demos])
+    policy.act = lambda obs: np.zeros((len(obs["place"]), 1))  # type: ignore[method-assign]
+    noise = Noise.of(policy, demos, scale=4.0, coloured=True)
+    assert (noise.root @ noise.root.T)[0, 0] == pytest.approx(4.0 * (labels**2).mean(), rel=1e-6)
+    assert 0.9 < noise.correlation <= 0.98, "the course is a slow sine"
+    assert Noise.of(policy, demos, scale=4.0, coloured=False).correlation == 0.0
+
+    shaken = Disturbed(Fixed(0.0), noise)
+    shaken.attach(Corridor(400))
+    shaken.begin(np.arange(400))
+    flown = np.stack([shaken.act({"place": np.zeros((400, 2))})[:, 0] for _ in range(30)])
+    assert (shaken.expert_action == 0.0).all(), "labels have no noise"
+    assert flown.std() == pytest.approx(abs(noise.root[0, 0]), rel=0.1)
+    assert (flown[1:] * flown[:-1]).mean() / (flown**2).mean() == pytest.approx(noise.correlation, abs=0.03)
+    again = Disturbed(Fixed(0.0), noise)
+    again.begin(np.array([17]))
+    assert again.act({"place": np.zeros((1, 2))})[0, 0] == flown[0, 17], "by the episode, not by its place"
+
+
+def test_dart_labels_a_disturbed_expert(demos: list[Episode], tmp_path: Path) -> None:
+    train(tmp_path / "run", DART, demos)
+    rows = read_metrics(tmp_path / "run")
+    assert rows[1]["noise"] > 0.0
+    for flight in flights_of(tmp_path / "run", 1):
+        assert asked(flight).all()
+        assert np.abs(flight.actions - flight.expert_actions).max() > 1e-3
+    assert rows[-1]["evaluate/success"] >= rows[0]["evaluate/success"]
