@@ -5,10 +5,13 @@ from __future__ import annotations
 import logging
 
 import pytest
+from hypothesis import settings
 
 from aerial_il.core.rendering import can_render, choose_backend
 
 choose_backend()
+settings.register_profile("repeatable", derandomize=True)
+settings.load_profile("repeatable")
 
 
 @pytest.fixture(autouse=True)

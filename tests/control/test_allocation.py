@@ -46,9 +46,9 @@ def test_a_wrench_that_the_rotors_can_give_is_given(vehicle: Vehicle, use: list[
 @settings(deadline=None, max_examples=60)
 @given(vehicles, st.lists(share, min_size=5, max_size=5))
 def test_a_wrench_near_hover_makes_the_round_trip(vehicle: Vehicle, shares: list[float]) -> None:
-    side = 0.1 * vehicle.lateral_limit
-    wanted = np.array([side, side, 0.2, 0.2, 0.03]) * shares
-    wanted = np.insert(wanted, 2, vehicle.mass * GRAVITY)
+    side, weight = 0.1 * vehicle.lateral_limit, vehicle.mass * GRAVITY
+    tilt, turn = 0.05 * weight * np.abs(vehicle.rotor_pos).max(), 0.1 * weight * np.abs(vehicle.rotor_drag_ratio).max()
+    wanted = np.insert(np.array([side, side, tilt, tilt, turn]) * shares, 2, weight)
     rows = actuated(vehicle)
     np.testing.assert_allclose(wrench_of(vehicle, allocated(vehicle, wanted))[rows], wanted[rows], atol=1e-9)
 
