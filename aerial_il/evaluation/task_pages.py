@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from aerial_il import experts, robots
@@ -54,7 +55,7 @@ def page(task: Task) -> str:
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _facts(task: Task) -> list[tuple[object, ...]]:
+def _facts(task: Task) -> list[tuple[str, str]]:
     return [
         ("grade", task.grade),
         ("time limit", f"{task.time_limit_s:g} s"),
@@ -83,6 +84,6 @@ def _text_of(thing: type) -> str:
     return (inspect.getdoc(thing) or "").replace("``", "`")
 
 
-def _table(columns: tuple[str, ...], rows: list[tuple[object, ...]]) -> str:
+def _table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     head = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
     return "\n".join([*head, *(f"| {' | '.join(map(str, row))} |" for row in rows)])
