@@ -7,7 +7,9 @@ settings, seed and thread count: killed at any moment and started again, it ends
 Metrics: ``loss`` and ``grad_norm`` (means since the last row), ``lr``, ``elapsed_s``, ``wait_share`` (of the step time,
 spent waiting for minibatches); on held-out demonstrations
 ``validation/loss`` and, in the action's units, ``validation/<element>``; ``evaluate/<name>`` from closed-loop flights.
-The loss on held-out demonstrations does not tell which of two policies flies better: only flights do.
+The loss on held-out demonstrations does not tell which of two policies flies better: only flights do. The policy that
+flew best on the way is kept beside the finished one, labelled as such and never in its place: picked among several, its
+success is told too high.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import torch
 from tqdm import tqdm
@@ -24,9 +26,12 @@ from tqdm import tqdm
 from aerial_il.algorithms.parts.learner import Learner
 from aerial_il.algorithms.parts.loader import AHEAD, Loader
 from aerial_il.algorithms.parts.optimisation import cosine
-from aerial_il.algorithms.parts.run_folder import RunFolder
+from aerial_il.algorithms.parts.run_folder import BEST, RunFolder, read_metrics
+from aerial_il.algorithms.parts.selection import Selection
 from aerial_il.algorithms.parts.signals import SignalWatch
+from aerial_il.algorithms.parts.standing import Standing
 from aerial_il.algorithms.parts.training_set import (
+    Demonstrations,
     Shuffle,
     TrainingSet,
     cut_windows,
@@ -34,6 +39,7 @@ from aerial_il.algorithms.parts.training_set import (
     fit_interface,
     read_demos,
     split,
+    window_weights,
 )
 from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.errors import InvalidValueError
@@ -67,10 +73,15 @@ class BehaviourCloning:
         ema: decay of the averaged weights.
         clip_norm: largest gradient norm.
         obs_noise: deviation of the Gaussian noise added to normalised observations while training.
+        selection: which demonstrations are learned from, and how much each counts.
         validation: share of the episodes held out to report the error per action element.
+        best_by: number told by the rollouts by which the best policy on the way is kept.
+        patience: end after so many evaluations by rollouts in a row that were no better than the best; 0 for never.
+            The learning rate is then still high, so that the policy may be worse than at the end of a whole run.
         log_every, validate_every, evaluate_every, checkpoint_every: steps between two; 0 for never.
         keep_checkpoints: how many of the newest stay on disk.
         device: torch device.
+        mixed_precision: compute in bfloat16 where that loses little, on a GPU; a CPU always computes in float32.
         threads: torch threads; results repeat bit for bit at a fixed number only.
     """
 
@@ -84,13 +95,17 @@ class BehaviourCloning:
     ema: float = 0.999
     clip_norm: float = 1.0
     obs_noise: float = 0.0
+    selection: Selection = field(default_factory=Selection)
     validation: float = 0.05
+    best_by: str = "success"
+    patience: int = 0
     log_every: int = 100
     validate_every: int = 1000
     evaluate_every: int = 0
     checkpoint_every: int = 1000
     keep_checkpoints: int = 3
     device: str = "cpu"
+    mixed_precision: bool = False
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -100,11 +115,13 @@ class BehaviourCloning:
         for name in ("lr_floor", "ema", "validation"):
             if not 0 <= getattr(self, name) < 1:
                 raise InvalidValueError(f"{name} is {getattr(self, name)}; it must lie in [0, 1).")
-        for name in ("warmup_steps", "weight_decay", "obs_noise", *CADENCE[:-1]):
+        for name in ("warmup_steps", "weight_decay", "obs_noise", "patience", *CADENCE[:-1]):
             if getattr(self, name) < 0:
                 raise InvalidValueError(f"{name} is {getattr(self, name)}; it must not be negative.")
         if self.minutes is not None and self.minutes <= 0:
             raise InvalidValueError(f"minutes is {self.minutes}; it must be positive, or null for no limit.")
+        if self.patience and not self.evaluate_every:
+            raise InvalidValueError(f"patience is {self.patience}; it needs rollouts: set evaluate_every too.")
 
     def train(
         self,
@@ -127,8 +144,9 @@ class BehaviourCloning:
             policy: what to train.
             run: folder for configuration, metrics, checkpoints and the finished policy.
             seed: decides initial weights, validation split, minibatches and noise.
-            expect: ``robot``, ``task`` or ``action`` (level) that the dataset must have.
-            evaluate: ``(policy, step) -> named numbers`` to log every ``evaluate_every`` steps and at the end.
+            expect: ``robot``, ``task``, ``action`` (level) or ``cameras`` (commas between) that the dataset must have.
+            evaluate: ``(policy, step) -> named numbers`` to log every ``evaluate_every`` steps and at the end; the best
+                policy by the number ``best_by`` is kept in ``run/best``.
             resume: continue what ``run`` holds; a finished run returns its policy at once.
             progress: show a progress bar.
             failures: learn from failed episodes too, as from those that an expert has labelled.
@@ -144,17 +162,18 @@ class BehaviourCloning:
             CheckpointError: the disk is full, or all checkpoints of ``run`` are damaged.
             KeyboardInterrupt, SystemExit: after SIGINT or SIGTERM, once a checkpoint is written.
         """
-        layout, demos = read_demos(dataset, policy, failures=failures)
+        layout, kept, shares, held_out = self.divide(dataset, policy, seed=seed, failures=failures)
         if initial and (initial.config != policy or initial.interface.layout.names != layout.names):
             raise InvalidValueError("The initial policy has another configuration than the one to train.")
         _check(layout.spec, expect or {})
-        kept, held_out = split(demos, self.validation, seed=seed)
         windows = cut_windows(kept, layout, policy)
+        weights = window_weights(shares, windows)
         interface = initial.interface if initial else fit_interface(layout, windows, policy)
         training = TrainingSet(windows, interface, self.device)
         unseen = TrainingSet(cut_windows(held_out, layout, policy), interface, self.device) if held_out else None
-        order = Shuffle(len(training), self.batch_size, seed=seed)
-        data = {"demonstrations": len(demos), "frames": len(training), "digest": digest_of(windows)}
+        order = Shuffle(len(training), self.batch_size, seed=seed, weights=weights)
+        found = len(kept) + len(held_out)
+        data = {"demonstrations": found, "frames": len(training), "digest": digest_of(windows, weights)}
         origin = {"algorithm": "bc", "seed": seed, "dataset": data}
         if initial:
             origin["initial"] = digest(Checkpoint(initial.to_checkpoint().arrays))
@@ -164,6 +183,7 @@ class BehaviourCloning:
             folder = stack.enter_context(RunFolder.open(run, config, cadence=CADENCE, resume=resume))
             if folder.finished:
                 return load_policy(folder.path)
+            require_device(self.device)
             stack.enter_context(_threads(self.threads))
             stack.enter_context(torch_rng(seed, "bc"))
             signals = stack.enter_context(SignalWatch())
@@ -181,17 +201,22 @@ class BehaviourCloning:
             bar = stack.enter_context(_bar(self.steps, learner.step, progress))
 
             while True:  # evaluating comes first: a run killed while it evaluates resumes just before
-                step, done = learner.step, self._share(learner) >= 1
+                step = flying.origin["step"] = learner.step
+                done = self._share(learner) >= 1
                 if evaluate and step and (done or due(self.evaluate_every, step)):
                     with signals.at_once(), torch.random.fork_rng():
                         folder.log(step, {f"evaluate/{k}": v for k, v in evaluate(flying, step).items()})
+                    standing = Standing.of(read_metrics(folder.path), f"evaluate/{self.best_by}")
+                    self._keep_best(folder, flying, standing)
+                    done = done or self._gives_up(standing)
                 if done:
                     break
                 started = time.perf_counter()
                 lr = self.lr * cosine(self._share(learner), step, warmup_steps=self.warmup_steps, floor=self.lr_floor)
                 obs, actions, valid = loader.take(step)
                 obs = obs + self.obs_noise * torch.randn_like(obs) if self.obs_noise else obs
-                loss, logged = learner.network.loss(obs, actions, valid)
+                with self._precision():
+                    loss, logged = learner.network.loss(obs, actions, valid)
                 learner.descend(loss, lr=lr, logged=logged)
                 learner.elapsed_s += time.perf_counter() - started
 
@@ -215,10 +240,45 @@ class BehaviourCloning:
             folder.finish(flying)
             return flying
 
+    def divide(
+        self, dataset: Iterable[Episode], policy: PolicyConfig, *, seed: int, failures: bool = False
+    ) -> Demonstrations:
+        """Return what :meth:`train` learns from and what it holds out with this ``seed``; refuse what it refuses."""
+        layout, demos = read_demos(dataset, policy, failures=failures)
+        demos, weights = self.selection.apply(demos)
+        kept, held_out = split(list(zip(demos, weights.tolist(), strict=True)), self.validation, seed=seed)
+        shares = np.array([weight for _, weight in kept])
+        return Demonstrations(layout, [demo for demo, _ in kept], shares, [demo for demo, _ in held_out])
+
+    def _keep_best(self, folder: RunFolder, flying: ChunkPolicy, standing: Standing | None) -> None:
+        """Save the policy that was just evaluated if none before it flew better, saying how it was chosen."""
+        if standing is None or standing.step != flying.origin["step"]:
+            return
+        label = {"by": self.best_by, "value": standing.best, "evaluations": standing.evaluations}
+        chosen = ChunkPolicy(flying.config, flying.interface, flying.network, {**flying.origin, "chosen": label})
+        chosen.save(folder.path / BEST)
+
+    def _gives_up(self, standing: Standing | None) -> bool:
+        """Whether the rollouts have not become better for too long."""
+        if self.patience and standing is None:
+            raise InvalidValueError(f"The rollouts tell no {self.best_by!r}, by which patience judges. See best_by.")
+        return bool(self.patience and standing and standing.stale >= self.patience)
+
+    def _precision(self) -> torch.autocast:
+        """Return the context in which the loss is computed."""
+        mixed = self.mixed_precision and self.device.startswith("cuda")
+        return torch.autocast("cuda" if mixed else "cpu", dtype=torch.bfloat16, enabled=mixed)
+
     def _share(self, learner: Learner) -> float:
         """Return the share of the training that is done."""
         by_time = learner.elapsed_s / (60 * self.minutes) if self.minutes else 0.0
         return max(learner.step / self.steps, by_time)
+
+
+def require_device(name: str) -> None:
+    """Refuse a torch device that is not there."""
+    if name.startswith("cuda") and not torch.cuda.is_available():
+        raise InvalidValueError(f"device={name} needs a GPU that torch can use; there is none here. Use device=cpu.")
 
 
 def due(every: int, step: int) -> bool:
@@ -239,7 +299,8 @@ def validation_errors(network: ChunkNetwork, unseen: TrainingSet, interface: Int
 
 
 def _check(spec: EnvSpec, expect: Mapping[str, str]) -> None:
-    found = {"robot": spec.robot, "task": spec.task, "action": spec.action.level}
+    cameras = ",".join(f.name for f in spec.observation.of_group("image")) or "none"
+    found = {"robot": spec.robot, "task": spec.task, "action": spec.action.level, "cameras": cameras}
     for key, wanted in expect.items():
         if found[key] != wanted:
             raise InvalidValueError(f"The dataset was recorded with {key}={found[key]}; {key}={wanted} was asked for.")

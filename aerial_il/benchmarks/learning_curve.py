@@ -7,30 +7,26 @@ smaller. Every stage leaves its result in the folder of the benchmark: killed at
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar
 
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.run_folder import PROVENANCE, read_metrics
+from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.benchmarks.parts.claim import claim
+from aerial_il.benchmarks.parts.demonstrations import Source, collections, first, gather, origins
 from aerial_il.benchmarks.parts.figures import learning_lines
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
 from aerial_il.benchmarks.parts.success import failed_seeds, success_row, success_target
-from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
-from aerial_il.data.episode import Episode
-from aerial_il.data.folder import LOG, DatasetFolder
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.suite.batch import BatchEnvironment
 
 JUDGED_SIZE, LIMITS_PERCENT, LIMIT_MINUTES = 100, {"reach": 99.0, "pick_place": 90.0}, 10.0
 EVALUATION_SEED = 10_000
@@ -111,44 +107,23 @@ class LearningCurve:
         judged = folder / "evaluations" / point.cell / str(point.demos)
         if (judged / FILE_NAME).exists():
             return load_result(judged)
-        self._collect(point, folder, progress)
-        demonstrations, run = self._demonstrations(point, folder), _training(folder, point)
+        dataset, run = _dataset(folder, point), _training(folder, point)
+        source = Source(point.robot, point.task, self.tier, self.noise, self.seed, self.num_envs, self.threads)
+        gather(source, dataset, max(self.sizes), progress=progress)
+        demonstrations = first(dataset, point.demos)
         policy = self.algorithm.train(demonstrations, self.policy, run=run, seed=self.seed, progress=progress)
         result = self._evaluate(point, policy, progress)
         result.save(judged)
         return result
 
     def _evaluate(self, point: Point, policy: Policy, progress: bool) -> EvaluationResult:
-        env, name = self._environment(point, self.episodes), f"{self.policy.name}, {point.demos} demonstrations"
+        name, worlds = f"{self.policy.name}, {point.demos} demonstrations", min(self.num_envs, self.episodes)
+        env = aerial_il.load_batch(point.robot, point.task, num_envs=worlds, tier=self.tier, num_threads=self.threads)
         try:
             seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
             return evaluate(env, policy, seeds, policy_name=name, progress=progress)
         finally:
             env.close()
-
-    def _environment(self, point: Point, episodes: int) -> BatchEnvironment:
-        worlds = min(self.num_envs, episodes)
-        return aerial_il.load_batch(point.robot, point.task, num_envs=worlds, tier=self.tier, num_threads=self.threads)
-
-    def _collect(self, point: Point, folder: Path, progress: bool) -> None:
-        """Fly the expert until there are as many successes as the largest size; a failure costs one more seed."""
-        dataset, wanted = DatasetFolder(_dataset(folder, point)), max(self.sizes)
-        flown = wanted
-        while (missing := wanted - len(dataset.files())) > 0:
-            if flown > 2 * wanted:
-                raise InvalidValueError(f"{dataset.path}: the expert fails too often to give {wanted} demonstrations.")
-            env = self._environment(point, wanted)
-            try:
-                expert = aerial_il.expert(point.robot, point.task, noise=self.noise)
-                seeds = range(self.seed, self.seed + flown)
-                collect(env, expert, seeds, dataset.path, settings={"noise": self.noise}, progress=progress)
-            finally:
-                env.close()
-            flown += missing
-
-    def _demonstrations(self, point: Point, folder: Path) -> Iterator[Episode]:
-        dataset = aerial_il.open_dataset(str(_dataset(folder, point)))
-        return islice((episode for episode in dataset if episode.success), point.demos)
 
     def _plain(self) -> dict[str, Any]:
         """The settings as JSON gives them back."""
@@ -169,26 +144,16 @@ def _row(folder: Path, point: Point, result: EvaluationResult) -> Row:
     return {**asdict(point), **success_row(result), **training}
 
 
-def _collections(folder: Path, points: Iterable[Point]) -> list[dict[str, Any]]:
-    """Return what was logged of each collection that the points learned from."""
-    datasets = dict.fromkeys(_dataset(folder, point) for point in points)
-    return [json.loads(line) for path in datasets for line in (path / LOG).read_text().splitlines()]
-
-
 def _seconds(folder: Path, results: Mapping[Point, EvaluationResult]) -> float:
     """Return how long all stages took, whenever they were done."""
-    collecting = sum(run["seconds"] for run in _collections(folder, results))
+    collecting = sum(run["seconds"] for run in collections(_dataset(folder, point) for point in results))
     training = sum(read_metrics(_training(folder, point))[-1]["elapsed_s"] for point in results)
     return collecting + training + sum(result.provenance["wall_time_s"] for result in results.values())
 
 
 def _origins(folder: Path, results: Mapping[Point, EvaluationResult]) -> list[str]:
-    """Return a note that names the commits of the stages where there is more than one."""
-    stages = [run["provenance"] for run in _collections(folder, results)]
-    stages += [json.loads((_training(folder, point) / PROVENANCE).read_text()) for point in results]
-    stages += [result.provenance for result in results.values()]
-    commits = sorted({stage["git"]["sha"][:10] for stage in stages if stage["git"]})
-    return [f"The stages were done at several commits: {', '.join(commits)}."] if len(commits) > 1 else []
+    datasets, runs = ([where(folder, point) for point in results] for where in (_dataset, _training))
+    return origins(datasets, runs, list(results.values()))
 
 
 def _targets(row: Row) -> list[Target]:

@@ -38,8 +38,16 @@ def read_option(group: str, name: str) -> dict[str, Any]:
         if isinstance(entry, dict):  # "/GROUP@KEY: NAME"
             ((source, chosen),) = entry.items()
             other, _, key = source.removeprefix("/").partition("@")
-            content[key] = read_option(other, chosen)
+            _place(content, key.split("."), read_option(other, chosen))
     return content
+
+
+def _place(tree: dict[str, Any], path: list[str], value: dict[str, Any]) -> None:
+    """Put ``value`` at ``path``; what stands there already goes over it, as the file's own values do in Hydra."""
+    for name in path[:-1]:
+        tree[name] = dict(tree.get(name) or {})
+        tree = tree[name]
+    tree[path[-1]] = {**value, **(tree.get(path[-1]) or {})}
 
 
 def default_choices(command: str) -> dict[str, str | None]:
@@ -55,7 +63,7 @@ def default_choices(command: str) -> dict[str, str | None]:
 
 def leaf_keys(tree: Any, prefix: str = "") -> list[str]:
     """Return the dotted keys of a nested mapping, private ``_target_`` and the like left out."""
-    if not isinstance(tree, dict):
+    if not isinstance(tree, dict) or not tree:
         return [prefix.rstrip(".")]
     return [leaf for k, v in tree.items() if not str(k).startswith("_") for leaf in leaf_keys(v, f"{prefix}{k}.")]
 

@@ -101,6 +101,19 @@ def pilot(
     return Pilot(policy, robot, task, action, words, cameras=cameras, image_size=size)
 
 
+def pilot_of(policy: ChunkPolicy, source: str = "a policy in training") -> Pilot:
+    """Return a policy with the environment that it was trained in; ``source`` names it in errors."""
+    spec = policy.spec
+    if spec.is_outside:
+        key = outside.key_of(spec)
+        if key is None:
+            raise InvalidValueError(f"{source} learns in an environment made by a caller, which cannot be made again.")
+        words = _words(source, key, None)
+        return Pilot(policy, spec.robot, spec.task, spec.action.level, words, key, dict(spec.options))
+    cameras, size = _sight(policy)
+    return Pilot(policy, spec.robot, spec.task, spec.action.level, "", cameras=cameras, image_size=size)
+
+
 def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
     """Return the cameras that ``policy`` looks through and the size of their images, all of them alike."""
     layout = policy.interface.layout

@@ -14,7 +14,9 @@ from aerial_il.core.errors import InvalidValueError
 MISSING: Any = "???"  # what OmegaConf takes for "the user must say"
 
 
-def key(default: Any, help: str, *, choices: tuple[str, ...] = (), position: int | None = None) -> Any:
+def key(
+    default: Any, help: str, *, choices: tuple[str, ...] = (), position: int | None = None, many: bool = False
+) -> Any:
     """Declare one ``key=value`` of a command.
 
     Args:
@@ -22,8 +24,9 @@ def key(default: Any, help: str, *, choices: tuple[str, ...] = (), position: int
         help: what it means.
         choices: the valid values, if they are few.
         position: the value may also be typed bare, as this word (from 0) among the bare ones.
+        many: it is a list, and every bare word from that position on belongs to it.
     """
-    metadata = {"help": help, "choices": choices, "position": position}
+    metadata = {"help": help, "choices": choices, "position": position, "many": many}
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -110,6 +113,10 @@ def positional(config: type) -> list[str]:
     """Return the names of the keys whose values may be typed bare, in their order."""
     placed = [f for f in dataclasses.fields(config) if f.metadata.get("position") is not None]
     return [f.name for f in sorted(placed, key=lambda f: f.metadata["position"])]
+
+
+def takes_many(field: Field[Any]) -> bool:
+    return bool(field.metadata.get("many"))
 
 
 def default_text(field: Field[Any]) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import Field, fields, is_dataclass
+from pathlib import Path
 from typing import Any, get_type_hints
 
 from aerial_il.cli import conf, keys
@@ -55,18 +57,33 @@ def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ..
 def _named(command: Command, words: list[str]) -> list[str]:
     """Turn bare words into ``key=value`` by their position, and ``--json`` into ``json=true``."""
     places = iter(keys.positional(command.config))
-    known = {f.name for f in fields(command.config)}
+    known = {f.name: f for f in fields(command.config)}
+    lists: dict[str, list[str]] = {}
     named, previous = [], ""
     for word in words:
-        bare = "=" not in word and not word.startswith(("-", "+", "~")) and previous not in _TAKES_VALUE
-        name = next(places, None) if bare else None
+        bare = _is_bare(word, known) and previous not in _TAKES_VALUE
+        name = next(iter(lists), None) or next(places, None) if bare else None
         if bare and name is None:
             raise InvalidValueError(f"{word!r} is not KEY=VALUE. See: aerial-il {command.name} --help")
         if word.startswith("--") and word[2:] in known:
             word = f"{word[2:]}=true"
-        named.append(f"{name}={word}" if bare else word)
+        if name is not None and keys.takes_many(known[name]):
+            lists.setdefault(name, []).append(word)
+        else:
+            named.append(f"{name}={word}" if bare else word)
         previous = word
-    return named
+    return named + [f"{name}={_list(values)}" for name, values in lists.items()]
+
+
+def _is_bare(word: str, known: Mapping[str, Any]) -> bool:
+    """Whether ``word`` is a value without its key; a path may hold an equals sign, as folders of sweeps do."""
+    if word.startswith(("-", "+", "~")):
+        return False
+    return "=" not in word or (word.partition("=")[0] not in known and "/" in word and Path(word).exists())
+
+
+def _list(values: list[str]) -> str:
+    return "[" + ",".join("'" + value.replace("'", "\\'") + "'" for value in values) + "]"
 
 
 def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str:
@@ -84,6 +101,8 @@ def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str
     field = {f.name: f for f in fields(command.config)}.get(plain_name)
     if field is not None and keys.takes_path(field) and not _all_options(plain_name, value, chosen):
         return f"{sign}{plain_name}.path={value}"
+    if field is not None and keys.takes_many(field) and not value.startswith("["):
+        return f"{sign}{plain_name}={_list([value])}"
     if field is not None and keys.takes_composition(field) and _COMPOSED.search(value):
         return f"{sign}{plain_name}.name={value}"
     if plain_name in chosen and equals:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,9 +72,13 @@ def training_curves(run: str | os.PathLike[str]) -> list[Curve]:
     Raises:
         InvalidValueError: there is no such file, or one of its rows is not a metric; names file and line.
     """
-    path = Path(run) / "metrics.jsonl"
+    return curves_of(read_rows(Path(run) / "metrics.jsonl"))
+
+
+def curves_of(rows: Iterable[Mapping[str, Any]]) -> list[Curve]:
+    """Return one curve per number that was logged more than once."""
     series: dict[str, tuple[list[float], list[float]]] = {}
-    for row in _rows(path):
+    for row in rows:
         for name, value in row.items():
             if name != "step" and isinstance(value, int | float) and np.isfinite(value):
                 steps, values = series.setdefault(name, ([], []))
@@ -83,7 +87,8 @@ def training_curves(run: str | os.PathLike[str]) -> list[Curve]:
     return [Curve(name, _thin(steps), _thin(values)) for name, (steps, values) in series.items() if len(steps) > 1]
 
 
-def _rows(path: Path) -> Iterable[dict[str, Any]]:
+def read_rows(path: Path) -> Iterable[dict[str, Any]]:
+    """Yield the rows of a ``metrics.jsonl``; a last one cut short by a kill is left out."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     except OSError as error:

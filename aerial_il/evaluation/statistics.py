@@ -7,6 +7,7 @@ permutation tests, which assume no distribution. Everything random takes a gener
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,6 +75,35 @@ def bootstrap_mean(
         return NO_INTERVAL
     shapes = _blocks(resamples, values.size)
     means = np.concatenate([values[rng.integers(values.size, size=shape)].mean(axis=1) for shape in shapes])
+    tail = (1 - level) / 2
+    lo, hi = np.quantile(means, [tail, 1 - tail])
+    return Interval(float(lo), float(hi))
+
+
+def bootstrap_macro(
+    counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator, level: float = 0.95, resamples: int = 4000
+) -> Interval:
+    """Return the interval of a mean success rate over tasks, each flown by policies of one or several training seeds.
+
+    Training seeds are resampled within each task, then the episodes of each; with one seed the episodes alone, so that
+    the spread between trainings is not covered. The tasks themselves are given, not drawn.
+
+    Args:
+        counts: for each task the successes of each training seed.
+        total: episodes that each of them flew.
+        rng: source of the resamples.
+        level: confidence level in (0, 1).
+        resamples: number of resampled means.
+
+    Source:
+        B. Efron and R. Tibshirani, "An introduction to the bootstrap", 1993, section 8.3 (several levels of sampling).
+    """
+    if total < 1 or not counts or not all(counts):
+        return NO_INTERVAL
+    means = np.zeros(resamples)
+    for seeds in counts:
+        chosen = np.asarray(seeds)[rng.integers(len(seeds), size=(resamples, len(seeds)))]
+        means += rng.binomial(total, chosen / total).mean(axis=1) / (total * len(counts))
     tail = (1 - level) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
     return Interval(float(lo), float(hi))

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 CONFIG, PROVENANCE, METRICS, EVENTS = "config.yaml", "provenance.json", "metrics.jsonl", "tensorboard"
+BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
 
 
 class RunFolder:
@@ -177,7 +178,7 @@ def _cut(path: Path, length: int) -> None:
 
 
 def _clear(path: Path) -> None:
-    for name in (checkpoint.FOLDER, EVENTS, FINAL):
+    for name in (checkpoint.FOLDER, EVENTS, FINAL, BEST):
         shutil.rmtree(path / name, ignore_errors=True)
     for name in (CONFIG, METRICS, PROVENANCE):
         (path / name).unlink(missing_ok=True)

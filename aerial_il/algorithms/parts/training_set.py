@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -25,6 +26,21 @@ from aerial_il.policies.parts.vision import with_pixels
 GIB = 2**30
 IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
 VALIDATE = "Find out more: aerial-il validate PATH"
+
+
+class Demonstrations(NamedTuple):
+    """What a run learns from.
+
+    Attributes:
+        layout: how the policy sees the episodes.
+        kept, weights: episodes to train on, and how much each counts (E,).
+        held_out: episodes to validate on.
+    """
+
+    layout: Layout
+    kept: list[Episode]
+    weights: np.ndarray
+    held_out: list[Episode]
 
 
 def read_demos(
@@ -82,7 +98,7 @@ def _check(episode: Episode, layout: Layout, chunk: int) -> None:
         raise InvalidValueError(f"Episode {episode.uid}: the action is not finite {where}. {VALIDATE}")
 
 
-def split(demos: Sequence[Episode], fraction: float, *, seed: int) -> tuple[list[Episode], list[Episode]]:
+def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T], list[T]]:
     """Draw ``fraction`` of the demonstrations, at least one where there are two, for validation.
 
     Returns:
@@ -106,10 +122,15 @@ def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicyConfig) 
     )
 
 
-def digest_of(windows: Windows) -> str:
-    """Return the SHA-256 of everything that a network can learn from ``windows``."""
+def window_weights(weights: np.ndarray, windows: Windows) -> np.ndarray | None:
+    """Return the weight of each window (N,) from those of its demonstrations (E,), or None where all are equal."""
+    return None if np.ptp(weights) == 0 else np.repeat(weights, windows.lengths)
+
+
+def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
+    """Return the SHA-256 of everything that a network can learn from ``windows`` of these weights."""
     seal = hashlib.sha256()
-    for array in windows[np.arange(len(windows))]:
+    for array in (*windows[np.arange(len(windows))], *([] if weights is None else [weights])):
         seal.update(np.ascontiguousarray(array).tobytes())
     for frames in (frames for of_camera in windows.frames.values() for frames in of_camera):
         seal.update(np.ascontiguousarray(frames))
@@ -167,10 +188,14 @@ class Shuffle:
         size: number of windows.
         batch: windows in a minibatch.
         seed: decides the permutations.
+        weights: (N,) how often each window is visited, relative to the others; None for all alike. An epoch still has
+            ``size`` visits, drawn systematically: a window of twice the mean weight is visited twice, one of half of
+            it in every other epoch.
     """
 
-    def __init__(self, size: int, batch: int, *, seed: int) -> None:
+    def __init__(self, size: int, batch: int, *, seed: int, weights: np.ndarray | None = None) -> None:
         self.size, self.batch, self.seed = size, batch, seed
+        self._reach = None if weights is None else _reach(weights)
         self._epoch, self._order = -1, np.zeros(0, np.int64)
 
     def __getitem__(self, step: int) -> np.ndarray:
@@ -181,5 +206,18 @@ class Shuffle:
     def _permutation(self, epoch: int) -> np.ndarray:
         if epoch != self._epoch:
             self._epoch = epoch
-            self._order = named_rng(self.seed, "minibatches", str(epoch)).permutation(self.size)
+            rng = named_rng(self.seed, "minibatches", str(epoch))
+            self._order = rng.permutation(self.size if self._reach is None else _visits(self._reach, rng.random()))
         return self._order
+
+
+def _reach(weights: np.ndarray) -> np.ndarray:
+    """Return how many visits the windows up to each one (N,) have together, N in all."""
+    reach = np.cumsum(weights / weights.mean())
+    reach[-1] = len(weights)  # not a rounding error less
+    return reach
+
+
+def _visits(reach: np.ndarray, start: float) -> np.ndarray:
+    """Return the windows (N,) visited in an epoch, each as its weight says, rounded up or down by ``start``."""
+    return np.repeat(np.arange(len(reach)), np.diff(np.floor(reach + start).astype(int), prepend=0))

@@ -84,6 +84,34 @@ def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
     return _panels(titles, draw, width=1.4, height=max(1.0, len(cells) / ROWS_PER_PANEL))
 
 
+def method_dots(rows: Rows) -> str:
+    """Draw success with 95 % intervals: a panel per pair of tiers, a line per task, a colour per policy class.
+
+    Args:
+        rows: with ``method``, ``task``, ``trained_in``, ``flown_in``, ``percent``, ``ci95_low`` and ``ci95_high``.
+    """
+    methods, tasks = (list(dict.fromkeys(r[key] for r in rows)) for key in ("method", "task"))
+    step = 0.7 / len(methods)
+
+    def draw(axes: Axes, tiers: tuple[str, str]) -> None:
+        for k, method in enumerate(methods):
+            shown = [r for r in rows if (r["trained_in"], r["flown_in"], r["method"]) == (*tiers, method)]
+            y = [tasks.index(r["task"]) + step * (k - 0.5 * (len(methods) - 1)) for r in shown]
+            x = [r["percent"] for r in shown]
+            errors = [[r["percent"] - r["ci95_low"] for r in shown], [r["ci95_high"] - r["percent"] for r in shown]]
+            colour = COLOURS[k % len(COLOURS)]
+            axes.errorbar(x, y, xerr=errors, fmt="o", color=colour, markersize=4, linewidth=1, label=method)
+        axes.set_yticks(range(len(tasks)), [task.replace("_", " ") for task in tasks])
+        axes.set_ylim(len(tasks) - 0.5, -0.5)
+        axes.set_xlim(-3, 103)
+        axes.set_xlabel("success (%)")
+        axes.grid(axis="y", visible=False)
+
+    pairs = dict.fromkeys((r["trained_in"], r["flown_in"]) for r in rows)
+    titles = {pair: f"learned in {pair[0]}, flown in {pair[1]}" for pair in pairs}
+    return _panels(titles, draw, width=1.2, height=max(1.0, len(tasks) / 7))
+
+
 def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
     """Draw success over the number of demonstrations: a panel per task, a line with intervals per robot.
 
@@ -97,7 +125,9 @@ def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
             points = [r for r in rows if (r["robot"], r["task"]) == (robot, task)]
             x, y = [r["demos"] for r in points], [r["percent"] for r in points]
             errors = [[r["percent"] - r["ci95_low"] for r in points], [r["ci95_high"] - r["percent"] for r in points]]
-            axes.errorbar(x, y, yerr=errors, color=COLOURS[k], marker="o", markersize=4, capsize=2, label=robot)
+            axes.errorbar(
+                x, y, yerr=errors, color=COLOURS[k % len(COLOURS)], marker="o", markersize=4, capsize=2, label=robot
+            )
         if task in limits:
             axes.axhline(limits[task], color=INK, linestyle="dashed", linewidth=1)
         sizes = sorted({r["demos"] for r in rows})

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from aerial_il.benchmarks.parts.report import Row, Target
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.statistics import wilson
 
 
 def success_row(result: EvaluationResult) -> Row:
@@ -19,6 +22,24 @@ def success_row(result: EvaluationResult) -> Row:
         "time_s": None if seconds["mean"] is None else round(seconds["mean"], 2),
         "time_sd_s": None if seconds["std"] is None else round(seconds["std"], 2),
         "crashes": result.metrics["ends"]["crash"],
+    }
+
+
+def pooled_row(results: Iterable[EvaluationResult]) -> Row:
+    """Return success over several evaluations of one task: of all episodes, and of the worst and best evaluation."""
+    counts = [(result.success["count"], len(result.episodes)) for result in results]
+    count, episodes = (sum(column) for column in zip(*counts, strict=True))
+    low, high = wilson(count, episodes)
+    rates = [_percent(won / flown) for won, flown in counts]
+    return {
+        "seeds": len(counts),
+        "success": count,
+        "episodes": episodes,
+        "percent": _percent(count / episodes),
+        "ci95_low": _percent(low),
+        "ci95_high": _percent(high),
+        "worst_seed": min(rates),
+        "best_seed": max(rates),
     }
 
 

@@ -61,7 +61,7 @@ def run(config: Config) -> None:
     if not _is_current(judged, training, config):
         evaluate.run(_evaluate(config, training, judged))
     _announce("Report", f"report {judged} run={training} dataset={dataset}")
-    report.run(report.Config(result=str(judged), run=str(training), dataset=MaybeLocated(str(dataset))))
+    report.run(report.Config(result=[str(judged)], run=str(training), dataset=MaybeLocated(str(dataset))))
 
     print(f"\nDone in {time.perf_counter() - started:.0f} s.")
     print(f"  demonstrations  {dataset}/demos (MCAP), {dataset}/derived/lerobot (LeRobot)")

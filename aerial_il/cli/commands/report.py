@@ -1,37 +1,70 @@
-"""Write one HTML page about an evaluation that opens offline: success, metrics, videos, curves, provenance.
+"""Write one HTML page that opens offline, about an evaluation, a training run, or several runs side by side.
+
+Of an evaluation: success, metrics, videos, provenance. Of a run: success and loss over training, error by action
+element, predictions beside demonstrations, films. Several runs, or the folder of a sweep, are grouped by settings, the
+seeds of each group together.
 
 Example: aerial-il report runs/pick_bc/evaluation run=runs/pick_bc dataset=datasets/pick
+Example: aerial-il report runs/pick_bc
+Example: aerial-il report runs/pick_mlp runs/pick_act out=runs/classes.html
 """
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from aerial_il.cli.keys import MISSING, MaybeLocated, key, path
+from aerial_il.cli.keys import MISSING, MaybeLocated, at_least, key, path
+
+if TYPE_CHECKING:
+    from aerial_il.evaluation.training_run import TrainingRun
+
+PAGE = "report.html"
 
 
 @dataclass
 class Config:
-    result: str = key(MISSING, "folder that holds evaluation.json", position=0)
-    run: str | None = key(None, "training run whose curves are shown")
-    dataset: MaybeLocated = path(MaybeLocated, "demonstrations to sum up")
+    result: list[str] = key(MISSING, "folder of an evaluation, of a run, or of several runs", position=0, many=True)
+    run: str | None = key(None, "training run whose curves are shown beside an evaluation")
+    dataset: MaybeLocated = path(MaybeLocated, "demonstrations to sum up, or that a run learned from")
     learning_curve: dict[str, str] = key({}, "number of demonstrations -> evaluation: {10:runs/a,25:runs/b}")
-    out: str | None = key(None, "the page; report.html beside the evaluation by default")
+    videos: int = key(1, "films of successes and of failures of a run that has none")
+    out: str | None = key(None, "the page; report.html beside what it is about by default")
+
+    def __post_init__(self) -> None:
+        at_least(self, videos=0)
 
 
 def run(config: Config) -> None:
     """Write the page and say where."""
+    from aerial_il.evaluation.training_run import find_runs, read_run
+
+    runs = [read_run(found) for place in config.result for found in find_runs(place)]
+    if not runs:
+        page = _of_evaluation(config)
+    elif len(runs) == 1:
+        page = _of_run(config, runs[0])
+    else:
+        page = _of_runs(config, runs)
+    print(f"Report: {page}")
+
+
+def _of_evaluation(config: Config) -> Path:
     from aerial_il.cli import results
+    from aerial_il.core.errors import InvalidValueError
     from aerial_il.evaluation.background import LearningPoint
     from aerial_il.evaluation.report import write_report
     from aerial_il.evaluation.result import load_result
 
-    folder = Path(config.result)
+    if len(config.result) > 1:
+        raise InvalidValueError(f"{config.result[0]} is no training run; evaluations are reported one at a time.")
+    folder = Path(config.result[0])
     folder = folder if folder.is_dir() else folder.parent
-    result = load_result(config.result)
-    page = write_report(
-        config.out or folder / "report.html",
+    result = load_result(config.result[0])
+    return write_report(
+        config.out or folder / PAGE,
         result,
         footage=results.footage_of(folder, result),
         run=config.run,
@@ -39,4 +72,20 @@ def run(config: Config) -> None:
         learning_curve=[LearningPoint(int(n), load_result(place)) for n, place in config.learning_curve.items()],
         command=str(result.provenance.get("command", "")),
     )
-    print(f"Report: {page}")
+
+
+def _of_run(config: Config, run: TrainingRun) -> Path:
+    from aerial_il.cli import runs
+    from aerial_il.evaluation.run_report import write_run_report
+
+    predictions, note = runs.predictions(run, config.dataset.path)
+    films = runs.footage(run, config.videos)
+    out = config.out or run.path / PAGE
+    return write_run_report(out, run, predictions=predictions, prediction_note=note, footage=films)
+
+
+def _of_runs(config: Config, runs: list[TrainingRun]) -> Path:
+    from aerial_il.evaluation.run_report import write_runs_report
+
+    together = os.path.commonpath([run.path.resolve().parent for run in runs])
+    return write_runs_report(config.out or Path(together) / PAGE, runs)

@@ -1,16 +1,27 @@
 """Train a policy on demonstrations; killed at any moment, the same command continues.
 
-The run folder holds config.yaml, metrics.jsonl, tensorboard/, checkpoints/ and at the end policy/.
+The run folder holds config.yaml, metrics.jsonl, tensorboard/, checkpoints/ and at the end policy/; with rollouts on the
+way also best/, the policy that flew best in them, which is never the one that is reported. Several values with --multirun
+are a sweep, e.g. seed=0,1,2 --multirun: one run per value in run/seed=0 and so on; `aerial-il report RUN` shows them all.
 
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
+Example: aerial-il train dataset=datasets/pick run=runs/pick_bc evaluate_every=1000 evaluate_episodes=50
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from aerial_il.cli.keys import MISSING, at_least, group, key, output
+
+if TYPE_CHECKING:
+    from aerial_il.cli.trials import Trials
+
+COMMAND = "command.json"
 
 
 @dataclass
@@ -28,11 +39,15 @@ class Config:
     algorithm: dict[str, Any] = group("how it is trained")
     run: str = output(MISSING, "folder of the run")
     seed: int = key(0, "decides initial weights, validation split and minibatches")
+    evaluate_every: int | None = key(None, "steps between two evaluations by rollouts (null: as the algorithm says)")
+    evaluate_episodes: int = key(20, "how many seeds are flown each time")
+    evaluate_seed: int = key(5000, "the first of them; the seeds from 10000 on judge finished policies")
+    evaluate_tier: str | None = key(None, "how rough the air is in these rollouts (null: as in the dataset)")
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
-        at_least(self, seed=0)
+        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0)
 
 
 def run(config: Config) -> None:
@@ -46,7 +61,67 @@ def learn(config: Config) -> None:
     from aerial_il.cli import data
     from aerial_il.cli.build import build_all
 
-    policy, algorithm = build_all(config.policy, config.algorithm)
+    settings = dict(config.algorithm)
+    if config.evaluate_every is not None:
+        settings["evaluate_every"] = config.evaluate_every
+    policy, algorithm = build_all(config.policy, settings)
     episodes = data.demonstrations(config.dataset.path, limit=config.dataset.episodes, images=policy.images)
-    algorithm.train(episodes, policy, run=config.run, seed=config.seed, resume=config.resume, progress=config.progress)
+    with _told(config), _trials(config, algorithm) as trials:
+        algorithm.train(
+            episodes,
+            policy,
+            run=config.run,
+            seed=config.seed,
+            evaluate=trials,
+            resume=config.resume,
+            progress=config.progress,
+        )
     print(f"Policy: {config.run}/policy")
+
+
+@contextmanager
+def _trials(config: Config, algorithm: Any) -> Iterator[Trials | None]:
+    """Yield what flies the policy on the way, or None where nobody asked for it."""
+    if not getattr(algorithm, "evaluate_every", 0):
+        yield None
+        return
+    from aerial_il.cli.trials import Trials
+
+    with Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier).open() as trials:
+        yield trials
+
+
+@contextmanager
+def _told(config: Config) -> Iterator[None]:
+    """Keep in the run's folder what was typed, once the training has ended or been stopped: then the run is ours."""
+    from aerial_il.core.files import write_json
+
+    def tell() -> None:
+        dataset = {"path": config.dataset.path, "episodes": config.dataset.episodes}
+        write_json(Path(config.run) / COMMAND, {"command": command(config), "dataset": dataset})
+
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):
+        tell()
+        raise
+    tell()
+
+
+def command(config: Config) -> str:
+    """Return the words that lead to ``config``."""
+    from aerial_il.cli import words
+
+    plain = {"seed": 0, "evaluate_every": None, "evaluate_episodes": 20, "evaluate_seed": 5000, "evaluate_tier": None}
+    said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
+    limit = [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
+    return " ".join(
+        [
+            f"aerial-il train dataset={config.dataset.path}",
+            *limit,
+            *words.of_group("policy", config.policy, default="mlp"),
+            *words.of_group("algorithm", config.algorithm, default="bc"),
+            *said,
+            f"run={config.run}",
+        ]
+    )

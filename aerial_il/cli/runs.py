@@ -1,0 +1,84 @@
+"""What a run's report shows besides metrics: predictions along held-out demonstrations, films of the final policy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aerial_il.cli import data, flying, results
+from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.evaluation.training_run import TrainingRun
+from aerial_il.evaluation.video import Footage, film
+
+if TYPE_CHECKING:
+    from aerial_il.data.episode import Episode
+    from aerial_il.evaluation.predictions import Prediction
+
+SHOWN = 2  # held-out demonstrations with predictions
+FILMED_SEED, FLOWN = 5000, 10  # seeds flown for films where no evaluation has any
+
+
+def predictions(run: TrainingRun, dataset: str | None) -> tuple[list[Prediction], str]:
+    """Return predictions along the first held-out demonstrations, or why there are none."""
+    from aerial_il.evaluation.predictions import predict
+    from aerial_il.policies import load_policy
+
+    try:
+        policy = load_policy(run.path)
+        return [predict(policy, episode) for episode in _held_out(run, dataset)[:SHOWN]], ""
+    except AerialError as error:
+        return [], f"No predictions: {error}"
+
+
+def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
+    """Return the episodes that ``run`` held out, once it is certain that the dataset is the same still."""
+    from aerial_il.algorithms.bc import BehaviourCloning
+    from aerial_il.algorithms.parts.selection import Selection
+    from aerial_il.algorithms.parts.training_set import cut_windows, digest_of, window_weights
+    from aerial_il.policies import load_policy
+
+    settings = run.config.get("settings", {})
+    told = run.command.get("dataset", {})
+    path = dataset or told.get("path")
+    if run.algorithm != "bc" or "selection" not in settings:
+        raise InvalidValueError(f"which demonstrations {run.algorithm} held out is not known.")
+    if path is None:
+        raise InvalidValueError("the run does not say where its dataset lies. Give dataset=PATH.")
+    policy = load_policy(run.path).config
+    algorithm = BehaviourCloning(selection=Selection(**settings["selection"]), validation=settings["validation"])
+    limit = told.get("episodes") if path == told.get("path") else None
+    divided = algorithm.divide(data.demonstrations(path, limit=limit, images=policy.images), policy, seed=run.seed)
+    windows = cut_windows(divided.kept, divided.layout, policy)
+    if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:
+        raise InvalidValueError(f"{path} is not, or no longer, what the run learned from.")
+    if not divided.held_out:
+        raise InvalidValueError("no demonstration was held out. See algorithm.validation.")
+    return divided.held_out
+
+
+def footage(run: TrainingRun, videos: int) -> Footage:
+    """Return films of the final policy: those of the run's evaluations, else of a few flights made now."""
+    if not run.finished:
+        return Footage(note="No films: the run is not finished.")
+    for name, result in run.judged.items():
+        if result.policy == str(run.path) and (found := results.footage_of(run.path / name, result)).clips:
+            return found
+    return _flown(run, videos) if videos else Footage()
+
+
+def _flown(run: TrainingRun, videos: int) -> Footage:
+    from aerial_il.evaluation.rollouts import evaluate
+
+    try:
+        pilot = flying.pilot(str(run.path), robot=None, task=None, action=None)
+        spec = pilot.policy.spec
+        env = pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)
+    except AerialError as error:
+        return Footage(note=f"No films: {error}")
+    try:
+        seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
+        result = evaluate(env, pilot.policy, seeds, policy_name=str(run.path), progress=False)
+        return film(env, result, Path(run.path) / results.VIDEOS, successes=videos, failures=videos)
+    finally:
+        env.close()

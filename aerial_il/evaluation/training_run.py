@@ -1,0 +1,134 @@
+"""What a training run left in its folder, read without torch: settings, metrics, rollouts on the way, provenance."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation.background import read_rows
+from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.statistics import wilson
+
+CONFIG, METRICS, FINAL = "config.yaml", "metrics.jsonl", "policy"
+PROVENANCE, COMMAND = "provenance.json", "command.json"
+BY_CHANCE = ("seed", "dataset.digest", "dataset.frames")  # what differs between runs that only have other seeds
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """One evaluation on the way.
+
+    Attributes:
+        step: training step. rate: success. episodes: how many were flown; 0 where it was not told.
+    """
+
+    step: int
+    rate: float
+    episodes: int
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """Wilson's interval; the rate alone where the number of episodes is unknown."""
+        if not self.episodes:
+            return self.rate, self.rate
+        low, high = wilson(round(self.rate * self.episodes), self.episodes)
+        return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingRun:
+    """A run folder.
+
+    Attributes:
+        path: the folder. config: what determined the run. rows: of its metrics. provenance: code, packages, machine.
+        command: what was typed, and the dataset; empty if the run was not started from the command line.
+        finished: whether it has its final policy.
+        judged: evaluations found below the folder, by the name of theirs.
+    """
+
+    path: Path
+    config: Mapping[str, Any]
+    rows: list[dict[str, Any]]
+    provenance: Mapping[str, Any]
+    command: Mapping[str, Any]
+    finished: bool
+    judged: Mapping[str, EvaluationResult] = field(default_factory=dict, repr=False)
+
+    @property
+    def seed(self) -> int:
+        return int(self.config.get("seed", 0))
+
+    @property
+    def policy(self) -> str:
+        return str(self.config.get("policy", {}).get("name", "policy"))
+
+    @property
+    def algorithm(self) -> str:
+        return str(self.config.get("algorithm", "training"))
+
+    @property
+    def steps(self) -> int:
+        return int(self.rows[-1]["step"]) if self.rows else 0
+
+    @cached_property
+    def rollouts(self) -> list[Rollouts]:
+        """Evaluations on the way, in the order of the steps."""
+        told = (row for row in self.rows if "evaluate/success" in row)
+        return [Rollouts(int(r["step"]), r["evaluate/success"], int(r.get("evaluate/episodes", 0))) for r in told]
+
+    @cached_property
+    def settings(self) -> dict[str, Any]:
+        """Dotted settings -> values, without those that a seed changes."""
+        return {key: value for key, value in _dotted(self.config).items() if key not in BY_CHANCE}
+
+
+def is_run(path: str | os.PathLike[str]) -> bool:
+    """Whether ``path`` is the folder of a training run."""
+    return (Path(path) / CONFIG).is_file() and (Path(path) / METRICS).is_file()
+
+
+def find_runs(path: str | os.PathLike[str]) -> list[Path]:
+    """Return ``path`` if it is a run, else the runs of the sweep that it holds, by name."""
+    if is_run(path):
+        return [Path(path)]
+    return sorted({config.parent for config in Path(path).glob(f"*/{CONFIG}") if is_run(config.parent)})
+
+
+def read_run(path: str | os.PathLike[str]) -> TrainingRun:
+    """Read a run folder.
+
+    Raises:
+        InvalidValueError: it is none, or one of its files is not what it should be.
+    """
+    path = Path(path)
+    if not is_run(path):
+        hint = "Train one: aerial-il train dataset=PATH run=runs/NAME"
+        raise InvalidValueError(f"{path} is no training run: it lacks {CONFIG} or {METRICS}. {hint}")
+    try:
+        config = yaml.safe_load((path / CONFIG).read_text(encoding="utf-8"))
+        provenance, command = (_json(path / name) for name in (PROVENANCE, COMMAND))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InvalidValueError(f"{path} cannot be read as a training run: {error}.") from error
+    if not isinstance(config, dict):
+        raise InvalidValueError(f"{path / CONFIG} holds no settings.")
+    judged = {found.parent.name: load_result(found) for found in sorted(path.glob(f"*/{FILE_NAME}"))}
+    finished = (path / FINAL).is_dir()
+    return TrainingRun(path, config, list(read_rows(path / METRICS)), provenance, command, finished, judged)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def _dotted(tree: Any, prefix: str = "") -> dict[str, Any]:
+    if not isinstance(tree, Mapping) or not tree:
+        return {prefix.rstrip("."): tree}
+    return {key: leaf for name, value in tree.items() for key, leaf in _dotted(value, f"{prefix}{name}.").items()}
