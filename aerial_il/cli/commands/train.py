@@ -1,8 +1,8 @@
 """Train a policy on demonstrations; killed at any moment, the same command continues.
 
 The run folder holds config.yaml, metrics.jsonl, tensorboard/, checkpoints/ and at the end policy/; with rollouts on the
-way also best/, the policy that flew best in them, which is never the one that is reported. Several values with --multirun
-are a sweep, e.g. seed=0,1,2 --multirun: one run per value in run/seed=0 and so on; `aerial-il report RUN` shows them all.
+way also best/, the policy that flew best in them, which is never the one that is reported. Several values are a sweep,
+e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows them all together.
 
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
 Example: aerial-il train dataset=datasets/pick run=runs/pick_bc evaluate_every=1000 evaluate_episodes=50
