@@ -131,7 +131,7 @@ class Imitation:
 
     @property
     def _most(self) -> int:
-        return max(self.demos, *self.sizes)
+        return max((self.demos, *self.sizes))
 
     @property
     def _able(self) -> list[str]:

@@ -51,6 +51,7 @@ class Windows:
 
     Attributes:
         lengths: (E,) windows of each episode.
+        episode: (N,) in which of the kept episodes each window lies.
 
     Raises:
         InvalidValueError: no episode is left, or a length is not positive.
@@ -89,7 +90,7 @@ class Windows:
         self._obs_row = (step + episode * (history - 1))[starts]
         self._action_row = (step + episode * (chunk - 1))[starts]
         first = np.cumsum(steps) - steps
-        self._episode, self._step = episode[starts], (step - first[episode])[starts]
+        self.episode, self._step = episode[starts], (step - first[episode])[starts]
         is_pad = np.concatenate([np.pad(~known, (0, chunk - 1), constant_values=True) for _, _, known in kept])
         self._is_pad_runs = sliding_window_view(is_pad, chunk)
         self._obs_runs = sliding_window_view(self._obs.reshape(-1), history * self._obs.shape[1])
@@ -113,7 +114,7 @@ class Windows:
         """Gather the images that the windows at ``index`` (B,) show, each (B, To, *shape)."""
         behind = np.arange(1 - self.history, 1)
         rows = np.maximum(self._step[index, None] + behind, 0)
-        places = list(zip(self._episode[index].tolist(), rows, strict=True))
+        places = list(zip(self.episode[index].tolist(), rows, strict=True))
         return tuple(np.stack([frames[e][r] for e, r in places]) for frames in self.frames.values())
 
     def batches(self, size: int, rng: np.random.Generator) -> Iterator[Batch]:

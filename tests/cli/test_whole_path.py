@@ -79,7 +79,42 @@ def test_a_report_gathers_run_and_dataset(home: Path, monkeypatch: pytest.Monkey
 
 def test_comparison_is_paired_by_seed(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", str(home / "expert"), str(home / "run" / "evaluation"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["paired"]
+    found = json.loads(capsys.readouterr().out)
+    assert found["paired"]
+    assert 0 < found["p_value"] <= 1
+    assert "paired by seed" in found["method"]
+
+
+@pytest.fixture(scope="module")
+def sweep(home: Path) -> Path:
+    """Two training seeds, each with rollouts on the way."""
+    words = ["train", "dataset=demos", "run=sweep", "experiment=quick", "algorithm.steps=4", "seed=0,1", "--multirun"]
+    words += ["evaluate_every=2", "evaluate_episodes=1", "policy.hidden=[8]", QUIET]
+    done = subprocess.run([SCRIPT, *words], cwd=home, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return home / "sweep"
+
+
+def test_rollouts_are_flown_while_it_learns_on_seeds_that_do_not_judge(sweep: Path) -> None:
+    rows = [json.loads(line) for line in (sweep / "seed=0" / "metrics.jsonl").read_text().splitlines()]
+    flown = [row for row in rows if "evaluate/success" in row]
+    assert [row["step"] for row in flown] == [2, 4]
+    assert flown[0]["evaluate/success_low"] <= flown[0]["evaluate/success"] <= flown[0]["evaluate/success_high"]
+    assert (sweep / "seed=0" / "best").is_dir()
+    kept = json.loads((sweep / "seed=1" / "command.json").read_text())
+    assert kept["dataset"] == {"path": "demos", "episodes": None}
+    assert "evaluate_every=2 evaluate_episodes=1" in kept["command"]
+
+
+def test_a_run_and_a_sweep_are_reported(home: Path, sweep: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+    assert main(["report", "sweep/seed=0", "videos=0", "out=one.html"]) == 0
+    assert 'id="predictions"' in (home / "one.html").read_text()
+    assert "No predictions" not in (home / "one.html").read_text()
+    assert main(["report", "sweep"]) == 0
+    assert "2 runs, 1 configuration<" in (home / "sweep" / "report.html").read_text()
+    assert main(["report", "run", "sweep/seed=0", "out=both.html"]) == 0
+    assert "2 runs, 2 configurations" in (home / "both.html").read_text()
 
 
 def test_damage_is_found_and_recovered(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,6 +140,10 @@ def test_damage_is_found_and_recovered(home: Path, capsys: pytest.CaptureFixture
         (["collect", "cameras=[nonsense]", "out=o"], "scene"),
         (["validate", "nowhere"], "does not exist"),
         (["report", "nowhere"], "aerial-il evaluate"),
+        (["train", "dataset=demos", "run=r", "evaluate_every=5", "evaluate_seed=9990"], "evaluate_seed=9990"),
+        (["train", "dataset=demos", "run=r", "algorithm.patience=1"], "evaluate_every"),
+        (["train", "dataset=demos", "run=r", "policy.chunk=5000"], "chunk=5000 must not be longer"),
+        (["train", "dataset=demos", "run=r", "algorithm.selection.operators=[nobody]"], "nobody"),
     ],
 )
 def test_bad_input_is_answered(

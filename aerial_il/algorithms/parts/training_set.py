@@ -124,7 +124,7 @@ def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicyConfig) 
 
 def window_weights(weights: np.ndarray, windows: Windows) -> np.ndarray | None:
     """Return the weight of each window (N,) from those of its demonstrations (E,), or None where all are equal."""
-    return None if np.ptp(weights) == 0 else np.repeat(weights, windows.lengths)
+    return None if np.ptp(weights) == 0 else weights[windows.episode]
 
 
 def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:

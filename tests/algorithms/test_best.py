@@ -1,0 +1,148 @@
+"""Rollouts on the way keep the best policy beside the final one, and may end a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.parts.standing import Standing
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.mlp import MlpConfig
+from tests.algorithms.point_mass import demonstrations
+
+POLICY = MlpConfig(hidden=(16,), blind_to=())
+SETTINGS = BehaviourCloning(steps=60, batch_size=16, log_every=20, validate_every=0, evaluate_every=10)
+
+
+@pytest.fixture(scope="module")
+def demos() -> list[Episode]:
+    return demonstrations(4)
+
+
+class Judge:
+    """Gives success by a list, one number per evaluation, and may be stopped at one of them."""
+
+    def __init__(self, rates: Sequence[float], *, stop_at: int | None = None) -> None:
+        self.rates, self.stop_at, self.asked = rates, stop_at, list[int]()
+
+    def __call__(self, policy: Any, step: int) -> dict[str, float]:
+        if step == self.stop_at:
+            raise KeyboardInterrupt
+        self.asked.append(step)
+        return {"success": self.rates[step // 10 - 1], "episodes": 20}
+
+
+def learn(demos: list[Episode], run: Path, judge: Any, settings: BehaviourCloning = SETTINGS) -> Any:
+    return settings.train(demos, POLICY, run=run, evaluate=judge, progress=False)
+
+
+def weights(policy: Any) -> list[torch.Tensor]:
+    return list(policy.network.state_dict().values())
+
+
+def test_the_best_policy_is_kept_and_labelled_and_the_final_one_is_what_loads(
+    demos: list[Episode], tmp_path: Path
+) -> None:
+    final = learn(demos, tmp_path, Judge([0.2, 0.7, 0.5, 0.7, 0.1, 0.3]))
+    best = load_policy(tmp_path / "best")
+    assert best.origin["step"] == 40, "of equally good ones the later"
+    assert best.origin["chosen"] == {"by": "success", "value": 0.7, "evaluations": 4}
+    loaded = load_policy(tmp_path)
+    assert loaded.origin["step"] == 60
+    assert "chosen" not in loaded.origin
+    assert all(torch.equal(a, b) for a, b in zip(weights(loaded), weights(final), strict=True))
+    assert not all(torch.equal(a, b) for a, b in zip(weights(best), weights(final), strict=True))
+
+
+def test_a_run_that_no_longer_improves_ends(demos: list[Episode], tmp_path: Path) -> None:
+    judge = Judge([0.2, 0.6, 0.6, 0.1, 0.9, 0.9])
+    policy = learn(demos, tmp_path, judge, replace(SETTINGS, patience=2))
+    assert judge.asked == [10, 20, 30, 40]
+    assert policy.origin["step"] == 40
+    assert load_policy(tmp_path).origin["step"] == 40
+    assert load_policy(tmp_path / "best").origin["step"] == 30
+    assert learn(demos, tmp_path, None, replace(SETTINGS, patience=2)).origin["step"] == 40, "it is finished"
+
+
+def test_a_stopped_run_decides_as_an_undisturbed_one(demos: list[Episode], tmp_path: Path) -> None:
+    rates, settings = [0.2, 0.6, 0.6, 0.1, 0.9, 0.9], replace(SETTINGS, patience=2)
+    with pytest.raises(KeyboardInterrupt):
+        learn(demos, tmp_path / "a", Judge(rates, stop_at=30), settings)
+    stopped, whole = (
+        learn(demos, tmp_path / "a", Judge(rates), settings),
+        learn(demos, tmp_path / "b", Judge(rates), settings),
+    )
+    assert stopped.origin["step"] == whole.origin["step"] == 40
+    for name in ("policy", "best"):
+        files = [(tmp_path / run / name / "arrays.safetensors").read_bytes() for run in ("a", "b")]
+        assert files[0] == files[1]
+
+
+def test_rollouts_without_the_number_to_judge_by(demos: list[Episode], tmp_path: Path) -> None:
+    def told(policy: Any, step: int) -> dict[str, float]:
+        return {"return": 1.0 * step}
+
+    learn(demos, tmp_path / "a", told)
+    assert not (tmp_path / "a" / "best").exists()
+    learn(demos, tmp_path / "b", told, replace(SETTINGS, best_by="return"))
+    assert load_policy(tmp_path / "b" / "best").origin["step"] == 60
+    with pytest.raises(InvalidValueError, match=r"'success'.*best_by"):
+        learn(demos, tmp_path / "c", told, replace(SETTINGS, patience=1))
+
+
+def test_starting_over_forgets_the_best(demos: list[Episode], tmp_path: Path) -> None:
+    learn(demos, tmp_path, Judge([0.9] * 6))
+    SETTINGS.train(demos, POLICY, run=tmp_path, progress=False, resume=False)
+    assert not (tmp_path / "best").exists()
+
+
+def test_mixed_precision_changes_nothing_on_a_cpu(demos: list[Episode], tmp_path: Path) -> None:
+    for name, mixed in (("a", False), ("b", True)):
+        settings = replace(SETTINGS, steps=10, evaluate_every=0, mixed_precision=mixed)
+        settings.train(demos, POLICY, run=tmp_path / name, progress=False)
+    files = [(tmp_path / run / "policy" / "arrays.safetensors").read_bytes() for run in ("a", "b")]
+    assert files[0] == files[1]
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_mixed_precision_learns_on_a_gpu(demos: list[Episode], tmp_path: Path) -> None:
+    settings = replace(SETTINGS, evaluate_every=0, device="cuda", mixed_precision=True)
+    settings.train(demos, POLICY, run=tmp_path, progress=False)
+    rows = read_metrics(tmp_path)
+    assert rows[-1]["loss"] < rows[0]["loss"]
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_missing_gpu_is_named(demos: list[Episode], tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"device=cuda needs a GPU.*device=cpu"):
+        replace(SETTINGS, device="cuda").train(demos, POLICY, run=tmp_path, progress=False)
+
+
+def test_patience_needs_rollouts_and_cameras_can_be_asked_for(demos: list[Episode], tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="evaluate_every"):
+        BehaviourCloning(patience=3)
+    with pytest.raises(InvalidValueError, match="cameras=scene_rgb; cameras=wrist_rgb was asked for"):
+        SETTINGS.train(demos, POLICY, run=tmp_path, expect={"cameras": "wrist_rgb"})
+
+
+def rows(values: Sequence[float]) -> Iterator[dict[str, float]]:
+    return ({"step": 10.0 * k, "evaluate/success": value} for k, value in enumerate(values, start=1))
+
+
+@pytest.mark.parametrize(
+    ("values", "step", "stale"), [([0.1], 10, 0), ([0.5, 0.5], 20, 1), ([0.5, 0.2, 0.4], 10, 2), ([0.1, 0.3], 20, 0)]
+)
+def test_where_the_rollouts_stand(values: list[float], step: int, stale: int) -> None:
+    standing = Standing.of(rows(values), "evaluate/success")
+    assert standing is not None
+    assert (standing.step, standing.stale, standing.best) == (step, stale, max(values))
+    assert Standing.of([{"step": 1.0}], "evaluate/success") is None
