@@ -25,14 +25,14 @@ from aerial_il.benchmarks.parts.claim import claim
 from aerial_il.benchmarks.parts.figures import learning_lines
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.success import failed_seeds
+from aerial_il.benchmarks.parts.success import failed_seeds, success_target
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
 from aerial_il.core.policy import Policy
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
-from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.folder import FAILURES, DatasetFolder
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.evaluation.statistics import bootstrap_mean, wilson
@@ -42,6 +42,7 @@ EVALUATION_SEED = 10_000
 MANY = 100
 SCORES = {"door": 103.0, "relocate": 88.0}  # of cloning from 100 demonstrations
 FEW_SUCCESS_PERCENT = 62.0  # 31 of 50: a perceptron on 25 demonstrations of relocate
+HORIZON = 200  # steps of every episode
 FREE = ("tasks", "few", "clean", "seeds", "policies", "training", "interactive", "data", "num_envs")
 CHUNKED = ("act", "diffusion", "flow")
 EXPERT, CLONED, OWN_RETURNS = "expert", "bc", "own_returns.json"
@@ -154,12 +155,12 @@ class Adroit:
     def demonstrations(self, point: Point, folder: Path, progress: bool) -> list[Episode]:
         """Return the first successful flights of the expert, recording what is missing."""
         task, wanted = TASKS[point.task], max(MANY if not point.clean else 0, point.demos)
-        dataset, flown = DatasetFolder(folder / "datasets" / point.task / point.place.parts[1]), wanted
-        while (missing := wanted - len(dataset.files())) > 0:
+        dataset = DatasetFolder(folder / "datasets" / point.task / point.place.parts[1])
+        while len(dataset.files()) < wanted:
+            flown = wanted + len(dataset.files(FAILURES))  # a failure costs one more seed
             if flown > 2 * wanted:
                 raise InvalidValueError(f"{dataset.path}: the expert fails too often to give {wanted} demonstrations.")
             self._record(task, range(flown), dataset.path, clean=point.clean, progress=progress)
-            flown += missing
         return list(islice(_successes(dataset.path), point.demos))
 
     def _record(self, task: AdroitTask, seeds: range, out: Path, *, clean: bool, progress: bool) -> None:
@@ -244,7 +245,7 @@ class Adroit:
             name=self.name,
             question=self.question,
             settings=self._plain(),
-            targets=tuple(_targets(rows)),
+            targets=(*_targets(rows), *_interactive_targets(rows)),
             tables={"Learners and experts": rows, "Single trainings": singles},
             notes=notes,
             figures={"adroit.svg": learning_lines(_lines(rows), {"relocate": FEW_SUCCESS_PERCENT})} if singles else {},
@@ -293,7 +294,15 @@ def _numbers(task: str, places: Iterable[Path], results: Iterable[EvaluationResu
 
 def _expert_row(folder: Path, task: str, result: EvaluationResult) -> Row:
     numbers = _numbers(task, [Path(task) / EXPERT], [result], folder)
-    return {"task": task, "policy": "expert, mean", "demos": None, "noise_free": None, "seeds": None, **numbers}
+    return {
+        "task": task,
+        "policy": "expert, mean",
+        "demos": None,
+        "noise_free": None,
+        "seeds": None,
+        **numbers,
+        "labelled_steps": None,
+    }
 
 
 def _arm_row(folder: Path, results: Mapping[Point, EvaluationResult]) -> Row:
@@ -301,7 +310,15 @@ def _arm_row(folder: Path, results: Mapping[Point, EvaluationResult]) -> Row:
     learner = any_of.place.parts[3]
     numbers = _numbers(any_of.task, [point.place for point in results], results.values(), folder)
     head = {"task": any_of.task, "policy": learner, "demos": any_of.demos, "noise_free": any_of.clean}
-    return {**head, "seeds": len(results), **numbers}
+    labelled = round(float(np.mean([_labelled(folder, point) for point in results])))
+    return {**head, "seeds": len(results), **numbers, "labelled_steps": labelled}
+
+
+def _labelled(folder: Path, point: Point) -> int:
+    """Return for how many steps the learner was told what the expert does."""
+    if point.method == CLONED:
+        return point.demos * HORIZON
+    return int(read_metrics(folder / "training" / point.place)[-1]["total/labelled_steps"])
 
 
 def _single_row(folder: Path, point: Point, result: EvaluationResult) -> Row:
@@ -327,6 +344,25 @@ def _targets(rows: list[Row]) -> Iterator[Target]:
         spread = f"{best['policy']}, 95 % interval {best['ci95_low']} to {best['ci95_high']} %"
         what = "relocate, 25 demonstrations: best chunked class"
         yield Target(what, "at least", FEW_SUCCESS_PERCENT, best["percent"], "%", spread)
+
+
+def _interactive_targets(rows: list[Row]) -> Iterator[Target]:
+    """Yield what asking the expert must bring against cloning as many of its flights."""
+    arms = {(row["policy"], row["demos"]): row for row in rows if row["noise_free"]}
+    cloned, taught = arms.get(("mlp", 15)), arms.get(("mlp-dagger", 15))
+    if cloned and taught:
+        what = "relocate, 15 noise-free flights: lower end of DAgger's interval, above the upper end of cloning's"
+        spread = f"{taught['percent']} % against {cloned['percent']} %"
+        yield Target(what, "at least", cloned["ci95_high"], taught["ci95_low"], "%", spread)
+    if row := arms.get(("mlp-dagger", 30)):
+        yield success_target("relocate, 30 noise-free flights: DAgger", 95.0, row)
+    taught, thrifty = arms.get(("mlp-dagger", 30)), arms.get(("mlp-thrifty", 30))
+    if taught and thrifty:
+        share = thrifty["labelled_steps"] / taught["labelled_steps"]
+        spread = f"success {thrifty['percent']} % against {taught['percent']} %"
+        yield Target(
+            "relocate, 30: share of DAgger's labels that ThriftyDAgger asks for", "at most", 0.5, share, "", spread
+        )
 
 
 def _lines(rows: list[Row]) -> list[Row]:
