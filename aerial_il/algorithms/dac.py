@@ -1,0 +1,196 @@
+"""Discriminator-actor-critic: adversarial imitation that learns from a memory of all that was flown.
+
+A discriminator tells the demonstrator's transitions from the agent's, half of either in each minibatch, held back by a
+gradient penalty, spectral normalisation or dropout. What it thinks is the reward of a soft actor-critic, recomputed for
+each minibatch, so that old transitions are paid by the newest reward. Ends that matter lead to an absorbing state with
+a reward of its own; see :mod:`aerial_il.algorithms.parts.replay`.
+
+``control`` runs the same without a demonstration: ``random_actions`` puts flights of random actions in their place,
+``constant_reward`` pays 1 for every step before an end and nothing is told apart. Whatever such a run reaches,
+demonstrations did not cause.
+
+Metrics: those of ``sac``; ``reward/loss``, ``reward/told_expert``, ``reward/told_agent`` (shares told rightly),
+``reward/steep`` (gradient penalty), ``reward/mean``. ``episode/return`` is the environment's own, which the agent never
+sees.
+
+Source: I. Kostrikov et al., "Discriminator-Actor-Critic: Addressing Sample Inefficiency and Reward Bias in Adversarial
+Imitation Learning", 2019; defaults after M. Orsini et al., "What Matters for Adversarial Imitation Learning?", 2021.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aerial_il.algorithms.parts.discriminator import Reward
+from aerial_il.algorithms.parts.endless_flight import EndlessFlight
+from aerial_il.algorithms.parts.expert_data import (
+    Bounds,
+    check_policy,
+    check_same,
+    decode,
+    encode,
+    encode_transitions,
+    fit_interface,
+    random_transitions,
+    read_transitions,
+)
+from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
+from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
+from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.parts.settings import (
+    Control,
+    OffPolicy,
+    require_choice,
+    require_positive,
+    require_share,
+    require_widths,
+)
+from aerial_il.algorithms.parts.snapshot import Generator
+from aerial_il.algorithms.sac import agent_of
+from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscriminatorActorCritic(OffPolicy):
+    """Settings of a run.
+
+    Attributes:
+        trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
+        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
+        control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
+        absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
+        expert_share: share of demonstrated transitions in the agent's minibatches, paid like all others.
+        reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
+        reward_hidden: its widths. reward_lr: its learning rate. reward_updates: its steps for each of the agent's.
+        penalty: weight of the gradient penalty, 0 for none. spectral: normalise its matrices.
+        dropout: of its inputs and hidden units.
+    """
+
+    gamma: float = 0.99
+    trajectories: int | None = None
+    subsample: int = 1
+    bounds: Bounds = "environment"
+    control: Control = "none"
+    absorbing: bool = True
+    expert_share: float = 0.0
+    reward: Reward = "airl"
+    reward_hidden: tuple[int, ...] = (128, 128)
+    reward_lr: float = 3e-4
+    reward_updates: float = 0.5
+    penalty: float = 10.0
+    spectral: bool = False
+    dropout: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "subsample", "reward_lr", "reward_updates")
+        require_share(self, "expert_share")
+        require_share(self, "dropout", below_one=True)
+        require_widths(self, "reward_hidden")
+        for name, choices in (("bounds", Bounds), ("control", Control), ("reward", Reward)):
+            require_choice(self, name, choices)
+
+    def train(
+        self,
+        dataset: Iterable[Episode],
+        policy: PolicyConfig,
+        *,
+        env: Any,
+        run: str | os.PathLike[str],
+        seed: int = 0,
+        evaluate: Evaluate | None = None,
+        resume: bool = True,
+        progress: bool = True,
+    ) -> ChunkPolicy:
+        """Imitate the demonstrator by acting as it would, in ``env``, whose reward is not used.
+
+        Args:
+            dataset: episodes of that environment; failures among them are left out.
+            policy: what to train, a ``squashed_gaussian``.
+            env: a batch environment to fly in; it is reset.
+            run: folder for configuration, metrics, checkpoints, the learned reward and the finished policy.
+            seed: decides initial weights, exploration, minibatches and which episodes are flown.
+            evaluate: ``(policy, step) -> named numbers`` to log every ``evaluate_every`` steps and at the end.
+            resume: continue what ``run`` holds; a finished run returns its policy at once.
+            progress: show a progress bar.
+
+        Raises:
+            InvalidValueError: nothing to learn from, another kind of policy or environment, or ``run`` holds another run.
+            SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
+        """
+        policy = check_policy(policy)
+        layout, shown, data = read_transitions(
+            dataset, policy, trajectories=self.trajectories, subsample=self.subsample, seed=seed
+        )
+        check_same(layout.spec, env.spec)
+        if self.control == "random_actions":
+            shown = random_transitions(env, layout, len(shown.frames), seed=seed)
+        interface = fit_interface(layout, shown, policy, self.bounds)
+        sizes = (layout.size, env.spec.action.size)
+        origin = origin_of("dac", seed, env, data)
+        with open_session(
+            self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
+        ) as session:
+            if session.folder.finished:
+                return load_policy(run)
+            flight, noise = EndlessFlight(env, layout, seed=seed), Generator(named_rng(seed, "dac", "warm-up"))
+            agent = agent_of(self, policy.build(*sizes), sizes)
+            judge = self._judge(sizes)
+            rows = encode_transitions(interface, shown, absorbing=self.absorbing)
+            expert = Replay(len(rows), *sizes, named_rng(seed, "dac", "expert"))
+            expert.add(rows)
+            memory = Replay(self.memory, *sizes, named_rng(seed, "dac", "minibatches"))
+            parts = {"agent": agent, "judge": judge, "expert": expert, "memory": memory, "noise": noise}
+            session.begin(flight, parts)
+
+            def flying() -> ChunkPolicy:
+                return session.pilot(policy, interface, agent.network)
+
+            while session.goes_on(flying):
+                warm = flight.steps < self.warmup
+                obs = encode(interface, flight.frames)
+                actions = noise.rng.uniform(-1, 1, (flight.n, sizes[1])) if warm else agent.explore(obs)
+                step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
+                after = encode(interface, step.next_frames)
+                memory.add(rows_of(obs, actions, step.rewards, after, step.terminal, absorbing=self.absorbing))
+
+                judged = 0 if warm or self.control == "constant_reward" else self.updates * self.reward_updates
+                for _ in range(session.owed(judged)):
+                    half = self.batch_size // 2
+                    session.note(judge.learn(expert.sample(half), memory.sample(half), penalty=self.penalty))
+                for _ in range(0 if warm else session.owed(self.updates)):
+                    batch = self._minibatch(expert, memory, judge)
+                    session.note({**agent.update(batch), "reward/mean": batch.rewards.mean().item()})
+                session.turn(flying)
+
+            judge.save(run)
+            return session.finish(flying())
+
+    def _judge(self, sizes: tuple[int, int]) -> LearnedReward:
+        shape: Shape = {
+            "hidden": self.reward_hidden,
+            "spectral": self.spectral,
+            "dropout": self.dropout,
+            "running_norm": False,  # the interface has standardised by the demonstrations
+            "actions": True,
+            "form": self.reward,
+        }
+        return LearnedReward(*sizes, shape, lr=self.reward_lr)
+
+    def _minibatch(self, expert: Replay, memory: Replay, judge: LearnedReward) -> Batch:
+        """Return what the agent learns from, paid by the newest reward, or for being alive."""
+        shown = round(self.expert_share * self.batch_size)
+        batch = memory.sample(self.batch_size - shown)
+        batch = joined(expert.sample(shown), batch) if shown else batch
+        if self.control == "constant_reward":
+            return batch._replace(rewards=1.0 - batch.obs[:, -1])
+        return batch._replace(rewards=judge.pay(batch.obs, batch.actions))

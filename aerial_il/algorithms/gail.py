@@ -1,0 +1,185 @@
+"""Generative adversarial imitation: a discriminator's opinion is the reward of proximal policy optimisation.
+
+Each turn flies one rollout, lets the discriminator learn to tell it from the demonstrations in ``reward_updates``
+minibatches, half of either, and moves the policy towards what the discriminator takes for demonstrated. The reward is
+``-log(1 - D)``, standardised by its running moments, and so are the discriminator's inputs. An end that matters is
+worth what staying in the absorbing state for ever would be paid, learned like any other reward.
+
+``control`` runs the same without a demonstration, see :mod:`aerial_il.algorithms.dac`.
+
+Metrics: those of ``ppo``; ``reward/loss``, ``reward/told_expert``, ``reward/told_agent`` (shares told rightly),
+``reward/steep`` (gradient penalty), ``reward/mean``. ``episode/return`` is the environment's own, which the agent never
+sees.
+
+Source: J. Ho, S. Ermon, "Generative Adversarial Imitation Learning", 2016, with what A. Gleave et al., "imitation: Clean
+Imitation Learning Implementations", 2022, found to matter.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+
+from aerial_il.algorithms.parts.discriminator import Reward
+from aerial_il.algorithms.parts.endless_flight import EndlessFlight
+from aerial_il.algorithms.parts.expert_data import (
+    Bounds,
+    check_policy,
+    check_same,
+    encode_transitions,
+    fit_interface,
+    random_transitions,
+    read_transitions,
+)
+from aerial_il.algorithms.parts.learned_reward import LearnedReward
+from aerial_il.algorithms.parts.replay import Replay, rows_of
+from aerial_il.algorithms.parts.returns import RunningMoments
+from aerial_il.algorithms.parts.rollout import Rollout, fly, learn, learner_of
+from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.parts.settings import (
+    Control,
+    OnPolicy,
+    require_choice,
+    require_positive,
+    require_share,
+    require_widths,
+)
+from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdversarialImitation(OnPolicy):
+    """Settings of a run.
+
+    Attributes:
+        trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
+        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
+        control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
+        absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
+        reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
+        reward_hidden: its widths. reward_lr: its learning rate. reward_batch: its minibatch.
+        reward_updates: its steps for each rollout. memory: newest flown transitions that it is shown.
+        penalty: weight of the gradient penalty, 0 for none. spectral: normalise its matrices.
+        dropout: of its inputs and hidden units.
+    """
+
+    name: ClassVar[str] = "gail"
+
+    trajectories: int | None = None
+    subsample: int = 1
+    bounds: Bounds = "environment"
+    control: Control = "none"
+    absorbing: bool = True
+    reward: Reward = "gail"
+    reward_hidden: tuple[int, ...] = (64, 64)
+    reward_lr: float = 1e-3
+    reward_batch: int = 1024
+    reward_updates: int = 12
+    memory: int = 16_384
+    penalty: float = 1.0
+    spectral: bool = False
+    dropout: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "subsample", "reward_lr", "reward_batch", "reward_updates", "memory")
+        require_share(self, "dropout", below_one=True)
+        require_widths(self, "reward_hidden")
+        for name, choices in (("bounds", Bounds), ("control", Control), ("reward", Reward)):
+            require_choice(self, name, choices)
+
+    def train(
+        self,
+        dataset: Iterable[Episode],
+        policy: PolicyConfig,
+        *,
+        env: Any,
+        run: str | os.PathLike[str],
+        seed: int = 0,
+        evaluate: Evaluate | None = None,
+        resume: bool = True,
+        progress: bool = True,
+    ) -> ChunkPolicy:
+        """Imitate the demonstrator in ``env``, whose reward is not used; arguments and errors are those of ``dac``."""
+        policy = check_policy(policy)
+        layout, shown, data = read_transitions(
+            dataset, policy, trajectories=self.trajectories, subsample=self.subsample, seed=seed
+        )
+        check_same(layout.spec, env.spec)
+        if self.control == "random_actions":
+            shown = random_transitions(env, layout, len(shown.frames), seed=seed)
+        interface = fit_interface(layout, shown, policy, self.bounds)
+        sizes = (layout.size, env.spec.action.size)
+        origin = origin_of(self.name, seed, env, data)
+        with open_session(
+            self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
+        ) as session:
+            if session.folder.finished:
+                return load_policy(run)
+            flight = EndlessFlight(env, layout, seed=seed)
+            agent = learner_of(self, policy.build(*sizes), sizes[0])
+            judge, paid = self.judge(sizes, agent.network), RunningMoments(1)
+            rows = encode_transitions(interface, shown, absorbing=self.absorbing)
+            expert = Replay(len(rows), *sizes, named_rng(seed, self.name, "expert"))
+            expert.add(rows)
+            memory = Replay(self.memory, *sizes, named_rng(seed, self.name, "minibatches"))
+            session.begin(flight, {"agent": agent, "judge": judge, "paid": paid, "expert": expert, "memory": memory})
+
+            def flying() -> ChunkPolicy:
+                return session.pilot(policy, interface, agent.network)
+
+            while session.goes_on(flying):
+                rollout = fly(flight, agent, interface, self.rollout)
+                memory.add(rows_of_rollout(rollout, absorbing=self.absorbing))
+                for _ in range(0 if self.control == "constant_reward" else self.reward_updates):
+                    half = self.reward_batch // 2
+                    session.note(judge.learn(expert.sample(half), memory.sample(half), penalty=self.penalty))
+                rewards, end_value = self._pay(rollout, judge, paid)
+                session.note({"reward/mean": float(rewards.mean())})
+                session.note(learn(agent, rollout, rewards, self, left=session.left, end_value=end_value))
+                session.turn(flying)
+
+            judge.save(run)
+            return session.finish(flying())
+
+    def judge(self, sizes: tuple[int, int], actor: SquashedGaussian) -> LearnedReward:
+        """Return a new discriminator for observations and actions of these ``sizes``."""
+        return LearnedReward(
+            *sizes,
+            {
+                "hidden": self.reward_hidden,
+                "spectral": self.spectral,
+                "dropout": self.dropout,
+                "running_norm": True,
+                "actions": True,
+                "form": self.reward,
+            },
+            lr=self.reward_lr,
+        )
+
+    def _pay(self, rollout: Rollout, judge: LearnedReward, paid: RunningMoments) -> tuple[np.ndarray, float]:
+        """Return standardised rewards (T, n), and what all that follows an end that matters is worth."""
+        if self.control == "constant_reward":
+            return np.ones_like(rollout.rewards), 0.0
+        obs = torch.from_numpy(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
+        rewards = judge.pay(obs, torch.from_numpy(rollout.flat("actions"))).numpy().astype(float)
+        paid.add(rewards[:, None])
+        centre, deviation = paid.mean[0], paid.deviation[0]
+        ever = (judge.after_the_end() - centre) / deviation / (1.0 - self.gamma) if self.absorbing else 0.0
+        return ((rewards - centre) / deviation).reshape(rollout.rewards.shape), ever
+
+
+def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:
+    """Return a rollout as rows of a replay memory."""
+    names = ("obs", "actions", "rewards", "next_obs", "terminal")
+    return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)

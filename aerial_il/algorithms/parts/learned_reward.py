@@ -1,0 +1,129 @@
+"""A reward learned from demonstrations: trained beside the agent, kept with its run, shown along any episode."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypedDict
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from aerial_il.algorithms.parts.discriminator import REWARDS, Reward, Scorer, discriminator_loss, gradient_penalty
+from aerial_il.algorithms.parts.expert_data import encode, encode_actions
+from aerial_il.algorithms.parts.replay import Batch
+from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.errors import CheckpointError
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.layout import Interface
+
+FOLDER = "reward"  # of a run
+
+
+class Shape(TypedDict):
+    """What rebuilds the network; see :class:`Scorer`. With ``actions`` false it sees observations alone."""
+
+    hidden: Sequence[int]
+    spectral: bool
+    dropout: float
+    running_norm: bool
+    actions: bool
+    form: Reward
+
+
+class LearnedReward:
+    """What a discriminator pays, and how it learns.
+
+    Args:
+        obs_size, action_size: Do and Da. shape: of the network and of the payment. lr: learning rate.
+    """
+
+    def __init__(self, obs_size: int, action_size: int, shape: Shape, *, lr: float = 3e-4) -> None:
+        self.shape, self._sizes = shape, (obs_size, action_size)
+        inputs = obs_size + 1 + action_size * shape["actions"]
+        self.network = Scorer(
+            inputs,
+            shape["hidden"],
+            spectral=shape["spectral"],
+            dropout=shape["dropout"],
+            running_norm=shape["running_norm"],
+        )
+        self._trained = Trained(self.network, adam(self.network, lr))
+
+    @torch.no_grad()
+    def pay(self, obs: Tensor, actions: Tensor) -> Tensor:
+        """Return rewards (B,) for observations (B, Do + 1) and normalised actions (B, Da)."""
+        return REWARDS[self.shape["form"]](self.network.eval()(self._inputs(obs, actions)))
+
+    def learn(self, expert: Batch, agent: Batch, *, penalty: float) -> dict[str, float]:
+        """Tell the demonstrator's transitions from the agent's a little better; ``penalty`` weighs the slope's."""
+        shown, flown = (self._inputs(batch.obs, batch.actions) for batch in (expert, agent))
+        network = self.network.train()
+        if network.norm is not None:
+            network.norm.add(torch.cat([shown, flown]))
+        loss, metrics = discriminator_loss(network(shown), network(flown))
+        if penalty:
+            steep = gradient_penalty(network, shown, flown, torch.rand(len(shown), 1))
+            loss, metrics = loss + penalty * steep, {**metrics, "reward/steep": steep.item()}
+        self._trained.descend(loss)
+        return metrics
+
+    def along(self, episode: Episode, interface: Interface) -> np.ndarray:
+        """Return what each step of ``episode`` would be paid, (T,)."""
+        frames = interface.layout.flatten(episode.obs)[:-1]
+        obs = np.pad(encode(interface, frames), ((0, 0), (0, 1)))
+        actions = encode_actions(interface, episode.executed_actions, frames)
+        return self.pay(torch.from_numpy(obs), torch.from_numpy(actions)).numpy()
+
+    def after_the_end(self) -> float:
+        """Return what each step in the absorbing state is paid."""
+        obs, actions = torch.zeros(1, self._sizes[0] + 1), torch.zeros(1, self._sizes[1])
+        obs[:, -1] = 1.0
+        return self.pay(obs, actions).item()
+
+    def save(self, run: str | os.PathLike[str]) -> Path:
+        """Keep the reward in the folder of its run."""
+        arrays = {name: value.numpy() for name, value in self.network.state_dict().items()}
+        sizes = {"obs_size": self._sizes[0], "action_size": self._sizes[1]}
+        shape = {**self.shape, "hidden": list(self.shape["hidden"])}
+        return checkpoint.save(Path(run) / FOLDER, Checkpoint(arrays, {}, {**sizes, "shape": shape}))
+
+    def snapshot(self) -> Snapshot:
+        return self._trained.snapshot()
+
+    def restore(self, saved: Snapshot) -> None:
+        self._trained.restore(saved)
+
+    def load(self, saved: Checkpoint) -> None:
+        """Take over the weights that :meth:`save` kept."""
+        self.network.load_state_dict({name: torch.from_numpy(a.copy()) for name, a in below("", saved.arrays).items()})
+
+    def _inputs(self, obs: Tensor, actions: Tensor) -> Tensor:
+        return torch.cat([obs, actions], dim=-1) if self.shape["actions"] else obs
+
+
+def load_reward(run: str | os.PathLike[str]) -> tuple[LearnedReward, Interface]:
+    """Return the reward that a finished run learned, and the way into it; see :meth:`LearnedReward.along`.
+
+    Raises:
+        CheckpointError: the run has learned none, or what it kept is cut or altered.
+    """
+    folder = Path(run) / FOLDER
+    if not checkpoint.is_sealed(folder):
+        hint = "Only finished runs of gail, dac and airl keep one."
+        raise CheckpointError(folder, "holds no learned reward.", hint)
+    saved = checkpoint.load(folder)
+    reward = LearnedReward(saved.config["obs_size"], saved.config["action_size"], saved.config["shape"])
+    reward.load(saved)
+    return reward, load_policy(run).interface
+
+
+def reward_along(run: str | os.PathLike[str], episode: Episode) -> np.ndarray:
+    """Return what the reward learned by ``run`` pays for each step of ``episode``, (T,)."""
+    reward, interface = load_reward(run)
+    return reward.along(episode, interface)

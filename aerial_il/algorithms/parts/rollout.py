@@ -1,0 +1,91 @@
+"""One on-policy rollout of n worlds: what was seen, done and paid, and what an update learns from it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from aerial_il.algorithms.parts.endless_flight import EndlessFlight
+from aerial_il.algorithms.parts.expert_data import decode, encode
+from aerial_il.algorithms.parts.proximal import Proximal
+from aerial_il.algorithms.parts.returns import advantages
+from aerial_il.algorithms.parts.settings import OnPolicy
+from aerial_il.policies.parts.layout import Interface
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+
+class Rollout(NamedTuple):
+    """T steps of n worlds.
+
+    Attributes:
+        frames: (T, n, Do) in the world. obs, next_obs: (T, n, Do) encoded; ``next_obs`` was seen before any reset.
+        actions: (T, n, Da) normalised. raw: (T, n, Da) before the tanh. density: (T, n) logarithm of their density.
+        rewards: (T, n) of the environment. terminal, truncated: (T, n) bool; see :class:`Steps`.
+    """
+
+    frames: np.ndarray
+    obs: np.ndarray
+    next_obs: np.ndarray
+    actions: np.ndarray
+    raw: np.ndarray
+    density: np.ndarray
+    rewards: np.ndarray
+    terminal: np.ndarray
+    truncated: np.ndarray
+
+    @property
+    def ended(self) -> np.ndarray:
+        """(T, n) bool, the step was the last of its episode."""
+        return self.terminal | self.truncated
+
+    def flat(self, name: str) -> np.ndarray:
+        """Return one entry as (T * n, ...)."""
+        values = getattr(self, name)
+        return values.reshape(-1, *values.shape[2:])
+
+
+def fly(flight: EndlessFlight, agent: Proximal, interface: Interface, steps: int) -> Rollout:
+    """Fly ``steps`` environment steps of all worlds together, or a few more, with actions drawn by ``agent``."""
+    rows: list[tuple[np.ndarray, ...]] = []
+    for _ in range(-(-steps // flight.n)):
+        frames, obs = flight.frames, encode(interface, flight.frames)
+        actions, raw, density = agent.explore(obs)
+        step = flight.step(decode(interface, actions, frames))
+        after = encode(interface, step.next_frames)
+        rows.append((frames, obs, after, actions, raw, density, step.rewards, step.terminal, step.truncated))
+    return Rollout(*(np.stack(values) for values in zip(*rows, strict=True)))
+
+
+def learn(
+    agent: Proximal, rollout: Rollout, rewards: np.ndarray, settings: OnPolicy, *, left: float, end_value: float = 0.0
+) -> dict[str, float]:
+    """Update ``agent`` on a rollout.
+
+    Args:
+        rewards: (T, n) what each step is paid.
+        left: share of the training that is left.
+        end_value: what all that follows an end that matters is worth.
+    """
+    values, later = agent.values(rollout.obs), agent.values(rollout.next_obs)
+    later = np.where(rollout.terminal, end_value, later)
+    gains = advantages(rewards, values, later, rollout.ended, gamma=settings.gamma, decay=settings.decay)
+    targets = (gains + values).ravel()
+    metrics = agent.update(rollout.flat("obs"), rollout.flat("raw"), gains.ravel(), targets, left=left)
+    return {**metrics, "critic/value": float(values.mean())}
+
+
+def learner_of(settings: OnPolicy, actor: SquashedGaussian, obs_size: int) -> Proximal:
+    """Return a new agent around ``actor``."""
+    return Proximal(
+        actor,
+        obs_size,
+        hidden=settings.critic_hidden,
+        lr=settings.lr,
+        clip=settings.clip,
+        epochs=settings.epochs,
+        batch_size=settings.batch_size,
+        entropy=settings.entropy,
+        clip_norm=settings.clip_norm,
+        target_kl=settings.target_kl,
+    )

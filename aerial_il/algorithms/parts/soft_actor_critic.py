@@ -1,0 +1,140 @@
+"""Off-policy reinforcement learning on minibatches, wherever these and their rewards come from.
+
+The critics learn ``Q(s, a) = r + gamma * (min Q'(s', a') - alpha log pi(a'|s'))``, the actor to maximise
+``min Q - alpha log pi``, and alpha is moved so that the entropy stays near its target. In the absorbing state there is
+one action, zero, and no entropy.
+
+Source: T. Haarnoja et al., "Soft Actor-Critic Algorithms and Applications", 2018; I. Kostrikov et al.,
+"Discriminator-Actor-Critic", 2019, for the absorbing state.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from aerial_il.algorithms.parts.replay import Batch
+from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+CRITICS = 2
+
+
+class Critics(nn.Module):
+    """Two perceptrons side by side, each layer one multiplication: (B, Do + 1), (B, Da) -> (2, B)."""
+
+    def __init__(self, inputs: int, hidden: Sequence[int]) -> None:
+        super().__init__()
+        self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
+        for a, b in pairwise((inputs, *hidden, 1)):
+            bound = 1.0 / math.sqrt(a)
+            self.weights.append(nn.Parameter(torch.empty(CRITICS, a, b).uniform_(-bound, bound)))
+            self.biases.append(nn.Parameter(torch.empty(CRITICS, 1, b).uniform_(-bound, bound)))
+
+    def forward(self, obs: Tensor, actions: Tensor) -> Tensor:
+        x = torch.cat([obs, actions], dim=-1).expand(CRITICS, -1, -1)
+        *hidden, last = zip(self.weights, self.biases, strict=True)
+        for weight, bias in hidden:
+            x = torch.relu(torch.baddbmm(bias, x, weight))
+        return torch.baddbmm(last[1], x, last[0])[..., 0]
+
+
+class SoftActorCritic:
+    """Actor, critics, slowly following targets and the temperature alpha.
+
+    Args:
+        actor: the policy's network.
+        obs_size, action_size: Do and Da.
+        hidden: widths of the critics.
+        lr: learning rate of all.
+        gamma: discount. tau: share by which the targets follow at each update.
+        entropy: wanted entropy for each action element, of the squashed distribution.
+        alpha: temperature at the start.
+        actor_every: updates of the critics for each one of actor and temperature.
+    """
+
+    def __init__(
+        self,
+        actor: SquashedGaussian,
+        obs_size: int,
+        action_size: int,
+        *,
+        hidden: Sequence[int],
+        lr: float,
+        gamma: float,
+        tau: float,
+        entropy: float,
+        alpha: float,
+        actor_every: int = 1,
+    ) -> None:
+        self.network, self.gamma, self.tau = actor, gamma, tau
+        self._wanted, self._actor_every, self._updates = entropy * action_size, actor_every, 0
+        critics = Critics(obs_size + 1 + action_size, hidden)
+        self._actor, self._critics = Trained(actor, adam(actor, lr)), Trained(critics, adam(critics, lr))
+        self._targets = copy.deepcopy(critics).requires_grad_(False)
+        self._pairs = list(zip(self._targets.parameters(), critics.parameters(), strict=True))
+        temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(alpha)))])
+        self._log_alpha = temperature[0]
+        self._temperature = Trained(temperature, adam(temperature, lr))
+
+    @torch.no_grad()
+    def explore(self, obs: np.ndarray) -> np.ndarray:
+        """Draw actions (n, Da) for encoded observations (n, Do)."""
+        return self.network.sample(torch.from_numpy(obs)[:, None])[0].numpy()
+
+    def update(self, batch: Batch) -> dict[str, float]:
+        """Take one step of critics and targets and, where it is due, of actor and temperature."""
+        wanted = self._target(batch)
+        values = self._critics.network(batch.obs, batch.actions)
+        loss = ((values - wanted) ** 2).mean(1).sum()
+        self._critics.descend(loss)
+        self._updates += 1
+        metrics = {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+        if self._updates % self._actor_every == 0:
+            metrics |= self._improve(batch)
+        self._follow()
+        return metrics
+
+    def _improve(self, batch: Batch) -> dict[str, float]:
+        """Take one step of actor and temperature, leaving out the absorbing state, where nothing is to be chosen."""
+        alive = 1.0 - batch.obs[:, -1]
+        share, alpha = alive / alive.sum().clamp(min=1.0), self._log_alpha.detach().exp()
+        actions, _, surprise = self.network.sample(batch.obs[:, None, :-1])
+        worth = self._critics.network(batch.obs, actions).min(0).values
+        loss = (share * (alpha * surprise - worth)).sum()
+        self._actor.descend(loss)
+        entropy = -(share * surprise.detach()).sum()
+        self._temperature.descend(self._log_alpha * (entropy - self._wanted))
+        return {"actor/loss": loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
+
+    @torch.no_grad()
+    def _target(self, batch: Batch) -> Tensor:
+        alive = 1.0 - batch.next_obs[:, -1]
+        actions, _, surprise = self.network.sample(batch.next_obs[:, None, :-1])
+        worth = self._targets(batch.next_obs, alive[:, None] * actions).min(0).values
+        return batch.rewards + self.gamma * batch.going * (worth - self._log_alpha.exp() * alive * surprise)
+
+    @torch.no_grad()
+    def _follow(self) -> None:
+        for target, current in self._pairs:
+            target.lerp_(current, self.tau)
+
+    def snapshot(self) -> Snapshot:
+        parts = {"actor": self._actor, "critics": self._critics, "temperature": self._temperature}
+        arrays = {f"{name}.{key}": a for name, part in parts.items() for key, a in part.snapshot().arrays.items()}
+        targets = {f"targets.{name}": value.numpy() for name, value in self._targets.state_dict().items()}
+        return Snapshot({**arrays, **targets}, {"updates": self._updates})
+
+    def restore(self, saved: Snapshot) -> None:
+        parts = {"actor": self._actor, "critics": self._critics, "temperature": self._temperature}
+        for name, part in parts.items():
+            part.restore(Snapshot(below(f"{name}.", saved.arrays)))
+        self._updates = saved.values["updates"]
+        targets = below("targets.", saved.arrays)
+        self._targets.load_state_dict({name: torch.from_numpy(a.copy()) for name, a in targets.items()})

@@ -1,0 +1,130 @@
+"""Soft Q imitation learning: the demonstrator's transitions are worth 1, the agent's 0, and nothing else is learned.
+
+A soft actor-critic on minibatches of which one half are demonstrations. To be paid, the agent must go where
+demonstrations go and return there when it has strayed. Nothing adversarial, hence hard to break and quick; yet what it
+is paid never changes, so an agent that imitates well is still paid 0, and long training can drift away again.
+
+``control`` runs the same without a demonstration, see :mod:`aerial_il.algorithms.dac`; ``constant_reward`` pays 1 for
+every step before an end.
+
+Metrics: those of ``sac``; ``episode/return`` is the environment's own, which the agent never sees.
+
+Source: S. Reddy, A. Dragan, S. Levine, "SQIL: Imitation Learning via Reinforcement Learning with Sparse Rewards", 2020.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aerial_il.algorithms.parts.endless_flight import EndlessFlight
+from aerial_il.algorithms.parts.expert_data import (
+    Bounds,
+    check_policy,
+    check_same,
+    decode,
+    encode,
+    encode_transitions,
+    fit_interface,
+    random_transitions,
+    read_transitions,
+)
+from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
+from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.parts.settings import Control, OffPolicy, require_choice, require_positive
+from aerial_il.algorithms.parts.snapshot import Generator
+from aerial_il.algorithms.sac import agent_of
+from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftQImitation(OffPolicy):
+    """Settings of a run.
+
+    Attributes:
+        trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
+        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
+        control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
+        absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
+    """
+
+    gamma: float = 0.99
+    trajectories: int | None = None
+    subsample: int = 1
+    bounds: Bounds = "environment"
+    control: Control = "none"
+    absorbing: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "subsample")
+        require_choice(self, "bounds", Bounds)
+        require_choice(self, "control", Control)
+
+    def train(
+        self,
+        dataset: Iterable[Episode],
+        policy: PolicyConfig,
+        *,
+        env: Any,
+        run: str | os.PathLike[str],
+        seed: int = 0,
+        evaluate: Evaluate | None = None,
+        resume: bool = True,
+        progress: bool = True,
+    ) -> ChunkPolicy:
+        """Imitate the demonstrator in ``env``, whose reward is not used; arguments and errors are those of ``dac``."""
+        policy = check_policy(policy)
+        layout, shown, data = read_transitions(
+            dataset, policy, trajectories=self.trajectories, subsample=self.subsample, seed=seed
+        )
+        check_same(layout.spec, env.spec)
+        if self.control == "random_actions":
+            shown = random_transitions(env, layout, len(shown.frames), seed=seed)
+        interface = fit_interface(layout, shown, policy, self.bounds)
+        sizes = (layout.size, env.spec.action.size)
+        origin = origin_of("sqil", seed, env, data)
+        with open_session(
+            self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
+        ) as session:
+            if session.folder.finished:
+                return load_policy(run)
+            flight, noise = EndlessFlight(env, layout, seed=seed), Generator(named_rng(seed, "sqil", "warm-up"))
+            agent = agent_of(self, policy.build(*sizes), sizes)
+            rows = encode_transitions(interface, shown, absorbing=self.absorbing, reward=1.0)
+            expert = Replay(len(rows), *sizes, named_rng(seed, "sqil", "expert"))
+            expert.add(rows)
+            memory = Replay(self.memory, *sizes, named_rng(seed, "sqil", "minibatches"))
+            session.begin(flight, {"agent": agent, "expert": expert, "memory": memory, "noise": noise})
+
+            def flying() -> ChunkPolicy:
+                return session.pilot(policy, interface, agent.network)
+
+            while session.goes_on(flying):
+                warm = flight.steps < self.warmup
+                obs = encode(interface, flight.frames)
+                actions = noise.rng.uniform(-1, 1, (flight.n, sizes[1])) if warm else agent.explore(obs)
+                step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
+                after, unpaid = encode(interface, step.next_frames), np.zeros(flight.n)
+                memory.add(rows_of(obs, actions, unpaid, after, step.terminal, absorbing=self.absorbing))
+                for _ in range(0 if warm else session.owed(self.updates)):
+                    session.note(agent.update(self._minibatch(expert, memory)))
+                session.turn(flying)
+
+            return session.finish(flying())
+
+    def _minibatch(self, expert: Replay, memory: Replay) -> Batch:
+        """Return demonstrations and flown transitions, half of each; in the control run, flown ones paid for living."""
+        if self.control == "constant_reward":
+            batch = memory.sample(self.batch_size)
+            return batch._replace(rewards=1.0 - batch.obs[:, -1])
+        half = self.batch_size // 2
+        return joined(expert.sample(half), memory.sample(self.batch_size - half))

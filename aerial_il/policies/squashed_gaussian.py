@@ -1,0 +1,118 @@
+"""A Gaussian whose samples a tanh squashes into the action's bounds: what reinforcement learning explores with.
+
+Trained by likelihood it is also an imitator with a spread. Flown, it takes its centre, without noise.
+
+Source: T. Haarnoja et al., "Soft Actor-Critic Algorithms and Applications", 2018, appendix C.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, get_args
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, masked_mean
+from aerial_il.policies.parts.normaliser import Scaling
+
+Activation = Literal["relu", "tanh"]
+Spread = Literal["state", "free"]
+ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "tanh": nn.Tanh}
+LOG_STD_LOW, LOG_STD_HIGH = -5.0, 2.0
+EDGE = 1.0 - 1e-4  # demonstrated actions are pulled this far inside: at the bound itself the Gaussian is at infinity
+
+
+@dataclass(frozen=True, kw_only=True)
+class SquashedGaussianConfig(PolicyConfig):
+    """Sizes of the network and form of its spread.
+
+    Attributes:
+        hidden: width of each hidden layer.
+        activation: between them, ``relu`` or ``tanh``.
+        spread: ``state``: the deviation depends on the observation; ``free``: one number for each action element.
+        log_std: logarithm of the deviation before training, in normalised actions before the tanh.
+    """
+
+    chunk: int = 1
+    ensemble: float | None = None
+    anchor: str | None = None
+    blind_to: tuple[str, ...] = ()
+    action_scaling: Scaling = "minmax"
+    hidden: tuple[int, ...] = (256, 256)
+    activation: Activation = "relu"
+    spread: Spread = "state"
+    log_std: float = -0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.hidden or min(self.hidden) < 1:
+            raise InvalidValueError(f"hidden is {self.hidden}; it must name at least one positive width.")
+        for name, choices in (("activation", get_args(Activation)), ("spread", get_args(Spread))):
+            if getattr(self, name) not in choices:
+                raise InvalidValueError(f"Unknown {name} {getattr(self, name)!r}. Valid: {', '.join(choices)}.")
+        if not LOG_STD_LOW < self.log_std < LOG_STD_HIGH:
+            raise InvalidValueError(f"log_std is {self.log_std}; it must lie in ({LOG_STD_LOW:g}, {LOG_STD_HIGH:g}).")
+
+    def build(self, obs_size: int, action_size: int) -> SquashedGaussian:
+        return SquashedGaussian(self, obs_size, action_size)
+
+
+class SquashedGaussian(ChunkNetwork):
+    """A perceptron to the mean and logarithmic deviation of a Gaussian ``u``; the action is ``tanh(u)``."""
+
+    def __init__(self, config: SquashedGaussianConfig, obs_size: int, action_size: int) -> None:
+        super().__init__()
+        widths = (config.history * obs_size, *config.hidden)
+        activation, outputs = ACTIVATIONS[config.activation], config.chunk * action_size
+        layers = [part for a, b in pairwise(widths) for part in (nn.Linear(a, b), activation())]
+        self.trunk = nn.Sequential(nn.Flatten(), *layers)
+        self.mean = nn.Linear(widths[-1], outputs)
+        self.log_std = nn.Linear(widths[-1], outputs) if config.spread == "state" else None
+        self.free = nn.Parameter(torch.full((outputs,), config.log_std)) if self.log_std is None else None
+        self.shape = (config.chunk, action_size)
+        with torch.no_grad():
+            self.mean.weight.mul_(0.1)  # a first policy that acts near the centre of the bounds everywhere
+            if self.log_std is not None:
+                self.log_std.weight.mul_(0.1)
+                self.log_std.bias.fill_(config.log_std)
+
+    def forward(self, obs: Tensor) -> Tensor:
+        return torch.tanh(self.mean(self.trunk(obs))).unflatten(-1, self.shape)
+
+    def gaussian(self, obs: Tensor) -> tuple[Tensor, Tensor]:
+        """Return mean and logarithmic deviation (B, Ta * Da) before the tanh, for ``obs`` (B, To, Do)."""
+        hidden = self.trunk(obs)
+        mean = self.mean(hidden)
+        log_std = self.free.expand_as(mean) if self.log_std is None else self.log_std(hidden)
+        return mean, log_std.clamp(LOG_STD_LOW, LOG_STD_HIGH)
+
+    def sample(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Draw actions, differentiably.
+
+        Returns:
+            Actions in (-1, 1) and the Gaussian's samples before the tanh, both (B, Ta * Da), and the logarithm of the
+            actions' density (B,).
+        """
+        mean, log_std = self.gaussian(obs)
+        raw = mean + log_std.exp() * torch.randn_like(mean)
+        return torch.tanh(raw), raw, log_density(raw, mean, log_std).sum(-1)
+
+    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        mean, log_std = self.gaussian(obs)
+        raw = torch.atanh(actions.clamp(-EDGE, EDGE)).flatten(1)
+        surprise = -log_density(raw, mean, log_std).unflatten(-1, self.shape)
+        return masked_mean(surprise, valid), {"deviation": log_std.detach().exp().mean()}
+
+
+def log_density(raw: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
+    """Return the logarithm of the density of ``tanh(raw)``, element by element, for a Gaussian ``raw``.
+
+    The tanh's part, ``log(1 - tanh(u)^2)``, is written as ``2 (log 2 - u - softplus(-2 u))``, which no u overflows.
+    """
+    gaussian = -0.5 * (((raw - mean) / log_std.exp()) ** 2 + math.log(2 * math.pi)) - log_std
+    return gaussian - 2.0 * (math.log(2.0) - raw - functional.softplus(-2.0 * raw))

@@ -1,0 +1,116 @@
+"""A mass on a plane that is told its velocity, and where to go: solved in a second by anything that learns at all.
+
+It ends when it leaves the plane, and, if so made, when it has arrived. It cannot save its state.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
+from aerial_il.data.episode import Episode
+from tests.algorithms.point_mass import StepResult
+
+SPEED, EDGE, NEAR, MAX_STEPS = 0.2, 1.5, 0.15, 25
+SPEC = EnvSpec(
+    robot="mass",
+    task="go",
+    tier="calm",
+    observation=ObservationSpec((Field("position", (2,)), Field("goal", (2,), "task"))),
+    action=ActionSpec("velocity", ("x", "y"), ("m/s", "m/s"), np.array([-0.5, -0.5]), np.array([0.5, 1.0])),
+    control_dt_s=0.1,
+    max_steps=MAX_STEPS,
+    instruction="Go there.",
+    subtasks=(),
+    state_size=0,
+)
+
+
+class Drift:
+    """n masses."""
+
+    spec = SPEC
+
+    def __init__(self, num_envs: int, *, ends_at_success: bool = False) -> None:
+        self.num_envs, self.ends_at_success = num_envs, ends_at_success
+        self.position, self.goal = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
+        self.steps = np.zeros(num_envs, int)
+
+    def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        each = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
+        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
+            self.position[i], self.goal[i] = named_rng(int(each[i]), "drift").uniform(-1, 1, (2, 2))
+            self.steps[i] = 0
+        return self._observe()
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        live = np.ones(self.num_envs, bool) if mask is None else mask
+        executed = self.spec.action.clip(actions)
+        self.position = np.where(live[:, None], self.position + SPEED * executed, self.position)
+        self.steps += live
+        distance = np.abs(self.position - self.goal).max(1)
+        out = np.abs(self.position).max(1) > EDGE
+        info = {"success": distance < NEAR, "executed_action": executed}
+        return StepResult(self._observe(), -distance, out, (self.steps >= MAX_STEPS) & ~out, info)
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        return {"position": self.position.copy(), "goal": self.goal.copy()}
+
+
+def guide(obs: Any) -> np.ndarray:
+    """Go straight to the goal, and stay."""
+    return np.clip((obs["goal"] - obs["position"]) / SPEED, SPEC.action.low, SPEC.action.high)
+
+
+def demonstrations(count: int, *, ends_at_success: bool = False) -> list[Episode]:
+    """Record ``count`` flights of the guide, over the whole time, or until it arrives."""
+    env = Drift(count, ends_at_success=ends_at_success)
+    seen, flown, arrived = [env.reset(0)], [], []
+    for _ in range(MAX_STEPS):
+        result = env.step(guide(seen[-1]))
+        seen.append(result.obs)
+        flown.append(result.info["executed_action"])
+        arrived.append(result.info["success"])
+    when = np.argmax(np.stack(arrived), axis=0) + 1
+    lengths = when if ends_at_success else np.full(count, MAX_STEPS)
+    return [
+        _episode(i, {k: np.stack([o[k][i] for o in seen[: t + 1]]) for k in seen[0]}, np.stack(flown)[:t, i])
+        for i, t in enumerate(lengths)
+    ]
+
+
+def _episode(index: int, obs: dict[str, np.ndarray], actions: np.ndarray) -> Episode:
+    steps, no = len(actions), np.zeros(len(actions), bool)
+    return Episode(
+        uid=f"demo-{index}",
+        spec=SPEC,
+        provenance={"seed": index},
+        obs=obs,
+        actions=actions,
+        executed_actions=actions,
+        expert_actions=np.full_like(actions, np.nan),
+        is_intervention=no,
+        phase=np.full(steps, -1),
+        rewards=np.zeros(steps),
+        terminated=no,
+        truncated=np.arange(steps) == MAX_STEPS - 1,
+        states=np.zeros((steps + 1, 0)),
+        ctrl=np.zeros((steps, 0)),
+        sim_time=0.1 * np.arange(steps + 1),
+        success=True,
+        model_xml="",
+    )
+
+
+def arrivals(policy: Any, *, episodes: int = 100) -> float:
+    """Fly unseen seeds and return the share that is at the goal when time is up."""
+    env = Drift(episodes)
+    obs, lost = env.reset(10_000), np.zeros(episodes, bool)
+    policy.reset()
+    for _ in range(MAX_STEPS):
+        result = env.step(policy.act(obs), ~lost)
+        obs, lost = result.obs, lost | result.terminated
+    return float((result.info["success"] & ~lost).mean())

@@ -1,0 +1,132 @@
+"""Reinforcement and adversarial imitation learn in seconds what can be learned, and nothing from nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerial_il.algorithms.airl import AdversarialInverseLearning
+from aerial_il.algorithms.dac import DiscriminatorActorCritic
+from aerial_il.algorithms.gail import AdversarialImitation
+from aerial_il.algorithms.parts.learned_reward import load_reward, reward_along
+from aerial_il.algorithms.parts.run_folder import METRICS, read_metrics
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.sqil import SoftQImitation
+from aerial_il.core.errors import CheckpointError, InvalidValueError
+from aerial_il.policies import load_policy
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from tests.algorithms import train_flying
+from tests.algorithms.drift import Drift, arrivals, demonstrations
+from tests.algorithms.test_resume import assert_same_end, wait_for
+
+POLICY = SquashedGaussianConfig(hidden=(32, 32))
+OFF: dict[str, Any] = {"warmup": 200, "batch_size": 64, "lr": 2e-3, "critic_hidden": (32, 32), "gamma": 0.9, "tau": 0.02}
+ON: dict[str, Any] = {"rollout": 512, "lr": 3e-3, "gamma": 0.9, "critic_hidden": (32, 32), "batch_size": 128, "epochs": 8}
+
+
+def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: bool = False) -> float:
+    data = () if demos is None else (demos,)
+    policy = settings.train(*data, POLICY, env=Drift(8, ends_at_success=ends), run=run, seed=0, progress=False)
+    assert load_policy(run).config == POLICY
+    return arrivals(policy)
+
+
+def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
+    assert learn(SoftActorCriticLearning(steps=2_000, updates=0.5, **OFF), tmp_path / "sac") > 0.8
+    assert learn(ProximalPolicyOptimisation(steps=12_000, **ON), tmp_path / "ppo") > 0.8
+
+
+def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
+    settings = DiscriminatorActorCritic(steps=3_000, updates=0.5, reward_hidden=(32,), penalty=1.0, **OFF)
+    demos = demonstrations(10)
+    assert learn(settings, tmp_path / "dac", demos) > 0.8
+    for control in ("random_actions", "constant_reward"):
+        settings = replace(settings, control=control)
+        assert learn(settings, tmp_path / control, demos) < 0.4
+
+
+@pytest.mark.parametrize("reward", ["gail", "airl"])
+def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
+    """Arriving ends the episode; a reward that is positive everywhere must not make it linger."""
+    settings = DiscriminatorActorCritic(
+        steps=3_000, updates=0.5, reward_hidden=(32,), penalty=1.0, reward=reward, log_every=1_000, **OFF
+    )
+    learn(settings, tmp_path / "dac", demonstrations(10, ends_at_success=True), ends=True)
+    assert read_metrics(tmp_path / "dac")[-1]["episode/success"] > 0.8
+
+
+@pytest.mark.parametrize("algorithm", [AdversarialImitation, AdversarialInverseLearning])
+def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
+    settings = algorithm(steps=20_000, reward_hidden=(32,), reward_batch=256, **ON)
+    assert learn(settings, tmp_path, demonstrations(10)) > 0.7
+
+
+def test_sqil_learns(tmp_path: Path) -> None:
+    assert learn(SoftQImitation(steps=3_000, updates=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7
+
+
+def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> None:
+    demos = demonstrations(10)
+    settings = DiscriminatorActorCritic(steps=1_500, updates=0.5, reward_hidden=(32,), penalty=1.0, **OFF)
+    settings.train(demos, POLICY, env=Drift(8), run=tmp_path, progress=False)
+    shown = reward_along(tmp_path, demos[0])
+    backwards = replace(demos[0], executed_actions=-demos[0].executed_actions)
+    assert shown.shape == (len(demos[0]),)
+    assert shown[:4].mean() > reward_along(tmp_path, backwards)[:4].mean() + 0.5
+    assert np.isfinite(load_reward(tmp_path)[0].after_the_end())
+    with pytest.raises(CheckpointError, match="no learned reward"):
+        load_reward(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("name", train_flying.SETTINGS)
+def test_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
+    whole, run = tmp_path / "whole", tmp_path / "run"
+    train_flying.train(name, str(whole))
+
+    def stop(policy: object, step: int) -> dict[str, float]:
+        if step == train_flying.STOP:
+            raise KeyboardInterrupt
+        return train_flying.evaluate(policy, step)
+
+    with pytest.raises(KeyboardInterrupt):
+        train_flying.train(name, str(run), evaluate=stop)
+    train_flying.train(name, str(run))
+    assert_same_end(run, whole)
+
+
+def test_a_killed_run_ends_with_the_same_bytes(tmp_path: Path) -> None:
+    whole, run = tmp_path / "whole", tmp_path / "run"
+    train_flying.train("dac", str(whole))
+    child = subprocess.Popen([sys.executable, "-m", "tests.algorithms.train_flying", "dac", str(run)])
+    wait_for(child, run / METRICS)  # type: ignore[arg-type]
+    time.sleep(0.1)
+    child.kill()
+    child.wait()
+    train_flying.train("dac", str(run))
+    assert_same_end(run, whole)
+
+
+@pytest.mark.parametrize("name", train_flying.SETTINGS)
+def test_impossible_settings_are_refused(name: str) -> None:
+    settings = train_flying.SETTINGS[name]
+    wrong = {"steps": 0, "gamma": 1.0, "threads": 0, "batch_size": -1, "critic_hidden": (), "dropout": 1.0, "reward": "x"}
+    known = {f.name for f in fields(settings)}
+    for key, value in wrong.items():
+        if key in known:
+            with pytest.raises(InvalidValueError, match=key):
+                replace(settings, **{key: value})
+
+
+def test_another_environment_is_refused(tmp_path: Path) -> None:
+    from tests.algorithms.point_mass import PointMassBatch
+
+    with pytest.raises(InvalidValueError, match="another environment"):
+        train_flying.SETTINGS["dac"].train(demonstrations(2), POLICY, env=PointMassBatch(2), run=tmp_path)

@@ -1,0 +1,277 @@
+"""The pieces of adversarial imitation are what their definitions say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from aerial_il.algorithms.parts.discriminator import REWARDS, RunningNorm, Scorer, gradient_penalty
+from aerial_il.algorithms.parts.endless_flight import EndlessFlight
+from aerial_il.algorithms.parts.expert_data import (
+    check_policy,
+    check_same,
+    decode,
+    encode,
+    encode_actions,
+    fit_interface,
+    read_transitions,
+)
+from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
+from aerial_il.algorithms.parts.replay import Batch, Replay, rows_of, split
+from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments, advantages
+from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig, log_density
+from tests.algorithms import drift, point_mass
+from tests.algorithms.drift import Drift
+
+POLICY = SquashedGaussianConfig(hidden=(16,))
+SHAPE: Shape = {
+    "hidden": (32, 32),
+    "spectral": False,
+    "dropout": 0.0,
+    "running_norm": False,
+    "actions": True,
+    "form": "airl",
+}
+
+
+def test_advantages_are_the_direct_sum_over_what_is_left_of_each_episode() -> None:
+    rng = np.random.default_rng(0)
+    rewards, values, later = rng.normal(size=(3, 12, 4))
+    ended = rng.random((12, 4)) < 0.2
+    gamma, decay = 0.9, 0.8
+    found = advantages(rewards, values, later, ended, gamma=gamma, decay=decay)
+    for world in range(4):
+        for t in range(12):
+            total, weight = 0.0, 1.0
+            for k in range(t, 12):
+                total += weight * (rewards[k, world] + gamma * later[k, world] - values[k, world])
+                if ended[k, world]:
+                    break
+                weight *= gamma * decay
+            assert found[t, world] == pytest.approx(total)
+
+
+def test_a_time_limit_is_no_loss() -> None:
+    """With an exact critic, whatever cuts the episodes, no step is better or worse than expected."""
+    gamma = 0.9
+    rewards, value = np.ones((6, 1)), np.full((6, 1), 1 / (1 - gamma))
+    ended = np.array([[False], [False], [True]] * 2)
+    np.testing.assert_allclose(advantages(rewards, value, value, ended, gamma=gamma, decay=0.95), 0.0, atol=1e-12)
+    lost = np.where(ended, 0.0, value)
+    assert (advantages(rewards, value, lost, ended, gamma=gamma, decay=0.95) < 0).all()
+
+
+def test_running_moments_are_those_of_everything_at_once() -> None:
+    data = np.random.default_rng(0).normal(3.0, [0.1, 20.0, 0.0], (500, 3))
+    moments, norm = RunningMoments(3), RunningNorm(3)
+    for part in np.split(data, [1, 7, 300]):
+        moments.add(part)
+        norm.add(torch.from_numpy(part).float())
+    np.testing.assert_allclose(moments.mean, data.mean(0))
+    np.testing.assert_allclose(moments.deviation[:2], data.std(0)[:2])
+    assert moments.deviation[2] == 1.0
+    found = norm(torch.from_numpy(data).float()).numpy()
+    np.testing.assert_allclose(found[:, :2], ((data - data.mean(0)) / data.std(0))[:, :2], atol=2e-3)
+    again = RunningMoments(3)
+    again.restore(moments.snapshot())
+    np.testing.assert_array_equal(again.normaliser().scale, moments.normaliser().scale)
+
+
+def test_scaled_rewards_have_returns_of_deviation_one() -> None:
+    rewards = np.random.default_rng(0).normal(5.0, 50.0, (4000, 2))
+    scale = ReturnScale(2, gamma=0.9)
+    scaled = scale.scale(rewards, np.zeros_like(rewards, bool))
+    total, seen = np.zeros(2), []
+    for row in scaled:
+        total = 0.9 * total + row
+        seen.append(total)
+    assert np.std(seen) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_an_end_leads_to_the_absorbing_state_and_a_cut_does_not() -> None:
+    obs, after = np.arange(6.0).reshape(3, 2), 10 + np.arange(6.0).reshape(3, 2)
+    actions, rewards, terminal = np.full((3, 1), 0.5), np.array([1.0, 2.0, 3.0]), np.array([False, True, False])
+    rows = torch.from_numpy(rows_of(obs, actions, rewards, after, terminal, absorbing=True))
+    batch = split(rows, (3, 1, 3, 1, 1))
+    assert len(rows) == 4
+    np.testing.assert_array_equal(batch.obs[:3, :2], obs)
+    np.testing.assert_array_equal(batch.next_obs, [[10, 11, 0], [0, 0, 1], [14, 15, 0], [0, 0, 1]])
+    np.testing.assert_array_equal(batch.obs[3], [0, 0, 1])
+    np.testing.assert_array_equal(batch.actions[:, 0], [0.5, 0.5, 0.5, 0])
+    np.testing.assert_array_equal(batch.rewards, [1, 2, 3, 2])
+    np.testing.assert_array_equal(batch.going, 1)
+    plain = split(torch.from_numpy(rows_of(obs, actions, rewards, after, terminal, absorbing=False)), (3, 1, 3, 1, 1))
+    np.testing.assert_array_equal(plain.going, [1, 0, 1])
+    assert (plain.next_obs[:, -1] == 0).all()
+    assert len(plain.obs) == 3
+
+
+def test_the_memory_forgets_the_oldest_and_draws_the_same_after_a_restart() -> None:
+    memory = Replay(5, 1, 1, np.random.default_rng(0))
+    row = np.arange(8, dtype=np.float32)[:, None] * np.ones((1, 7), np.float32)
+    memory.add(row[:4])
+    memory.add(row[4:])
+    assert len(memory) == 5
+    assert set(memory.sample(200).rewards.tolist()) == {3, 4, 5, 6, 7}
+    again = Replay(5, 1, 1, np.random.default_rng(9))
+    again.restore(memory.snapshot())
+    assert torch.equal(again.sample(50).obs, memory.sample(50).obs)
+    for one in (memory, again):
+        one.add(-row[:2])
+    assert torch.equal(again.sample(50).obs, memory.sample(50).obs)
+
+
+def test_the_gradient_penalty_is_that_of_finite_differences() -> None:
+    torch.manual_seed(0)
+    score = Scorer(3, (16,), spectral=False, dropout=0.0, running_norm=False).double()
+    expert, agent, mix = torch.randn(5, 3).double(), torch.randn(5, 3).double(), torch.rand(5, 1).double()
+    between, step = mix * expert + (1 - mix) * agent, 1e-5
+    slopes = [(score(between + step * e) - score(between - step * e)) / (2 * step) for e in torch.eye(3).double()]
+    wanted = ((torch.stack(slopes, 1).norm(dim=1) - 1) ** 2).mean()
+    found = gradient_penalty(score, expert, agent, mix)
+    assert found.item() == pytest.approx(wanted.item(), rel=1e-6)
+    weight = score.layers[0].weight  # type: ignore[union-attr]
+    (slope,) = torch.autograd.grad(found, weight)
+    with torch.no_grad():
+        weight[0, 0] += step
+        more = gradient_penalty(score, expert, agent, mix).item() if torch.is_grad_enabled() else None
+    more = gradient_penalty(score, expert, agent, mix).item()
+    assert slope[0, 0].item() == pytest.approx((more - found.item()) / step, rel=1e-2, abs=1e-6)
+
+
+def test_spectral_normalisation_bounds_the_slope() -> None:
+    torch.manual_seed(0)
+    score = Scorer(4, (32, 32), spectral=True, dropout=0.0, running_norm=False)
+    for _ in range(50):
+        score(torch.randn(8, 4))
+    a, b = torch.randn(2, 500, 4)
+    rise = (score.eval()(a) - score(b)).abs() / (a - b).norm(dim=1)
+    assert rise.max() <= 1.01
+
+
+@pytest.mark.parametrize("changes", [{}, {"spectral": True}, {"dropout": 0.5}, {"running_norm": True}])
+def test_a_discriminator_tells_two_clouds_apart(changes: dict[str, object]) -> None:
+    torch.manual_seed(0)
+    judge = LearnedReward(2, 1, {**SHAPE, **changes}, lr=3e-3)  # type: ignore[typeddict-item]
+
+    def cloud(centre: float, count: int = 64) -> Batch:
+        obs = torch.cat([centre + torch.randn(count, 2), torch.zeros(count, 1)], dim=1)
+        return Batch(obs, torch.zeros(count, 1), obs, torch.zeros(count), torch.ones(count))
+
+    for _ in range(300):
+        judge.learn(cloud(2.0), cloud(-2.0), penalty=0.1)
+    expert, agent = cloud(2.0, 500), cloud(-2.0, 500)
+    assert (judge.pay(expert.obs, expert.actions) > 0).float().mean() > 0.95
+    assert (judge.pay(agent.obs, agent.actions) < 0).float().mean() > 0.95
+
+
+def test_rewards_are_functions_of_the_discriminator() -> None:
+    logit = torch.linspace(-5, 5, 11).double()
+    share = torch.sigmoid(logit)
+    torch.testing.assert_close(REWARDS["gail"](logit), -torch.log(1 - share))
+    torch.testing.assert_close(REWARDS["airl"](logit), torch.log(share) - torch.log(1 - share))
+    torch.testing.assert_close(REWARDS["exit"](logit), torch.log(share))
+
+
+def test_the_density_of_squashed_actions_integrates_to_one() -> None:
+    actions = torch.linspace(-1, 1, 200_001).double()[1:-1]
+    for mean, log_std in ((0.0, 0.0), (1.0, -1.0), (-0.5, 0.5)):
+        density = log_density(torch.atanh(actions), torch.tensor(mean), torch.tensor(log_std)).exp()
+        assert torch.trapezoid(density, actions).item() == pytest.approx(1.0, abs=2e-3)
+
+
+def test_samples_have_the_density_that_is_told() -> None:
+    torch.manual_seed(0)
+    network = POLICY.build(3, 2)
+    obs = torch.randn(6, 1, 3)
+    actions, raw, density = network.sample(obs)
+    torch.testing.assert_close(actions, torch.tanh(raw))
+    torch.testing.assert_close(log_density(raw, *network.gaussian(obs)).sum(-1), density)
+    loss, _ = network.loss(obs, actions[:, None], torch.ones(6, 1))
+    assert loss.item() == pytest.approx(-density.mean().item() / 2, rel=1e-3)
+
+
+def test_a_restored_flight_goes_on_as_if_nothing_had_happened() -> None:
+    """The environment cannot save its state: its actions are flown again."""
+    rng, layout = np.random.default_rng(0), Layout.of(drift.SPEC, POLICY)
+    flight = EndlessFlight(Drift(3), layout, seed=1)
+    for _ in range(40):
+        flight.step(rng.uniform(-1, 1, (3, 2)))
+    saved, actions = flight.snapshot(), rng.uniform(-1, 1, (70, 3, 2))
+    again = EndlessFlight(Drift(3), layout, seed=5)
+    again.restore(saved)
+    for action in actions:
+        for mine, theirs in zip(flight.step(action), again.step(action), strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+    assert flight.report() == again.report()
+
+
+def test_an_environment_that_does_not_repeat_itself_is_told() -> None:
+    layout = Layout.of(drift.SPEC, POLICY)
+    flight = EndlessFlight(Drift(2), layout, seed=1)
+    flight.step(np.full((2, 2), 0.1))
+    env = Drift(2)
+    again = EndlessFlight(env, layout, seed=1)
+    env.step = lambda actions, mask=None: Drift.step(env, 2 * actions, mask)  # type: ignore[method-assign]
+    with pytest.raises(InvalidValueError, match="does not repeat itself"):
+        again.restore(flight.snapshot())
+
+
+def test_ends_are_told_from_cuts() -> None:
+    layout = Layout.of(drift.SPEC, POLICY)
+    for ends in (False, True):
+        env = Drift(20, ends_at_success=ends)
+        flight = EndlessFlight(env, layout, seed=0)
+        ended = [flight.step(drift.guide(env._observe())) for _ in range(drift.MAX_STEPS)]
+        assert np.any([step.terminal for step in ended]) == ends
+        assert np.any([step.truncated for step in ended]) != ends
+    flight = EndlessFlight(Drift(4), layout, seed=0)
+    out = [flight.step(np.full((4, 2), 0.5)) for _ in range(drift.MAX_STEPS)]
+    assert np.any([step.terminal for step in out])
+
+
+def test_an_action_that_is_not_finite_is_told_by_seed_and_step() -> None:
+    flight = EndlessFlight(Drift(2), Layout.of(drift.SPEC, POLICY), seed=0)
+    flight.step(np.zeros((2, 2)))
+    with pytest.raises(SimulationDivergedError, match="step 1 of the episode with seed 1000001"):
+        flight.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
+
+
+def test_demonstrations_become_transitions() -> None:
+    whole, arriving = drift.demonstrations(5), drift.demonstrations(5, ends_at_success=True)
+    layout, found, data = read_transitions(whole, POLICY, trajectories=3, subsample=1, seed=0)
+    assert len(found.frames) == 3 * drift.MAX_STEPS == data["transitions"]
+    assert not found.terminal.any()
+    _, ending, _ = read_transitions(arriving, POLICY, trajectories=None, subsample=1, seed=0)
+    assert ending.terminal.sum() == 5
+    _, thin, _ = read_transitions(arriving, POLICY, trajectories=None, subsample=4, seed=0)
+    assert thin.terminal.sum() == 5
+    assert len(thin.frames) < 0.5 * len(ending.frames)
+    for bounds in ("environment", "demonstrations"):
+        interface = fit_interface(layout, found, POLICY, bounds)
+        actions = encode_actions(interface, found.actions, found.frames)
+        assert np.abs(actions).max() <= 1
+        np.testing.assert_allclose(decode(interface, actions, found.frames), found.actions, atol=1e-6)
+    np.testing.assert_allclose(encode(interface, found.frames).std(0), 1.0, atol=1e-3)
+
+
+def test_what_cannot_be_imitated_is_refused() -> None:
+    demos = drift.demonstrations(2)
+    with pytest.raises(InvalidValueError, match="trajectories is 3; the dataset has 2"):
+        read_transitions(demos, POLICY, trajectories=3, subsample=1, seed=0)
+    with pytest.raises(InvalidValueError, match="choose policy=squashed_gaussian"):
+        check_policy(MlpConfig())
+    with pytest.raises(InvalidValueError, match="got history=2 and chunk=1"):
+        check_policy(replace(POLICY, history=2))
+    with pytest.raises(InvalidValueError, match="another environment: action"):
+        check_same(drift.SPEC, point_mass.SPEC)
+    anchored = replace(POLICY, anchor="ee_pos", blind_to=())
+    layout, found, _ = read_transitions(point_mass.demonstrations(2), anchored, trajectories=None, subsample=1, seed=0)
+    with pytest.raises(InvalidValueError, match="bounds=demonstrations"):
+        fit_interface(layout, found, anchored, "environment")

@@ -1,0 +1,46 @@
+"""Train small policies that fly while they learn, in a process of its own: ``python -m tests.algorithms.train_flying``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from aerial_il.algorithms.airl import AdversarialInverseLearning
+from aerial_il.algorithms.dac import DiscriminatorActorCritic
+from aerial_il.algorithms.gail import AdversarialImitation
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.sqil import SoftQImitation
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from tests.algorithms.drift import Drift, demonstrations
+
+POLICY = SquashedGaussianConfig(hidden=(8,))
+STOP = 300
+EVERY: dict[str, Any] = {"steps": 480, "log_every": 60, "evaluate_every": 100, "checkpoint_every": 40}
+OFF: dict[str, Any] = {**EVERY, "warmup": 60, "updates": 0.3, "batch_size": 16, "critic_hidden": (8,), "memory": 300}
+ON: dict[str, Any] = {**EVERY, "rollout": 48, "batch_size": 16, "epochs": 2, "critic_hidden": (8,)}
+JUDGE: dict[str, Any] = {"reward_hidden": (8,), "dropout": 0.2, "spectral": True}
+SETTINGS: dict[str, Any] = {
+    "sac": SoftActorCriticLearning(**OFF),
+    "dac": DiscriminatorActorCritic(**OFF, **JUDGE, expert_share=0.25),
+    "sqil": SoftQImitation(**OFF),
+    "ppo": ProximalPolicyOptimisation(**ON),
+    "gail": AdversarialImitation(**ON, **JUDGE, reward_batch=32, memory=200),
+    "airl": AdversarialInverseLearning(**ON, **JUDGE, reward_batch=32, memory=200),
+}
+
+
+def evaluate(policy: Any, step: int) -> dict[str, float]:
+    """Stand in for rollouts: a number that depends on the weights."""
+    return {"weight": float(next(policy.network.parameters()).sum())}
+
+
+def train(name: str, run: str, **changes: Any) -> Any:
+    data = () if name in ("sac", "ppo") else (demonstrations(4, ends_at_success=True),)
+    env = Drift(3, ends_at_success=bool(data))
+    options: dict[str, Any] = {"env": env, "run": run, "evaluate": evaluate, "progress": False, "seed": 3, **changes}
+    return SETTINGS[name].train(*data, POLICY, **options)
+
+
+if __name__ == "__main__":
+    train(sys.argv[1], sys.argv[2])
