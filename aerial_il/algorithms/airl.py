@@ -8,8 +8,8 @@ with the policy's own density pi in it. At the optimum f is the demonstrator's a
 (``reward_on: state``) and the dynamics allow it, g its reward up to a constant. The policy is paid the logit, whose
 density is an entropy bonus; what is kept with the run, and shown along an episode, is g.
 
-It fails where demonstrations are few and the body has many joints (Ant, Walker2d for the peer), and where the density of
-demonstrated actions at the edge of their bounds makes the logit arbitrary.
+It fails where demonstrations are few and the body has many joints (Ant, Walker2d for the peer), and where the density
+of demonstrated actions at the edge of their bounds makes the logit arbitrary.
 
 Source: J. Fu, K. Luo, S. Levine, "Learning Robust Rewards with Adversarial Inverse Reinforcement Learning", 2018,
 equations 4 and 5.
@@ -67,7 +67,7 @@ class ShapedReward(LearnedReward):
     """g as the network that is kept, h beside it, and the density of the policy as it stands.
 
     Args:
-        obs_size, action_size, shape, lr: of g; see :class:`LearnedReward`. gamma: discount. actor: the policy's network.
+        obs_size, action_size, shape, lr: of g; see :class:`LearnedReward`. gamma: discount. actor: the policy's.
     """
 
     def __init__(

@@ -124,7 +124,7 @@ class DiscriminatorActorCritic(OffPolicy):
             progress: show a progress bar.
 
         Raises:
-            InvalidValueError: nothing to learn from, another kind of policy or environment, or ``run`` holds another run.
+            InvalidValueError: nothing to learn from, another kind of policy or environment, or ``run`` holds another.
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
         policy = check_policy(policy)

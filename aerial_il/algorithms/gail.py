@@ -11,8 +11,8 @@ Metrics: those of ``ppo``; ``reward/loss``, ``reward/told_expert``, ``reward/tol
 ``reward/steep`` (gradient penalty), ``reward/mean``. ``episode/return`` is the environment's own, which the agent never
 sees.
 
-Source: J. Ho, S. Ermon, "Generative Adversarial Imitation Learning", 2016, with what A. Gleave et al., "imitation: Clean
-Imitation Learning Implementations", 2022, found to matter.
+Source: J. Ho, S. Ermon, "Generative Adversarial Imitation Learning", 2016, with what A. Gleave et al., "imitation:
+Clean Imitation Learning Implementations", 2022, found to matter.
 """
 
 from __future__ import annotations

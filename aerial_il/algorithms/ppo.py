@@ -1,8 +1,8 @@
 """Proximal policy optimisation: reinforcement learning from the environment's own reward, one rollout at a time.
 
-Each turn flies ``rollout`` steps, estimates advantages, and moves actor and critic over them several times. Observations
-are standardised by their running moments, rewards divided by the running deviation of returns; an episode that was only
-cut by its time limit goes on in the critic's estimate.
+Each turn flies ``rollout`` steps, estimates advantages, and moves actor and critic over them several times.
+Observations are standardised by their running moments, rewards divided by the running deviation of returns; an episode
+that was only cut by its time limit goes on in the critic's estimate.
 
 Metrics: ``actor/loss``, ``actor/moved`` (Kullback-Leibler divergence), ``actor/clipped``, ``critic/loss``,
 ``critic/value``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;

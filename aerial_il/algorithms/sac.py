@@ -1,8 +1,8 @@
 """Soft actor-critic: reinforcement learning from the environment's own reward, with a memory of all that was flown.
 
 Each turn of the loop flies one step in every world, keeps it, and takes ``updates`` gradient steps for each environment
-step on minibatches of the memory; the actor moves at every ``actor_every``-th of them, which saves a third of the time. The
-mean action is what flies in the end.
+step on minibatches of the memory; the actor moves at every ``actor_every``-th of them, which saves a third of the time.
+The mean action is what flies in the end.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``, ``actor/entropy``, ``actor/alpha``; ``episode/return``,
 ``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.

@@ -28,8 +28,22 @@ from tests.algorithms.drift import Drift, arrivals, demonstrations
 from tests.algorithms.test_resume import assert_same_end, wait_for
 
 POLICY = SquashedGaussianConfig(hidden=(32, 32))
-OFF: dict[str, Any] = {"warmup": 200, "batch_size": 64, "lr": 2e-3, "critic_hidden": (32, 32), "gamma": 0.9, "tau": 0.02}
-ON: dict[str, Any] = {"rollout": 512, "lr": 3e-3, "gamma": 0.9, "critic_hidden": (32, 32), "batch_size": 128, "epochs": 8}
+OFF: dict[str, Any] = {
+    "warmup": 200,
+    "batch_size": 64,
+    "lr": 2e-3,
+    "critic_hidden": (32, 32),
+    "gamma": 0.9,
+    "tau": 0.02,
+}
+ON: dict[str, Any] = {
+    "rollout": 512,
+    "lr": 3e-3,
+    "gamma": 0.9,
+    "critic_hidden": (32, 32),
+    "batch_size": 128,
+    "epochs": 8,
+}
 
 
 def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: bool = False) -> float:
@@ -117,7 +131,15 @@ def test_a_killed_run_ends_with_the_same_bytes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", train_flying.SETTINGS)
 def test_impossible_settings_are_refused(name: str) -> None:
     settings = train_flying.SETTINGS[name]
-    wrong = {"steps": 0, "gamma": 1.0, "threads": 0, "batch_size": -1, "critic_hidden": (), "dropout": 1.0, "reward": "x"}
+    wrong = {
+        "steps": 0,
+        "gamma": 1.0,
+        "threads": 0,
+        "batch_size": -1,
+        "critic_hidden": (),
+        "dropout": 1.0,
+        "reward": "x",
+    }
     known = {f.name for f in fields(settings)}
     for key, value in wrong.items():
         if key in known:

@@ -33,7 +33,7 @@ REWARDS: dict[str, Callable[[Tensor], Tensor]] = {
 
 
 class RunningNorm(nn.Module):
-    """Standardise inputs (B, D) by the moments of all batches that :meth:`add` was shown, which are saved as weights."""
+    """Standardise inputs (B, D) by the moments of all batches that :meth:`add` was shown, saved with the weights."""
 
     def __init__(self, size: int) -> None:
         super().__init__()

@@ -168,7 +168,8 @@ def open_session(
     Args:
         settings: of the algorithm. run: the folder.
         origin: ``algorithm``, ``seed`` and whatever else determines the run besides settings and policy.
-        policy: what is trained. evaluate: ``(policy, step) -> named numbers``. resume, progress: see :class:`RunFolder`.
+        policy: what is trained. evaluate: ``(policy, step) -> named numbers``. resume: see :class:`RunFolder`.
+        progress: show a progress bar.
     """
     name, seed = str(origin["algorithm"]), int(origin["seed"])
     config = {**origin, "settings": asdict(settings), "policy": {"name": policy.name, **policy.to_dict()}}

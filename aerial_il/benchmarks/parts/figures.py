@@ -217,6 +217,22 @@ def step_lines(time_s: Sequence[float], percent: Mapping[tuple[str, str], Mappin
     return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in percent}, draw)
 
 
+def reward_lines(rewards: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+    """Draw a learned reward along episodes, a panel per task, a line per episode.
+
+    Args:
+        rewards: task -> name of the episode -> (T,).
+    """
+
+    def draw(axes: Axes, task: str) -> None:
+        for k, (label, values) in enumerate(rewards[task].items()):
+            axes.plot(values, color=COLOURS[k], linewidth=1, label=label)
+        axes.set_xlabel("step")
+        axes.set_ylabel("learned reward")
+
+    return _panels({task: task for task in rewards}, draw)
+
+
 def _panels[K](
     titles: Mapping[K, str], draw: Callable[[Axes, K], None], *, width: float = 1.0, height: float = 1.0
 ) -> str:

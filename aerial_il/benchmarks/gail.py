@@ -1,0 +1,346 @@
+"""Imitation without reward: adversarial learners against the experts that they were shown, and against no one.
+
+On Gymnasium's MuJoCo tasks experts are trained here by soft actor-critic and their flights recorded; on the suite the
+scripted experts demonstrate. Every learner is then given the first few of them, and no reward. Beside each stands the
+same run without a demonstration: with flights of random actions in their place, and paid for being alive. Every stage
+leaves its result in the folder of the benchmark: killed at any moment, the same call continues.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+import aerial_il
+from aerial_il.algorithms.dac import DiscriminatorActorCritic
+from aerial_il.algorithms.gail import AdversarialImitation
+from aerial_il.algorithms.parts.learned_reward import reward_along
+from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.parts.settings import Control
+from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.benchmarks.parts.claim import claim
+from aerial_il.benchmarks.parts.figures import reward_lines
+from aerial_il.benchmarks.parts.progress import bar
+from aerial_il.benchmarks.parts.report import Report, Row, Target
+from aerial_il.collection.collect import collect
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.policy import Policy
+from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
+from aerial_il.data.folder import DatasetFolder
+from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.evaluation.statistics import bootstrap_mean, wilson
+from aerial_il.policies import load_policy
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+
+EVALUATION_SEED = 10_000
+RATIOS = {"Hopper-v5": 0.95, "HalfCheetah-v5": 0.87}
+SUCCESS_PERCENT = {"reach": 90.0}
+CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
+EXPERT = "expert"
+NOTES = (
+    "Experts of Gymnasium's tasks: soft actor-critic, trained here; what is recorded and judged is their mean action.",
+    "Learners never see a reward. The final policy of each training is judged on the same fixed seeds as the expert.",
+    "Ratio: mean return of the learner over that of the expert; its interval is a bootstrap (95 %) over all episodes of "
+    "all training seeds, and covers neither the spread between trainings, which the table of single trainings shows, "
+    "nor the expert's own.",
+    "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: the "
+    "same run paid 1 for every step before an end. What these reach is no imitation.",
+    "On the suite an episode ends with success; the interval of its rate is Wilson's (95 %).",
+)
+
+
+@dataclass(frozen=True, order=True)
+class Point:
+    """One training: a task, a method, whether it is a control run, and a seed."""
+
+    task: str
+    method: str
+    control: Control
+    seed: int
+
+    @property
+    def place(self) -> Path:
+        """Where its results lie below the folder of the benchmark."""
+        return Path(self.task) / f"{self.method}{'' if self.control == 'none' else f'-{self.control}'}" / str(self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gail:
+    """Settings.
+
+    Attributes:
+        policy: what is trained on Gymnasium's tasks. expert: how their experts are trained.
+        dac, gail: how learners are trained. methods: which of them. steps: task -> environment steps of a learner.
+        outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: keep each so manieth step of them.
+        suite: tasks of our own, flown by ``robot``. suite_policy, suite_dac: what differs on these. suite_demos: how
+            many demonstrations. noise: of the expert there while it demonstrates.
+        seeds: trainings of each arm. controls: trainings of each control run of the first method.
+        episodes: flown to judge one. num_envs: worlds flown at once.
+        peer: folder with results of another library, see ``experiments/gail/peer.py``; left out where it is missing.
+    """
+
+    name: ClassVar[str] = "gail"
+    question: ClassVar[str] = "How close does imitation without reward come to its expert, and what does it reach alone?"
+
+    policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
+    expert: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
+    dac: DiscriminatorActorCritic = field(default_factory=DiscriminatorActorCritic)
+    gail: AdversarialImitation = field(default_factory=AdversarialImitation)
+    methods: tuple[str, ...] = ("dac",)
+    steps: Mapping[str, int] = field(default_factory=dict, hash=False)
+    outside: tuple[str, ...] = ("Hopper-v5", "HalfCheetah-v5", "Walker2d-v5")
+    trajectories: int = 10
+    subsample: int = 1
+    suite: tuple[str, ...] = ("reach", "pick_place")
+    robot: str = "fa_hexa_arm4"
+    suite_policy: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    suite_dac: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    suite_demos: int = 20
+    noise: float = 0.3
+    seeds: int = 3
+    controls: int = 1
+    episodes: int = 100
+    num_envs: int = 8
+    peer: str = "experiments/gail/peer"
+
+    def __post_init__(self) -> None:
+        for method in self.methods:
+            if method not in ("dac", "gail"):
+                raise InvalidValueError(f"{method!r} is no method of this study; it has dac and gail.")
+        if not self.methods or min(self.seeds, self.trajectories, self.suite_demos, self.episodes, self.num_envs) < 1:
+            raise InvalidValueError("methods, seeds, demonstrations, episodes and num_envs start at 1.")
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Train, record and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
+        free = ("methods", "outside", "suite", "seeds", "controls", "steps", "peer")
+        claim(folder, self._plain(), free=free)
+        experts = {task: self._expert(task, folder, progress) for task in (*self.outside, *self.suite)}
+        results = {point: self._result(point, folder, progress) for point in bar(self.points(), self.name, progress)}
+        return self._report(folder, experts, results)
+
+    def points(self) -> list[Point]:
+        """Return all trainings, the first seed of every arm first."""
+        tasks = (*self.outside, *self.suite)
+        arms = [(task, m) for task in tasks for m in self.methods if task in self.outside or m == "dac"]
+        learners = [Point(*arm, "none", seed) for seed in range(self.seeds) for arm in arms]
+        empty = [Point(t, self.methods[0], c, seed) for seed in range(self.controls) for t in tasks for c in CONTROLS]
+        return sorted(learners + empty, key=lambda point: point.seed)
+
+    def environment(self, task: str, num_envs: int) -> Any:
+        """Return worlds of a task, wherever it comes from."""
+        if task in self.outside:
+            return aerial_il.load_gymnasium(task, num_envs=num_envs)
+        return aerial_il.load_batch(self.robot, task, num_envs=num_envs)
+
+    def pilot(self, task: str, folder: Path) -> Policy:
+        """Return the expert of a task: trained here, or scripted."""
+        if task in self.outside:
+            return load_policy(folder / "experts" / task)
+        return aerial_il.expert(self.robot, task, noise=self.noise)
+
+    def _expert(self, task: str, folder: Path, progress: bool) -> EvaluationResult:
+        """Train the expert of a task where there is none, and judge it."""
+        if task in self.outside:
+            env = self.environment(task, self.num_envs)
+            try:
+                self.expert.train(self.policy, env=env, run=folder / "experts" / task, progress=progress)
+            finally:
+                env.close()
+        return self._judged(task, self.pilot(task, folder), folder / "evaluations" / task / EXPERT, EXPERT, progress)
+
+    def demonstrations(self, task: str, folder: Path, progress: bool) -> list[Episode]:
+        """Return the first successful flights of the expert, recording what is missing."""
+        dataset = DatasetFolder(folder / "datasets" / task)
+        wanted = flown = self.trajectories if task in self.outside else self.suite_demos
+        while (missing := wanted - len(dataset.files())) > 0:
+            if flown > 4 * wanted:
+                raise InvalidValueError(f"{dataset.path}: the expert fails too often to give {wanted} demonstrations.")
+            env = self.environment(task, min(self.num_envs, flown))
+            try:
+                collect(env, self.pilot(task, folder), range(flown), dataset.path, progress=progress)
+            finally:
+                env.close()
+            flown += missing
+        return list(islice(_successes(dataset.path), wanted))
+
+    def _result(self, point: Point, folder: Path, progress: bool) -> EvaluationResult:
+        judged = folder / "evaluations" / point.place
+        if (judged / FILE_NAME).exists():
+            return load_result(judged)
+        env = self.environment(point.task, self.num_envs)
+        try:
+            policy = self._learner(point).train(
+                self.demonstrations(point.task, folder, progress),
+                self._policy(point.task),
+                env=env,
+                run=folder / "training" / point.place,
+                seed=point.seed,
+                progress=progress,
+            )
+        finally:
+            env.close()
+        return self._judged(point.task, policy, judged, str(point.place), progress)
+
+    def _learner(self, point: Point) -> Any:
+        """Return the algorithm of a training."""
+        base = self.dac if point.method == "dac" else self.gail
+        shown = {"subsample": self.subsample} if point.task in self.outside else dict(self.suite_dac)
+        steps = {"steps": self.steps[point.task]} if point.task in self.steps else {}
+        return replace(base, **shown, **steps, control=point.control)
+
+    def _policy(self, task: str) -> SquashedGaussianConfig:
+        return self.policy if task in self.outside else replace(self.policy, **dict(self.suite_policy))
+
+    def _judged(self, task: str, policy: Policy, judged: Path, name: str, progress: bool) -> EvaluationResult:
+        if (judged / FILE_NAME).exists():
+            return load_result(judged)
+        env = self.environment(task, min(self.num_envs, self.episodes))
+        try:
+            seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+            result = evaluate(env, policy, seeds, policy_name=name, progress=progress)
+        finally:
+            env.close()
+        result.save(judged)
+        return result
+
+    def _report(
+        self, folder: Path, experts: Mapping[str, EvaluationResult], results: Mapping[Point, EvaluationResult]
+    ) -> Report:
+        arms = dict.fromkeys((p.task, p.method, p.control) for p in results)
+        rows = [_row(task, EXPERT, "none", [result], result, [], folder) for task, result in experts.items()]
+        for arm in arms:
+            points = [point for point in results if (point.task, point.method, point.control) == arm]
+            rows.append(_row(*arm, [results[point] for point in points], experts[arm[0]], points, folder))
+        rows += _peer_rows(Path(self.peer), experts)
+        singles = [_row(p.task, p.method, p.control, [r], experts[p.task], [p], folder) for p, r in results.items()]
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=self._plain(),
+            targets=tuple(_targets(rows, self.methods[0])),
+            tables={"Learners, controls and experts": rows, "Single trainings": singles},
+            notes=NOTES,
+            figures={"reward.svg": reward_lines(self._rewards(folder, results))},
+            wall_time_s=_seconds(folder, list(experts.values()) + list(results.values()), results),
+        )
+
+    def _rewards(self, folder: Path, results: Mapping[Point, EvaluationResult]) -> dict[str, dict[str, np.ndarray]]:
+        """Return the learned reward along a demonstration and along the same with its actions shuffled, per task."""
+        panels = {}
+        for point in results:
+            if point.seed == 0 and point.control == "none" and point.method == self.methods[0]:
+                run, shown = folder / "training" / point.place, self.demonstrations(point.task, folder, False)[0]
+                order = named_rng(0, "shuffled actions").permutation(len(shown))
+                shuffled = replace(shown, executed_actions=shown.executed_actions[order])
+                lines = {"demonstration": shown, "its actions shuffled": shuffled}
+                panels[point.task] = {label: reward_along(run, episode) for label, episode in lines.items()}
+        return panels
+
+    def _plain(self) -> dict[str, Any]:
+        """The settings as JSON gives them back."""
+        return json.loads(json.dumps(asdict(self)))
+
+
+def _successes(dataset: Path) -> Iterator[Episode]:
+    return (episode for episode in aerial_il.open_dataset(str(dataset)) if episode.success)
+
+
+def _row(
+    task: str,
+    method: str,
+    control: str,
+    results: list[EvaluationResult],
+    expert: EvaluationResult,
+    points: list[Point],
+    folder: Path,
+) -> Row:
+    """Return success, return and ratio to the expert over all episodes of some evaluations."""
+    solved = [episode.success for result in results for episode in result.episodes]
+    returns = np.array([episode.return_ for result in results for episode in result.episodes])
+    best = float(np.mean([episode.return_ for episode in expert.episodes]))
+    low, high = bootstrap_mean(returns, rng=named_rng(0, "gail ratio"))
+    success_low, success_high = (round(100 * share, 1) for share in wilson(sum(solved), len(solved)))
+    trained = [read_metrics(folder / "training" / point.place)[-1] for point in points]
+    return {
+        "task": task,
+        "method": method,
+        "control": control,
+        "seeds": len(points) or None,
+        "steps": int(trained[0]["step"]) if trained else None,
+        "return": round(float(returns.mean()), 1),
+        "ratio": round(float(returns.mean()) / best, 3),
+        "ratio_low": round(low / best, 3),
+        "ratio_high": round(high / best, 3),
+        "percent": round(100 * float(np.mean(solved)), 1),
+        "ci95_low": success_low,
+        "ci95_high": success_high,
+        "episodes": len(solved),
+        "train_min": round(float(np.mean([row["elapsed_s"] for row in trained])) / 60, 1) if trained else None,
+    }
+
+
+def _peer_rows(folder: Path, experts: Mapping[str, EvaluationResult]) -> list[Row]:
+    """Return what another library reached from the same demonstrations, where it was measured."""
+    rows = []
+    for file in sorted(folder.glob("*.json")):
+        found = json.loads(file.read_text())
+        if found["task"] not in experts:
+            continue
+        best = float(np.mean([episode.return_ for episode in experts[found["task"]].episodes]))
+        returns = np.array(found["returns"])
+        low, high = bootstrap_mean(returns, rng=named_rng(0, "gail ratio"))
+        rows.append(
+            {
+                "task": found["task"],
+                "method": found["library"],
+                "control": "none",
+                "seeds": found["seeds"],
+                "steps": found["steps"],
+                "return": round(float(returns.mean()), 1),
+                "ratio": round(float(returns.mean()) / best, 3),
+                "ratio_low": round(low / best, 3),
+                "ratio_high": round(high / best, 3),
+                "percent": None,
+                "ci95_low": None,
+                "ci95_high": None,
+                "episodes": len(returns),
+                "train_min": round(found["train_s"] / 60, 1),
+            }
+        )
+    return rows
+
+
+def _targets(rows: list[Row], method: str) -> Iterator[Target]:
+    """Yield what was asked for, of the arms that were measured."""
+    for row in rows:
+        if row["method"] != method or row["control"] != "none":
+            continue
+        if row["task"] in RATIOS:
+            spread = f"95 % interval {row['ratio_low']} to {row['ratio_high']}, {row['steps']} steps"
+            yield Target(
+                f"{row['task']}: ratio to the expert", "at least", RATIOS[row["task"]], row["ratio"], "", spread
+            )
+        if row["task"] in SUCCESS_PERCENT:
+            spread = f"95 % interval {row['ci95_low']} to {row['ci95_high']} %"
+            yield Target(
+                f"{row['task']}: success", "at least", SUCCESS_PERCENT[row["task"]], row["percent"], "%", spread
+            )
+
+
+def _seconds(folder: Path, evaluations: list[EvaluationResult], points: Mapping[Point, EvaluationResult]) -> float:
+    """Return how long training and judging took, whenever it was done."""
+    runs = [folder / "training" / point.place for point in points] + list((folder / "experts").glob("*"))
+    return sum(read_metrics(run)[-1]["elapsed_s"] for run in runs) + sum(
+        result.provenance["wall_time_s"] for result in evaluations
+    )
+
+
+BENCHMARK = Gail
