@@ -88,7 +88,9 @@ class Gail:
     """
 
     name: ClassVar[str] = "gail"
-    question: ClassVar[str] = "How close does imitation without reward come to its expert, and what does it reach alone?"
+    question: ClassVar[str] = (
+        "How close does imitation without reward come to its expert, and what does it reach alone?"
+    )
 
     policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
     expert: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)

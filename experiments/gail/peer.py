@@ -31,7 +31,8 @@ def main() -> None:
     python = environment(Path(options.venv))
     command = [str(python), __file__, "--inside", "--task", options.task, "--demos", str(demos)]
     return subprocess.run(
-        [*command, "--steps", str(options.steps), "--seeds", str(options.seeds), "--envs", str(options.envs)], check=True
+        [*command, "--steps", str(options.steps), "--seeds", str(options.seeds), "--envs", str(options.envs)],
+        check=True,
     ).check_returncode()
 
 
@@ -112,9 +113,7 @@ def one_seed(options: argparse.Namespace, seed: int, kept: Path) -> dict:
         Trajectory(data[f"obs_{i}"], data[f"acts_{i}"], None, terminal=bool(end)) for i, end in enumerate(data["ends"])
     ]
     rng = np.random.default_rng(seed)
-    venv = make_vec_env(
-        name, rng=rng, n_envs=options.envs, post_wrappers=[lambda env, _: RolloutInfoWrapper(env)]
-    )
+    venv = make_vec_env(name, rng=rng, n_envs=options.envs, post_wrappers=[lambda env, _: RolloutInfoWrapper(env)])
     # Learner and discriminator as in the library's own GAIL example, with its normalisation.
     learner = PPO(
         "MlpPolicy", venv, batch_size=64, ent_coef=0.0, learning_rate=4e-4, gamma=0.95, n_epochs=5, seed=seed,

@@ -14,7 +14,7 @@ from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
 from tests.algorithms.point_mass import StepResult
 
-SPEED, EDGE, NEAR, MAX_STEPS = 0.2, 1.5, 0.15, 25
+SPEED, EDGE, NEAR, MAX_STEPS = 0.5, 1.5, 0.2, 12
 SPEC = EnvSpec(
     robot="mass",
     task="go",

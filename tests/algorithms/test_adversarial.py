@@ -34,7 +34,7 @@ OFF: dict[str, Any] = {
     "lr": 2e-3,
     "critic_hidden": (32, 32),
     "gamma": 0.9,
-    "tau": 0.02,
+    "tau": 0.05,
 }
 ON: dict[str, Any] = {
     "rollout": 512,

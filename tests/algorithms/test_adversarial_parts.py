@@ -174,7 +174,7 @@ def test_a_discriminator_tells_two_clouds_apart(changes: dict[str, object]) -> N
         obs = torch.cat([centre + torch.randn(count, 2), torch.zeros(count, 1)], dim=1)
         return Batch(obs, torch.zeros(count, 1), obs, torch.zeros(count), torch.ones(count))
 
-    for _ in range(300):
+    for _ in range(120):
         judge.learn(cloud(2.0), cloud(-2.0), penalty=0.1)
     expert, agent = cloud(2.0, 500), cloud(-2.0, 500)
     assert (judge.pay(expert.obs, expert.actions) > 0).float().mean() > 0.95
