@@ -14,6 +14,7 @@ Source: J. Schulman et al., "Proximal Policy Optimization Algorithms", 2017; def
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +24,7 @@ from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments
 from aerial_il.algorithms.parts.rollout import fly, learn, learner_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
 from aerial_il.algorithms.parts.settings import OnPolicy
+from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
@@ -35,6 +37,7 @@ class ProximalPolicyOptimisation(OnPolicy):
 
     def train(
         self,
+        dataset: Iterable[Episode] | None,
         policy: PolicyConfig,
         *,
         env: Any,

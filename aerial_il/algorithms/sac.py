@@ -13,6 +13,7 @@ Source: T. Haarnoja et al., "Soft Actor-Critic Algorithms and Applications", 201
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,7 @@ from aerial_il.algorithms.parts.settings import OffPolicy
 from aerial_il.algorithms.parts.snapshot import Generator
 from aerial_il.algorithms.parts.soft_actor_critic import SoftActorCritic
 from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
@@ -39,6 +41,7 @@ class SoftActorCriticLearning(OffPolicy):
 
     def train(
         self,
+        dataset: Iterable[Episode] | None,
         policy: PolicyConfig,
         *,
         env: Any,
@@ -51,6 +54,7 @@ class SoftActorCriticLearning(OffPolicy):
         """Learn to collect the environment's reward.
 
         Args:
+            dataset: not looked at, there is a reward to learn from; taken so that every algorithm is called alike.
             policy: what to train, a ``squashed_gaussian``.
             env: a batch environment to fly in; it is reset.
             run: folder for configuration, metrics, checkpoints and the finished policy.

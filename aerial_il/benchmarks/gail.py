@@ -46,10 +46,10 @@ SUCCESS_PERCENT = {"reach": 90.0}
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
 EXPERT = "expert"
 NOTES = (
-    "Experts of Gymnasium's tasks: soft actor-critic, trained here; what is recorded and judged is their mean action.",
-    "Learners never see a reward. The final policy of each training is judged on the same fixed seeds as the expert.",
-    "Ratio: mean return of the learner over that of the expert; its interval is a bootstrap (95 %) over all episodes of "
-    "all training seeds, and covers neither the spread between trainings, which the table of single trainings shows, "
+    "Experts of Gymnasium's tasks: soft actor-critic, trained here; recorded and judged is their mean action.",
+    "Learners never see a reward. The final policy of each training is judged on the expert's own fixed seeds.",
+    "Ratio: mean return of the learner over that of the expert; its interval is a bootstrap (95 %) over episodes of "
+    "all seeds, and covers neither the spread between trainings, which the table of single trainings shows, "
     "nor the expert's own.",
     "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: the "
     "same run paid 1 for every step before an end. What these reach is no imitation.",
@@ -153,7 +153,7 @@ class Gail:
         if task in self.outside:
             env = self.environment(task, self.num_envs)
             try:
-                self.expert.train(self.policy, env=env, run=folder / "experts" / task, progress=progress)
+                self.expert.train(None, self.policy, env=env, run=folder / "experts" / task, progress=progress)
             finally:
                 env.close()
         return self._judged(task, self.pilot(task, folder), folder / "evaluations" / task / EXPERT, EXPERT, progress)

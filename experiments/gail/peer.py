@@ -1,11 +1,12 @@
-"""Measure the ``imitation`` library's GAIL on the demonstrations that ours learned from, with as many environment steps.
+"""Measure the ``imitation`` library's GAIL on the demonstrations that ours learned from, over as many steps.
 
 It needs other versions than ours do, so it runs in a virtual environment of its own, which this script makes:
 
     python experiments/gail/peer.py --study runs/benchmarks/gail --task Hopper-v5 --steps 1000000 --seeds 3
 
-The recordings are exported by the python that starts the script; it then calls itself with the other one's. Each result,
-``experiments/gail/peer/TASK.json``, appears in the table of ``aerial-il bench gail``. A seed that is done is not done again.
+The recordings are exported by the python that starts the script; it then calls itself with the other one's. Each
+result, ``experiments/gail/peer/TASK.json``, appears in the table of ``aerial-il bench gail``. What is done is not done
+again.
 The peer flies the ``-v4`` of the task: its Gymnasium knows no other. Observations and dynamics are those of ``-v5``.
 """
 

@@ -47,8 +47,7 @@ ON: dict[str, Any] = {
 
 
 def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: bool = False) -> float:
-    data = () if demos is None else (demos,)
-    policy = settings.train(*data, POLICY, env=Drift(8, ends_at_success=ends), run=run, seed=0, progress=False)
+    policy = settings.train(demos, POLICY, env=Drift(8, ends_at_success=ends), run=run, seed=0, progress=False)
     assert load_policy(run).config == POLICY
     return arrivals(policy)
 

@@ -1,4 +1,4 @@
-"""Train small policies that fly while they learn, in a process of its own: ``python -m tests.algorithms.train_flying``."""
+"""Train a small policy that flies while it learns, in a process of its own: ``python -m ... NAME RUN``."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def evaluate(policy: Any, step: int) -> dict[str, float]:
 
 
 def train(name: str, run: str, **changes: Any) -> Any:
-    data = () if name in ("sac", "ppo") else (demonstrations(4, ends_at_success=True),)
-    env = Drift(3, ends_at_success=bool(data))
+    data = None if name in ("sac", "ppo") else demonstrations(4, ends_at_success=True)
+    env = Drift(3, ends_at_success=data is not None)
     options: dict[str, Any] = {"env": env, "run": run, "evaluate": evaluate, "progress": False, "seed": 3, **changes}
-    return SETTINGS[name].train(*data, POLICY, **options)
+    return SETTINGS[name].train(data, POLICY, **options)
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def check_policy(policy: object) -> SquashedGaussianConfig:
     """Return ``policy`` if reinforcement learning can train it.
 
     Raises:
-        InvalidValueError: it is another policy, sees images, or acts on more than one observation or for more than one step.
+        InvalidValueError: it is another policy, sees images, or acts on more than one observation or step.
     """
     if not isinstance(policy, SquashedGaussianConfig):
         name = getattr(policy, "name", type(policy).__name__)
@@ -50,10 +50,9 @@ def check_policy(policy: object) -> SquashedGaussianConfig:
     if (policy.history, policy.chunk) != (1, 1):
         found = f"history={policy.history} and chunk={policy.chunk}"
         raise InvalidValueError(f"Reinforcement learning acts step by step: history and chunk must be 1, got {found}.")
-    if policy.images:
-        raise InvalidValueError(
-            f"Reinforcement learning sees state fields only; images must be [], got {policy.images}."
-        )
+    if policy.images or policy.relative:
+        found = f"images={list(policy.images)} and relative={policy.relative}"
+        raise InvalidValueError(f"Reinforcement learning sees state fields and takes actions as they are; got {found}.")
     return policy
 
 

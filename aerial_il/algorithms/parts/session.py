@@ -18,6 +18,7 @@ from aerial_il.algorithms.parts.run_folder import RunFolder
 from aerial_il.algorithms.parts.settings import Flying
 from aerial_il.algorithms.parts.signals import SignalWatch
 from aerial_il.algorithms.parts.snapshot import Part, Snapshot, pack, unpack
+from aerial_il.algorithms.parts.threads import torch_threads
 from aerial_il.core.errors import TrainingDivergedError
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng
@@ -175,7 +176,7 @@ def open_session(
     config = {**origin, "settings": asdict(settings), "policy": {"name": policy.name, **policy.to_dict()}}
     with ExitStack() as stack:
         folder = stack.enter_context(RunFolder.open(run, config, cadence=CADENCE, resume=resume))
-        stack.enter_context(_threads(settings.threads))
+        stack.enter_context(torch_threads(settings.threads))
         stack.enter_context(torch_rng(seed, name))
         signals = stack.enter_context(SignalWatch())
         yield Session(folder, signals, settings, origin, evaluate, progress)
@@ -193,13 +194,3 @@ def origin_of(algorithm: str, seed: int, env: Any, dataset: Mapping[str, Any] | 
     }
     learned = {"dataset": dict(dataset)} if dataset else {}
     return {"algorithm": algorithm, "seed": seed, "environment": flown, **learned}
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 from aerial_il.core.errors import InvalidValueError
 
@@ -20,7 +20,11 @@ class Flying:
         log_every, evaluate_every, checkpoint_every: environment steps between two; 0 for never.
         keep_checkpoints: how many of the newest stay on disk.
         threads: torch threads; results repeat bit for bit at a fixed number only.
+        needs, worlds: what a command hands to ``train``, and how many worlds that has.
     """
+
+    needs: ClassVar[tuple[str, ...]] = ("env",)
+    worlds: ClassVar[int] = 8
 
     steps: int = 300_000
     gamma: float = 0.99
