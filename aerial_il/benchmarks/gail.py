@@ -20,7 +20,7 @@ import numpy as np
 import aerial_il
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.parts.learned_reward import reward_along
+from aerial_il.algorithms.parts.learned_reward import reward_along, shuffled
 from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.algorithms.parts.settings import Control
 from aerial_il.algorithms.sac import SoftActorCriticLearning
@@ -240,9 +240,7 @@ class Gail:
         for point in results:
             if point.seed == 0 and point.control == "none" and point.method == self.methods[0]:
                 run, shown = folder / "training" / point.place, self.demonstrations(point.task, folder, False)[0]
-                order = named_rng(0, "shuffled actions").permutation(len(shown))
-                shuffled = replace(shown, executed_actions=shown.executed_actions[order])
-                lines = {"demonstration": shown, "its actions shuffled": shuffled}
+                lines = {"demonstration": shown, "its actions shuffled": shuffled(shown)}
                 panels[point.task] = {label: reward_along(run, episode) for label, episode in lines.items()}
         return panels
 

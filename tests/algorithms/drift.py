@@ -54,7 +54,7 @@ class Drift:
         distance = np.abs(self.position - self.goal).max(1)
         out = np.abs(self.position).max(1) > EDGE
         info = {"success": distance < NEAR, "executed_action": executed}
-        return StepResult(self._observe(), -distance, out, (self.steps >= MAX_STEPS) & ~out, info)
+        return StepResult(self._observe(), 1.0 - distance / 2.5, out, (self.steps >= MAX_STEPS) & ~out, info)
 
     def _observe(self) -> dict[str, np.ndarray]:
         return {"position": self.position.copy(), "goal": self.goal.copy()}

@@ -52,11 +52,13 @@ def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: boo
     return arrivals(policy)
 
 
+@pytest.mark.slow
 def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
     assert learn(SoftActorCriticLearning(steps=2_000, updates=0.5, **OFF), tmp_path / "sac") > 0.8
     assert learn(ProximalPolicyOptimisation(steps=12_000, **ON), tmp_path / "ppo") > 0.8
 
 
+@pytest.mark.slow
 def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
     settings = DiscriminatorActorCritic(steps=3_000, updates=0.5, reward_hidden=(32,), penalty=1.0, **OFF)
     demos = demonstrations(10)
@@ -66,6 +68,7 @@ def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Pa
         assert learn(settings, tmp_path / control, demos) < 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reward", ["gail", "airl"])
 def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
     """Arriving ends the episode; a reward that is positive everywhere must not make it linger."""
@@ -76,16 +79,19 @@ def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
     assert read_metrics(tmp_path / "dac")[-1]["episode/success"] > 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", [AdversarialImitation, AdversarialInverseLearning])
 def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
     settings = algorithm(steps=20_000, reward_hidden=(32,), reward_batch=256, **ON)
     assert learn(settings, tmp_path, demonstrations(10)) > 0.7
 
 
+@pytest.mark.slow
 def test_sqil_learns(tmp_path: Path) -> None:
     assert learn(SoftQImitation(steps=3_000, updates=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7
 
 
+@pytest.mark.slow
 def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> None:
     demos = demonstrations(10)
     settings = DiscriminatorActorCritic(steps=1_500, updates=0.5, reward_hidden=(32,), penalty=1.0, **OFF)

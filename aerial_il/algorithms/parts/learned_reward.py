@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypedDict
 
@@ -18,6 +19,7 @@ from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError
+from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.layout import Interface
@@ -127,3 +129,9 @@ def reward_along(run: str | os.PathLike[str], episode: Episode) -> np.ndarray:
     """Return what the reward learned by ``run`` pays for each step of ``episode``, (T,)."""
     reward, interface = load_reward(run)
     return reward.along(episode, interface)
+
+
+def shuffled(episode: Episode) -> Episode:
+    """Return ``episode`` with its actions in another order: what a reward should think less of."""
+    order = named_rng(0, "shuffled actions").permutation(len(episode))
+    return replace(episode, executed_actions=episode.executed_actions[order])

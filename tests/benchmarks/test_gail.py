@@ -1,0 +1,66 @@
+"""The study of imitation without reward: what it trains, and how it judges."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from aerial_il.benchmarks import gail
+from aerial_il.benchmarks.gail import Gail, Point
+from aerial_il.core.errors import InvalidValueError
+
+
+def result(*returns: float) -> Any:
+    """Stand in for an evaluation."""
+    return SimpleNamespace(episodes=[SimpleNamespace(return_=value, success=value > 50) for value in returns])
+
+
+def test_every_task_has_learners_and_both_controls() -> None:
+    points = Gail(outside=("Hopper-v5",), suite=("reach",), seeds=2, methods=("dac", "gail")).points()
+    assert Point("Hopper-v5", "gail", "none", 1) in points
+    assert Point("reach", "gail", "none", 0) not in points, "the suite is flown by the first method alone"
+    assert {p.control for p in points if p.task == "reach"} == {"none", "random_actions", "constant_reward"}
+    assert len({p.place for p in points}) == len(points)
+    assert [p.seed for p in points] == sorted(p.seed for p in points)
+
+
+def test_a_learner_is_told_its_task_and_its_control() -> None:
+    study = Gail(steps={"reach": 123}, subsample=20, suite_dac={"bounds": "demonstrations"})
+    own = study._learner(Point("reach", "dac", "constant_reward", 0))
+    assert (own.steps, own.subsample, own.bounds, own.control) == (123, 1, "demonstrations", "constant_reward")
+    outside = study._learner(Point("Hopper-v5", "dac", "none", 0))
+    assert (outside.subsample, outside.bounds, outside.control) == (20, "environment", "none")
+
+
+def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_path: Path) -> None:
+    expert = result(100.0, 100.0)
+    row = gail._row("Hopper-v5", "dac", "none", [result(90.0, 110.0)], expert, [], tmp_path)
+    assert row["ratio"] == 1.0
+    assert row["ratio_low"] <= 1.0 <= row["ratio_high"]
+    control = gail._row("Hopper-v5", "dac", "random_actions", [result(1.0, 2.0)], expert, [], tmp_path)
+    assert [target.met for target in gail._targets([row, control], "dac")] == [True]
+    reach = gail._row("reach", "dac", "none", [result(90.0, 10.0)], expert, [], tmp_path)
+    assert [target.met for target in gail._targets([reach], "dac")] == [False]
+    assert not list(gail._targets([row], "gail"))
+
+
+def test_what_the_peer_reached_stands_in_the_same_table(tmp_path: Path) -> None:
+    found = {"task": "Hopper-v5", "library": "peer", "seeds": 1, "steps": 10, "returns": [50.0, 50.0], "train_s": 60.0}
+    (tmp_path / "Hopper-v5.json").write_text(json.dumps(found))
+    expert = result(100.0, 100.0)
+    (peer,) = gail._peer_rows(tmp_path, {"Hopper-v5": expert})
+    own = gail._row("Hopper-v5", "dac", "none", [result(90.0)], expert, [], tmp_path)
+    assert list(peer) == list(own)
+    assert (peer["ratio"], peer["train_min"]) == (0.5, 1.0)
+    assert not gail._peer_rows(tmp_path, {})
+
+
+def test_impossible_settings_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="no method of this study"):
+        Gail(methods=("bc",))
+    with pytest.raises(InvalidValueError, match="start at 1"):
+        Gail(seeds=0)
