@@ -20,6 +20,7 @@ from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.judging import subtask_flags
 from aerial_il.experts.outside import load_expert
 from aerial_il.policies import load_policy
+from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
 
 if TYPE_CHECKING:
@@ -96,6 +97,8 @@ def pilot(
         if key is None:
             raise InvalidValueError(f"{source} was trained in an environment made by a caller; say env=KEY.")
         return Pilot(policy, spec.robot, spec.task, spec.action.level, _words(source, key, options), key, chosen)
+    if task is None and len(known := tasks_of(spec)) > 1:
+        raise InvalidValueError(f"{source} flies several tasks, say which: task=... Valid: {', '.join(known)}.")
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
     words, (cameras, size) = f"policy={source} robot={robot} task={task} action={action}", _sight(policy)
     return Pilot(policy, robot, task, action, words, cameras=cameras, image_size=size)

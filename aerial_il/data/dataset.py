@@ -71,7 +71,7 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
     """Open demonstrations, whatever form they are in.
 
     Args:
-        path: a folder of recordings, an MCAP file, a LeRobot v3 folder, or a robomimic HDF5 file.
+        path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3 folder, or a robomimic HDF5 file.
         cameras: True to decode all image fields, or the names of some.
         failures: also the failed episodes of a folder of recordings; each episode says how it ended.
 
@@ -93,6 +93,9 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
         return Dataset(path, open_lerobot(path))
     if (path / INDEX).exists() or (path / DEMOS).is_dir():
         return _open_folder(DatasetFolder(path), cameras, (DEMOS, FAILURES) if failures else (DEMOS,))
+    if inner := sorted(index.parent for index in path.glob(f"*/{INDEX}")):
+        found = [open_dataset(folder, cameras=cameras, failures=failures) for folder in inner]
+        return Dataset(path, {uid: load for dataset in found for uid, load in dataset._loaders.items()})
     return _open_files(path, sorted(path.glob("*.mcap")), cameras)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,17 @@ def test_fields_are_united_and_absent_ones_are_zero(demos: list[Episode]) -> Non
     np.testing.assert_array_equal(first["hook_pos"], np.zeros_like(first["cube_pos"]))
     np.testing.assert_array_equal(first["task_id"], np.tile([0.0, 1.0], (len(first["ee_pos"]), 1)))
     np.testing.assert_array_equal(last["task_id"], np.tile([1.0, 0.0], (len(last["ee_pos"]), 1)))
+
+
+def test_a_folder_of_datasets_is_a_dataset(tmp_path: Path) -> None:
+    from aerial_il.data.dataset import open_dataset
+    from aerial_il.data.folder import DatasetFolder
+
+    for task in ("a", "b"):
+        (tmp_path / task / "demos").mkdir(parents=True)
+        DatasetFolder(tmp_path / task).claim(replace(SPEC, task=task))
+        (tmp_path / task / "demos" / f"{task}-0.mcap").touch()
+    assert open_dataset(tmp_path).uids == ("a-0", "b-0")
 
 
 def test_one_task_stays_what_it_is(demos: list[Episode]) -> None:
