@@ -13,7 +13,9 @@ import torch
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.algorithms.parts.standing import Standing
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
@@ -132,6 +134,14 @@ def test_patience_needs_rollouts_and_cameras_can_be_asked_for(demos: list[Episod
         BehaviourCloning(patience=3)
     with pytest.raises(InvalidValueError, match="cameras=scene_rgb; cameras=wrist_rgb was asked for"):
         SETTINGS.train(demos, POLICY, run=tmp_path, expect={"cameras": "wrist_rgb"})
+
+
+def test_a_policy_without_its_statistics_is_refused(demos: list[Episode], tmp_path: Path) -> None:
+    saved = replace(SETTINGS, steps=1).train(demos, POLICY, run=tmp_path / "run", progress=False).to_checkpoint()
+    arrays = {name: array for name, array in saved.arrays.items() if name != "action.scale"}
+    checkpoint.save(tmp_path / "cut", Checkpoint(arrays, saved.state, saved.config))
+    with pytest.raises(CheckpointError, match=r"statistics action\.scale are missing; train the policy again"):
+        load_policy(tmp_path / "cut")
 
 
 def rows(values: Sequence[float]) -> Iterator[dict[str, float]]:

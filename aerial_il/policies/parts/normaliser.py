@@ -70,5 +70,12 @@ class Normaliser:
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, np.ndarray], prefix: str) -> Normaliser:
-        """Rebuild from :meth:`arrays`."""
+        """Rebuild from :meth:`arrays`.
+
+        Raises:
+            InvalidValueError: the statistics are missing.
+        """
+        for name in (f"{prefix}.centre", f"{prefix}.scale"):
+            if name not in arrays:
+                raise InvalidValueError(f"the normalisation statistics {name} are missing; train the policy again")
         return Normaliser(arrays[f"{prefix}.centre"], arrays[f"{prefix}.scale"])
