@@ -81,6 +81,11 @@ class Dart:
         if self.evaluate_every < 0:
             raise InvalidValueError(f"evaluate_every is {self.evaluate_every}; it must not be negative.")
 
+    @property
+    def worlds(self) -> int:
+        """How many worlds it flies in at once, if nobody says otherwise."""
+        return self.episodes
+
     def train(
         self,
         dataset: Iterable[Episode],

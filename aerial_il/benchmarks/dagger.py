@@ -2,8 +2,8 @@
 
 Every arm begins with the same few demonstrations. The interactive ones add the same number of flights in rounds;
 cloning gets as many demonstrations as those have episodes in all, and, in a second arm, as many as have at least as
-many labelled steps as classic DAgger used. The final policies are flown on the same unseen seeds. Every stage leaves its
-result in the folder of the benchmark: killed at any moment, the same call continues.
+many labelled steps as classic DAgger used. The final policies are flown on the same unseen seeds. Every stage leaves
+its result in the folder of the benchmark: killed at any moment, the same call continues.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ def test_the_union_of_all_rounds_is_an_ordinary_dataset(whole: Path, demos: list
     assert {number: tags.count(number) for number in set(tags)} == {0: len(demos), 1: 5, 2: 5, 3: 5}
     first = next(episode for episode in found if episode.uid == demos[0].uid)
     np.testing.assert_array_equal(first.expert_actions, demos[0].expert_actions)
-    np.testing.assert_array_equal(first.obs["place"], demos[0].obs["place"])
+    np.testing.assert_array_equal(first.obs["error"], demos[0].obs["error"])
     BC.train(open_dataset(whole / "dataset"), POLICY, run=tmp_path / "plain", progress=False)
 
 
@@ -235,7 +235,7 @@ class Fixed:
     def reset(self, mask: np.ndarray | None = None) -> None: ...
 
     def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
-        return np.full((len(obs["place"]), 1), self.value)
+        return np.full((len(obs["error"]), 1), self.value)
 
 
 class Every:
@@ -253,7 +253,7 @@ class Every:
 def test_a_mixture_flies_and_tells_what_the_gate_says() -> None:
     mixture = Mixture(Fixed(0.1), Fixed(0.2), Every([True, False, False], [False, True, False]))
     mixture.attach(Corridor(3))
-    assert mixture.act({"place": np.zeros((3, 2))})[:, 0].tolist() == [0.2, 0.1, 0.1]
+    assert mixture.act({"error": np.zeros((3, 1))})[:, 0].tolist() == [0.2, 0.1, 0.1]
     np.testing.assert_array_equal(mixture.expert_action[:, 0], [0.2, 0.2, np.nan])
     assert mixture.is_intervention.tolist() == [True, False, False]
     mixture.reset(np.array([True, False, False]))
@@ -270,7 +270,7 @@ def thrifty(others: list[Any], **options: Any) -> _Thrifty:
 def fly(gate: _Thrifty, proposals: list[float], wishes: list[float]) -> list[bool]:
     flew, told = np.zeros(1, bool), []
     for proposed, wished in zip(proposals, wishes, strict=True):
-        sight = Sight({"place": np.zeros((1, 2))}, np.array([[proposed]]), np.array([[wished]]), flew)
+        sight = Sight({"error": np.zeros((1, 1))}, np.array([[proposed]]), np.array([[wished]]), flew)
         flew = gate.choose(sight).expert_flies
         told.append(bool(flew[0]))
     return told
@@ -334,8 +334,8 @@ def test_a_supervisor_takes_the_sticks_late_and_gives_them_back_when_content(
 def test_noise_has_the_covariance_and_correlation_of_the_errors(demos: list[Episode], tmp_path: Path) -> None:
     """Errors of a policy that always says 0 are the labels themselves."""
     policy = BC.train(demos, POLICY, run=tmp_path / "bc", progress=False)
-    labels = np.concatenate([demo.expert_actions for demo in demos])
-    policy.act = lambda obs: np.zeros((len(obs["place"]), 1))  # type: ignore[method-assign]
+    labels = np.concatenate([demo.executed_actions for demo in demos])
+    policy.act = lambda obs: np.zeros((len(obs["error"]), 1))  # type: ignore[method-assign]
     noise = Noise.of(policy, demos, scale=4.0, coloured=True)
     assert (noise.root @ noise.root.T)[0, 0] == pytest.approx(4.0 * (labels**2).mean(), rel=1e-6)
     assert 0.9 < noise.correlation <= 0.98, "the course is a slow sine"
@@ -344,13 +344,13 @@ def test_noise_has_the_covariance_and_correlation_of_the_errors(demos: list[Epis
     shaken = Disturbed(Fixed(0.0), noise)
     shaken.attach(Corridor(400))
     shaken.begin(np.arange(400))
-    flown = np.stack([shaken.act({"place": np.zeros((400, 2))})[:, 0] for _ in range(30)])
+    flown = np.stack([shaken.act({"error": np.zeros((400, 1))})[:, 0] for _ in range(30)])
     assert (shaken.expert_action == 0.0).all(), "labels have no noise"
     assert flown.std() == pytest.approx(abs(noise.root[0, 0]), rel=0.1)
     assert (flown[1:] * flown[:-1]).mean() / (flown**2).mean() == pytest.approx(noise.correlation, abs=0.03)
     again = Disturbed(Fixed(0.0), noise)
     again.begin(np.array([17]))
-    assert again.act({"place": np.zeros((1, 2))})[0, 0] == flown[0, 17], "by the episode, not by its place"
+    assert again.act({"error": np.zeros((1, 1))})[0, 0] == flown[0, 17], "by the episode, not by its place"
 
 
 def test_dart_labels_a_disturbed_expert(demos: list[Episode], tmp_path: Path) -> None:

@@ -18,13 +18,13 @@ from tests.algorithms.corridor import Corridor, Pilot, success_rate
 
 POLICY = MlpConfig(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
 BC = BehaviourCloning(
-    steps=500, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.98, validation=0.0, validate_every=0, checkpoint_every=40
+    steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.98, validation=0.0, validate_every=0, checkpoint_every=40
 )
-DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=200)
+DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=100)
 THRIFTY = DAgger(
-    rounds=2, episodes=5, gate=ThriftyGate(ensemble=2, alone=5, least=3), training=BC, between_steps=200, warm=False
+    rounds=2, episodes=5, gate=ThriftyGate(ensemble=2, alone=5, least=3), training=BC, between_steps=100, warm=False
 )
-DART = Dart(rounds=2, episodes=5, training=BC, between_steps=200)
+DART = Dart(rounds=2, episodes=5, training=BC, between_steps=100)
 SETTINGS = {"dagger": DAGGER, "thrifty": THRIFTY, "dart": DART}
 
 

@@ -6,17 +6,18 @@ e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-i
 
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
 Example: aerial-il train dataset=datasets/pick run=runs/pick_bc evaluate_every=1000 evaluate_episodes=50
+Example: aerial-il train algorithm=dagger dataset=datasets/pick run=runs/pick_dagger
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli.keys import MISSING, at_least, group, key, output
+from aerial_il.cli.keys import MISSING, MaybeLocated, at_least, group, key, output, path
 
 if TYPE_CHECKING:
     from aerial_il.cli.trials import Trials
@@ -43,11 +44,17 @@ class Config:
     evaluate_episodes: int = key(20, "how many seeds are flown each time")
     evaluate_seed: int = key(5000, "the first of them; the seeds from 10000 on judge finished policies")
     evaluate_tier: str | None = key(None, "how rough the air is in these rollouts (null: as in the dataset)")
+    expert: MaybeLocated = path(
+        MaybeLocated, "whom an algorithm asks: the file of one from outside (null: the task's own)"
+    )
+    flight_tier: str | None = key(None, "how rough the air is where it flies (null: as in the dataset)")
+    num_envs: int | None = key(None, "worlds in which it flies at once (null: as it likes best)")
+    threads: int = key(0, "simulation threads of its flights; 0 for all cores")
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
-        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0)
+        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0)
 
 
 def run(config: Config) -> None:
@@ -66,7 +73,11 @@ def learn(config: Config) -> None:
         settings["evaluate_every"] = config.evaluate_every
     policy, algorithm = build_all(config.policy, settings)
     episodes = data.demonstrations(config.dataset.path, limit=config.dataset.episodes, images=policy.images)
-    with _told(config), _trials(config, algorithm) as trials:
+    with (
+        _told(config),
+        _trials(config, algorithm) as trials,
+        _workplace(config, algorithm, policy) as handed,
+    ):
         algorithm.train(
             episodes,
             policy,
@@ -75,6 +86,7 @@ def learn(config: Config) -> None:
             evaluate=trials,
             resume=config.resume,
             progress=config.progress,
+            **handed,
         )
     print(f"Policy: {config.run}/policy")
 
@@ -113,7 +125,9 @@ def command(config: Config) -> str:
     from aerial_il.cli import words
 
     plain = {"seed": 0, "evaluate_every": None, "evaluate_episodes": 20, "evaluate_seed": 5000, "evaluate_tier": None}
+    plain |= {"flight_tier": None, "num_envs": None, "threads": 0}
     said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
+    said += [f"expert={config.expert.path}"] if config.expert.path else []
     limit = [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
     return " ".join(
         [
@@ -124,4 +138,19 @@ def command(config: Config) -> str:
             *said,
             f"run={config.run}",
         ]
+    )
+
+
+def _workplace(config: Config, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
+    """Return what an algorithm that flies while it learns is handed."""
+    from aerial_il.cli.workplaces import workplace
+
+    return workplace(
+        algorithm,
+        config.dataset.path,
+        images=policy.images,
+        expert=config.expert.path,
+        tier=config.flight_tier,
+        num_envs=config.num_envs,
+        threads=config.threads,
     )
