@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import count
 from typing import Any
 
@@ -18,6 +20,7 @@ from aerial_il.core.policy import Policy, attach
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.studio import Studio
 
+CLOSING_S = 5.0  # a window has this long to close
 PAUSE_S = 1.2  # the end of a flight stays this long
 INSTEAD = "viewer=page writes a page instead."
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
@@ -71,11 +74,13 @@ def _run(model: mujoco.MjModel, data: mujoco.MjData, moments: Iterator[bool], dt
     import mujoco.viewer
 
     _require_window()
+    before = set(threading.enumerate())
     try:
         viewer = mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
     except RuntimeError as error:  # macOS wants mjpython
         raise WindowError(f"No window can be opened here ({error}). {INSTEAD}") from error
-    with viewer:
+    drawing = set(threading.enumerate()) - before
+    with _awaited(drawing), viewer:
         _aim(viewer.cam, model, data)
         due = time.perf_counter()
         while viewer.is_running():
@@ -84,6 +89,16 @@ def _run(model: mujoco.MjModel, data: mujoco.MjData, moments: Iterator[bool], dt
             viewer.sync()
             due = max(due + (PAUSE_S if over else dt), time.perf_counter() - dt)
             time.sleep(max(0.0, due - time.perf_counter()))
+
+
+@contextmanager
+def _awaited(threads: Iterable[threading.Thread]) -> Iterator[None]:
+    """Afterwards wait for ``threads``: a window that is drawn while the interpreter ends crashes the process."""
+    try:
+        yield
+    finally:
+        for thread in threads:
+            thread.join(CLOSING_S)
 
 
 def _require_window() -> None:
