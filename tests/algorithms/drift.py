@@ -1,6 +1,6 @@
-"""A mass on a plane that is told its velocity, and where to go: solved in a second by anything that learns at all.
+"""A mass on a line that is told its velocity, and where to go: solved in a second by anything that learns at all.
 
-It ends when it leaves the plane, and, if so made, when it has arrived. It cannot save its state.
+It ends when it leaves the line, and, if so made, when it has arrived. It cannot save its state.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ SPEC = EnvSpec(
     robot="mass",
     task="go",
     tier="calm",
-    observation=ObservationSpec((Field("position", (2,)), Field("goal", (2,), "task"))),
-    action=ActionSpec("velocity", ("x", "y"), ("m/s", "m/s"), np.array([-0.5, -0.5]), np.array([0.5, 1.0])),
+    observation=ObservationSpec((Field("position", (1,)), Field("goal", (1,), "task"))),
+    action=ActionSpec("velocity", ("x",), ("m/s",), np.array([-0.5]), np.array([1.0])),
     control_dt_s=0.1,
     max_steps=MAX_STEPS,
     instruction="Go there.",
@@ -36,13 +36,13 @@ class Drift:
 
     def __init__(self, num_envs: int, *, ends_at_success: bool = False) -> None:
         self.num_envs, self.ends_at_success = num_envs, ends_at_success
-        self.position, self.goal = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
+        self.position, self.goal = np.zeros((num_envs, 1)), np.zeros((num_envs, 1))
         self.steps = np.zeros(num_envs, int)
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         each = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
         for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
-            self.position[i], self.goal[i] = named_rng(int(each[i]), "drift").uniform(-1, 1, (2, 2))
+            self.position[i], self.goal[i] = named_rng(int(each[i]), "drift").uniform(-1, 1, (2, 1))
             self.steps[i] = 0
         return self._observe()
 

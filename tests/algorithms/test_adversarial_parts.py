@@ -212,8 +212,8 @@ def test_a_restored_flight_goes_on_as_if_nothing_had_happened() -> None:
     rng, layout = np.random.default_rng(0), Layout.of(drift.SPEC, POLICY)
     flight = EndlessFlight(Drift(3), layout, seed=1)
     for _ in range(40):
-        flight.step(rng.uniform(-1, 1, (3, 2)))
-    saved, actions = flight.snapshot(), rng.uniform(-1, 1, (70, 3, 2))
+        flight.step(rng.uniform(-1, 1, (3, 1)))
+    saved, actions = flight.snapshot(), rng.uniform(-1, 1, (70, 3, 1))
     again = EndlessFlight(Drift(3), layout, seed=5)
     again.restore(saved)
     for action in actions:
@@ -225,7 +225,7 @@ def test_a_restored_flight_goes_on_as_if_nothing_had_happened() -> None:
 def test_an_environment_that_does_not_repeat_itself_is_told() -> None:
     layout = Layout.of(drift.SPEC, POLICY)
     flight = EndlessFlight(Drift(2), layout, seed=1)
-    flight.step(np.full((2, 2), 0.1))
+    flight.step(np.full((2, 1), 0.1))
     env = Drift(2)
     again = EndlessFlight(env, layout, seed=1)
     env.step = lambda actions, mask=None: Drift.step(env, 2 * actions, mask)  # type: ignore[method-assign]
@@ -242,15 +242,15 @@ def test_ends_are_told_from_cuts() -> None:
         assert np.any([step.terminal for step in ended]) == ends
         assert np.any([step.truncated for step in ended]) != ends
     flight = EndlessFlight(Drift(4), layout, seed=0)
-    out = [flight.step(np.full((4, 2), 0.5)) for _ in range(drift.MAX_STEPS)]
+    out = [flight.step(np.full((4, 1), 0.5)) for _ in range(drift.MAX_STEPS)]
     assert np.any([step.terminal for step in out])
 
 
 def test_an_action_that_is_not_finite_is_told_by_seed_and_step() -> None:
     flight = EndlessFlight(Drift(2), Layout.of(drift.SPEC, POLICY), seed=0)
-    flight.step(np.zeros((2, 2)))
+    flight.step(np.zeros((2, 1)))
     with pytest.raises(SimulationDivergedError, match="step 1 of the episode with seed 1000001"):
-        flight.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
+        flight.step(np.array([[0.0], [np.nan]]))
 
 
 def test_demonstrations_become_transitions() -> None:

@@ -32,7 +32,7 @@ SETTINGS: dict[str, Any] = {
 
 def evaluate(policy: Any, step: int) -> dict[str, float]:
     """Stand in for rollouts: a number that depends on the weights."""
-    return {"weight": float(next(policy.network.parameters()).sum())}
+    return {"weight": float(next(policy.network.parameters()).detach().sum())}
 
 
 def train(name: str, run: str, **changes: Any) -> Any:
