@@ -145,10 +145,10 @@ def expert(robot: str, task: str, **options: Any) -> Expert:
 
 
 def load_policy(path: str) -> Policy:
-    """Return the policy stored in a policy or run folder, ready to act."""
-    from aerial_il.policies import load_policy
+    """Return the policy stored in a policy or run folder, ours or one of lerobot's, ready to act."""
+    from aerial_il.policies import load_any_policy
 
-    return load_policy(path)
+    return load_any_policy(path)
 
 
 def open_dataset(path: str, *, cameras: bool | Sequence[str] = False) -> Dataset:

@@ -19,7 +19,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.judging import subtask_flags
 from aerial_il.experts.outside import load_expert
-from aerial_il.policies import load_policy
+from aerial_il.policies import find_lerobot, load_policy
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
 
@@ -90,6 +90,8 @@ def pilot(
         policy = aerial_il.expert(robot, task) if source == EXPERT else BASELINES[source]()
         words = f"policy={source} robot={robot} task={task}" + (f" action={action}" if action else "")
         return Pilot(policy, robot, task, action or DEFAULT_ACTION, words)
+    if found := find_lerobot(Path(source)):
+        return _from_lerobot(source, found, robot=robot, task=task, action=action)
     policy = load_policy(source)
     spec = policy.spec
     if env is not None or (spec.is_outside and robot is None):
@@ -115,6 +117,22 @@ def pilot_of(policy: ChunkPolicy, source: str = "a policy in training") -> Pilot
         return Pilot(policy, spec.robot, spec.task, spec.action.level, words, key, dict(spec.options))
     cameras, size = _sight(policy)
     return Pilot(policy, spec.robot, spec.task, spec.action.level, "", cameras=cameras, image_size=size)
+
+
+def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | None, action: str | None) -> Pilot:
+    """Return a policy that lerobot has trained; its files tell the cell only if its dataset had our name for it."""
+    from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
+
+    policy = LerobotPolicy(folder)
+    told_robot, told_task = policy.cell or (None, None)
+    robot, task, action = robot or told_robot, task or told_task, action or DEFAULT_ACTION
+    if robot is None or task is None:
+        raise InvalidValueError(f"{source} does not tell what it was trained on: say robot=... and task=... too.")
+    if policy.cameras:
+        require_rendering(f"a policy that sees {', '.join(policy.cameras)}")
+    words = f"policy={source} robot={robot} task={task} action={action}"
+    sight = {"cameras": policy.cameras, "image_size": policy.image_size or IMAGE_SIZE}
+    return Pilot(policy, robot, task, action, words, **sight)
 
 
 def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:

@@ -14,6 +14,7 @@ from aerial_il.core.errors import AerialError, CheckpointError, UnknownNameError
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
     from aerial_il.policies.parts.network import PolicyConfig
 
 FINAL = "policy"  # folder of a run that holds the finished policy
@@ -52,6 +53,25 @@ def load_policy(path: str | os.PathLike[str]) -> ChunkPolicy:
         return ChunkPolicy.from_checkpoint(saved, config)
     except (AerialError, KeyError, TypeError, RuntimeError) as error:
         raise CheckpointError(folder, f"is no policy that this release can rebuild ({error}).") from error
+
+
+def load_any_policy(path: str | os.PathLike[str]) -> ChunkPolicy | LerobotPolicy:
+    """Load a policy of ours, or one that lerobot has trained and saved.
+
+    Raises:
+        CheckpointError: there is none, or what there is has been cut or altered.
+    """
+    if found := find_lerobot(Path(path)):
+        from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
+
+        return LerobotPolicy(found)
+    return load_policy(path)
+
+
+def find_lerobot(path: Path) -> Path | None:
+    """Return the folder of the policy that lerobot saved at ``path``, a run of its trainer included, or None."""
+    places = (path, path / "pretrained_model", path / "checkpoints" / "last" / "pretrained_model")
+    return next((p for p in places if (p / "config.json").is_file() and (p / "model.safetensors").is_file()), None)
 
 
 def _find(path: Path) -> tuple[Path, Checkpoint]:

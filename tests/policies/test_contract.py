@@ -10,14 +10,15 @@ import pytest
 import torch
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies import list_policies, load_policy, policy_config
+from aerial_il.policies import load_policy, policy_config
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
 from tests.algorithms.point_mass import SPEC
-from tests.policies.test_registry import fresh_policy
+from tests.policies.test_registry import NAMES, fresh_policy
 
 SMALL: dict[str, Any] = {  # sizes under which seconds suffice, for whichever policy has a setting of that name
-    "hidden": (48,), "units": 32, "width": 48, "heads": 3, "feedforward": 64, "dropout": 0.0, "latent": 4
+    "hidden": (48,), "units": 32, "width": 48, "heads": 3, "feedforward": 64, "dropout": 0.0, "latent": 4,
+    "dim_model": 48, "n_heads": 3, "dim_feedforward": 64, "down_dims": (32, 64),
 }  # fmt: skip
 DRAWING: dict[str, Any] = {"sample_latent": True, "kl_weight": 0.02, "head": "gmm"}  # ways to have several answers
 BAD: dict[str, Any] = {
@@ -57,7 +58,7 @@ def fit(network: Any, batches: Any, steps: int, lr: float = 3e-3) -> list[float]
 
 
 @pytest.mark.parametrize("sizes", [(1, 1, 1, 1), (3, 7, 5, 3)])
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_it_builds_at_odd_sizes(name: str, sizes: tuple[int, int, int, int]) -> None:
     history, chunk, seen, done = sizes
     network = config(name, history=history, chunk=chunk).build(seen, done).eval()
@@ -71,7 +72,7 @@ def test_it_builds_at_odd_sizes(name: str, sizes: tuple[int, int, int, int]) -> 
         assert network(obs, torch.randn(4, network.noise_size)).shape == (4, chunk, done)
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_its_loss_falls_and_its_actions_come_near(name: str) -> None:
     """On a smooth map from observation to chunk, far below the error of always answering with the mean."""
     torch.manual_seed(0)
@@ -89,7 +90,7 @@ def test_its_loss_falls_and_its_actions_come_near(name: str) -> None:
 
 
 @pytest.mark.parametrize("redraw", [False, True])
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_world_is_flown_as_if_it_were_alone(name: str, redraw: bool) -> None:
     """Also when others are reset at other times; noise included, for policies that draw."""
     settings = {**DRAWING, "execute": 2, "redraw": redraw, "sampler": "ddpm" if redraw else "ddim"}
@@ -104,7 +105,7 @@ def test_a_world_is_flown_as_if_it_were_alone(name: str, redraw: bool) -> None:
         np.testing.assert_allclose(alone.act({k: v[:1] for k, v in obs.items()})[0], actions[0], atol=1e-5)
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_the_place_in_the_batch_does_not_matter(name: str) -> None:
     obs = observations(np.random.default_rng(1), 6)
     order = np.array([4, 2, 0, 5, 1, 3])
@@ -113,7 +114,7 @@ def test_the_place_in_the_batch_does_not_matter(name: str) -> None:
     np.testing.assert_allclose(shuffled, actions[order], atol=1e-5)
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_the_same_episode_is_flown_the_same_again(name: str, tmp_path: Path) -> None:
     """After a reset of all worlds, of this one, and from disk, bit for bit."""
     flown = policy(name, **DRAWING)
@@ -130,7 +131,7 @@ def test_the_same_episode_is_flown_the_same_again(name: str, tmp_path: Path) -> 
     np.testing.assert_array_equal(fly(load_policy(flown.save(tmp_path / "policy"))), first)
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_acting_leaves_the_shared_generator_alone(name: str) -> None:
     flown = policy(name, **DRAWING)
     before = torch.get_rng_state()
@@ -138,7 +139,7 @@ def test_acting_leaves_the_shared_generator_alone(name: str) -> None:
     assert torch.equal(torch.get_rng_state(), before)
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_each_setting_refuses_what_it_cannot_be(name: str) -> None:
     """The message names the setting, the value and what is allowed."""
     kind = policy_config(name)
@@ -148,7 +149,7 @@ def test_each_setting_refuses_what_it_cannot_be(name: str) -> None:
                 kind(**{setting: value})
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_two_ways_are_told_apart_where_the_policy_can(name: str) -> None:
     """Half of the demonstrations go one way and half the other, whatever is seen: the mean is no way at all."""
     torch.manual_seed(1)

@@ -20,6 +20,9 @@ from aerial_il.policies.parts.switches import Switches
 from tests.algorithms.point_mass import SPEC, PointMassBatch
 
 SIZES = {"history": 2, "chunk": 5}
+NAMES = [  # importing lerobot takes seconds, and so does training its networks
+    pytest.param(name, marks=pytest.mark.slow) if name.startswith("lerobot_") else name for name in list_policies()
+]
 
 
 def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
@@ -32,7 +35,7 @@ def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
     return ChunkPolicy(config, interface, config.build(layout.size, SPEC.action.size), {"step": 3})
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_network_maps_histories_to_chunks_and_its_loss_ignores_what_is_not_valid(name: str) -> None:
     network = fresh_policy(name).network
     obs, actions = torch.randn(4, 2, 15), torch.randn(4, 5, 10)
@@ -51,7 +54,7 @@ def test_network_maps_histories_to_chunks_and_its_loss_ignores_what_is_not_valid
     assert not torch.equal(loss, loss_of(torch.ones(4, 5)))
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_saved_policy_flies_alone_and_alike(name: str, tmp_path: Path) -> None:
     policy = fresh_policy(name)
     again = load_policy(policy.save(tmp_path / "policy"))
@@ -68,7 +71,7 @@ def test_a_saved_policy_flies_alone_and_alike(name: str, tmp_path: Path) -> None
         obs = env.step(action).obs
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_settings_survive_yaml(name: str) -> None:
     config = policy_config(name)(**SIZES)
     assert policy_config(name)(**yaml.safe_load(yaml.safe_dump(config.to_dict()))) == config
@@ -76,7 +79,7 @@ def test_settings_survive_yaml(name: str) -> None:
 
 
 @pytest.mark.parametrize("settings", [{"history": 0}, {"chunk": 0}, {"execute": 6}, {"obs_clip": 0}])
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_impossible_settings_are_refused(name: str, settings: dict[str, int]) -> None:
     with pytest.raises(InvalidValueError, match=next(iter(settings))):
         policy_config(name)(**{**SIZES, **settings})

@@ -11,7 +11,7 @@ import torch
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
-from aerial_il.policies import list_policies, load_policy, policy_config
+from aerial_il.policies import load_policy, policy_config
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
@@ -19,6 +19,7 @@ from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.vision import build_network, middle_part, random_part, with_pixels
 from tests.algorithms.point_mass import SPEC
+from tests.policies.test_registry import NAMES
 
 SIDE = 20
 
@@ -50,7 +51,7 @@ def look(n: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
     return states | images
 
 
-@pytest.mark.parametrize("name", list_policies())
+@pytest.mark.parametrize("name", NAMES)
 def test_every_policy_sees_without_a_change_and_flies_alike_after_saving(name: str, tmp_path: Path) -> None:
     policy = fresh_policy(name)
     again, rng = load_policy(policy.save(tmp_path / "policy")), np.random.default_rng(1)

@@ -1,0 +1,105 @@
+"""lerobot's own ACT (action chunking transformer) as one of our policies, trained and flown by our commands.
+
+The network and its loss are lerobot's; observations, normalisation, anchor, images and the execution of chunks are
+ours, so that it differs from our other policies in nothing but the network. A policy that lerobot itself has trained
+is flown by :mod:`.parts.lerobot_checkpoint` instead.
+
+Source: T. Zhao et al., "Learning Fine-Grained Bimanual Manipulation with Low-Cost Hardware", 2023; lerobot 0.6. Its
+defaults (width 512, feed-forward 3200, chunk 100) are made for a GPU; those here for a CPU.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+
+STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LerobotActConfig(PolicyConfig):
+    """Sizes of lerobot's ACT, under its own names.
+
+    Attributes:
+        dim_model: width of the transformer. n_heads: attention heads, a divisor of it.
+        dim_feedforward: width between its attention layers.
+        n_encoder_layers, n_decoder_layers, n_vae_encoder_layers: depths.
+        use_vae: train a style variable, zero in flight. latent_dim: its size. kl_weight: how narrow it is kept.
+        dropout: while training.
+    """
+
+    chunk: int = 20
+    dim_model: int = 128
+    n_heads: int = 4
+    dim_feedforward: int = 256
+    n_encoder_layers: int = 2
+    n_decoder_layers: int = 1
+    n_vae_encoder_layers: int = 2
+    use_vae: bool = True
+    latent_dim: int = 16
+    kl_weight: float = 10.0
+    dropout: float = 0.1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("dim_model", "n_heads", "dim_feedforward", "n_encoder_layers", "n_decoder_layers", "latent_dim"):
+            if getattr(self, name) < 1:
+                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
+        if self.kl_weight < 0:
+            raise InvalidValueError(f"kl_weight is {self.kl_weight}; it must not be negative.")
+        if not 0 <= self.dropout < 1:
+            raise InvalidValueError(f"dropout is {self.dropout}; it must lie in [0, 1).")
+        if self.dim_model % (2 * self.n_heads):
+            raise InvalidValueError(f"dim_model is {self.dim_model}; it must be an even multiple of n_heads.")
+
+    def build(self, obs_size: int, action_size: int) -> LerobotAct:
+        return LerobotAct(self, obs_size, action_size)
+
+
+class LerobotAct(ChunkNetwork):
+    """lerobot's ``ACTPolicy`` over one flat vector, which it sees as state and as environment."""
+
+    def __init__(self, config: LerobotActConfig, obs_size: int, action_size: int) -> None:
+        super().__init__()
+        from lerobot.configs import FeatureType, PolicyFeature
+        from lerobot.policies.act.configuration_act import ACTConfig
+        from lerobot.policies.act.modeling_act import ACTPolicy
+
+        size = (config.history * obs_size,)
+        inputs = {STATE: PolicyFeature(FeatureType.STATE, size), ENVIRONMENT: PolicyFeature(FeatureType.ENV, size)}
+        self.policy = ACTPolicy(
+            ACTConfig(
+                input_features=inputs,
+                output_features={ACTION: PolicyFeature(FeatureType.ACTION, (action_size,))},
+                device="cpu",  # of the configuration alone: the trainer moves the network
+                chunk_size=config.chunk,
+                n_action_steps=config.chunk,
+                dim_model=config.dim_model,
+                n_heads=config.n_heads,
+                dim_feedforward=config.dim_feedforward,
+                n_encoder_layers=config.n_encoder_layers,
+                n_decoder_layers=config.n_decoder_layers,
+                n_vae_encoder_layers=config.n_vae_encoder_layers,
+                use_vae=config.use_vae,
+                latent_dim=config.latent_dim,
+                kl_weight=config.kl_weight,
+                dropout=config.dropout,
+            )
+        )
+
+    def forward(self, obs: Tensor) -> Tensor:
+        return self.policy.model(_batch(obs))[0]
+
+    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        loss, logged = self.policy({**_batch(obs), ACTION: actions, "action_is_pad": valid < 0.5})
+        return loss, {name: torch.tensor(value) for name, value in logged.items()}
+
+
+def _batch(obs: Tensor) -> dict[str, Tensor]:
+    vector = obs.flatten(1)
+    return {STATE: vector, ENVIRONMENT: vector}

@@ -1,0 +1,210 @@
+"""Policies that lerobot has trained and saved, flown in n worlds at once by our evaluation.
+
+Network, normalisation and sizes are lerobot's, read from its own files: ``config.json``, ``model.safetensors`` and the
+two processors. Chunks are executed as lerobot does (``n_action_steps`` of each, or a temporal ensemble), but for each
+world by itself, so that worlds may be reset at different times. Nothing is unpickled, downloaded, or imported because a
+file names it: steps of a processor other than those below are refused.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError
+from aerial_il.core.policy import Observation
+from aerial_il.core.specs import EnvSpec, Field
+from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
+
+CONFIG, TRAINING = "config.json", "train_config.json"
+PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
+STEPS = ("rename_observations_processor", "to_batch_processor", "device_processor", "normalizer_processor",
+         "unnormalizer_processor")  # fmt: skip
+KINDS = ("act", "diffusion")
+STATE, ENVIRONMENT, IMAGES, ACTION = (
+    "observation.state",
+    "observation.environment_state",
+    "observation.images.",
+    "action",
+)
+
+
+class LerobotPolicy:
+    """A policy of lerobot behind our interface.
+
+    Args:
+        folder: with ``config.json`` and ``model.safetensors``.
+
+    Attributes:
+        cameras: names of the cameras that it looks through. image_size: height and width of their images, or None.
+        cell: robot and task that its dataset tells, or None.
+
+    Raises:
+        CheckpointError: it is incomplete, of a kind that cannot be flown, or names code to run.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        _check_files(folder)
+        os.environ.setdefault("HF_HUB_OFFLINE", "1")
+        config = self._config = _load_config(folder)
+        self._inputs = {name: tuple(feature.shape) for name, feature in config.input_features.items()}
+        self._size = int(config.output_features[ACTION].shape[0])
+        images = {n.removeprefix(IMAGES): shape for n, shape in self._inputs.items() if n.startswith(IMAGES)}
+        self.cameras = tuple(images)
+        self.image_size = next(((h, w) for _, h, w in images.values()), None)
+        self.cell = _cell(folder)
+        self._policy, self._encode, self._decode = _load(folder, config)
+        execute, ensemble = int(config.n_action_steps), getattr(config, "temporal_ensemble_coeff", None)
+        chunk = int(config.chunk_size) if config.type == "act" else execute
+        self._plan = ActionPlan(chunk, execute, ensemble)
+        self._histories = {name: ObservationHistory(int(config.n_obs_steps)) for name in self._inputs}
+        self._spec: EnvSpec | None = None
+        self.reset()
+
+    def attach(self, env: Any) -> None:
+        """Take the environment's specification, whose sizes must be those that the policy was trained with.
+
+        Raises:
+            InvalidValueError: they are not; names both.
+        """
+        shown = {name: _shape(env.spec, name) for name in self._inputs}
+        wanted = {**self._inputs, ACTION: (self._size,)}
+        found = {**shown, ACTION: (env.spec.action.size,)}
+        if differing := [f"{n}: {wanted[n]} != {found[n]}" for n in wanted if wanted[n] != found[n]]:
+            raise InvalidValueError(
+                f"{self.folder} was trained with other observations or actions than {env.spec.task} on "
+                f"{env.spec.robot} has: {'; '.join(differing)}."
+            )
+        self._spec = env.spec
+
+    def act(self, obs: Observation) -> np.ndarray:
+        """Return actions (n, Da) within their bounds for observations ``name -> (n, ...)``.
+
+        Raises:
+            NonFiniteActionError: NaN or infinity in the network's output.
+        """
+        spec = self._spec
+        if spec is None:
+            raise InvalidValueError("A policy of lerobot must be attached to an environment before it acts.")
+        seen = {name: self._histories[name].push(_read(spec, name, obs)) for name in self._inputs}
+        count = len(next(iter(seen.values())))
+        due = self._plan.due(count)
+        if due.any():
+            self._plan.add(self._predict({n: h[due] for n, h in seen.items()}, np.flatnonzero(due)), due)
+        return spec.action.clip(self._plan.pop().astype(np.float64))
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
+        for memory in (*self._histories.values(), self._plan):
+            memory.reset(mask)
+        if mask is None:
+            self._noise = torch.Generator().manual_seed(0)  # of diffusion: a flight repeats
+
+    def _predict(self, histories: Mapping[str, np.ndarray], worlds: np.ndarray) -> np.ndarray:
+        """Return chunks of actions (B, Ta, Da) in the environment's units for histories ``name -> (B, To, ...)``."""
+        single = self._config.n_obs_steps == 1
+        batch = {name: _to_tensor(name, h[:, 0] if single and self._config.type == "act" else h)
+                 for name, h in histories.items()}  # fmt: skip
+        seed = int(torch.randint(2**31, (), generator=self._noise))
+        with torch.inference_mode(), torch.random.fork_rng():
+            torch.manual_seed(seed)
+            chunk = self._policy.predict_action_chunk(self._encode(batch))[:, : self._plan.chunk]
+            actions = self._decode(chunk).cpu().numpy()
+        if not np.isfinite(actions).all():
+            raise NonFiniteActionError("network output", worlds[~np.isfinite(actions).all(axis=(1, 2))])
+        return actions
+
+
+def _check_files(folder: Path) -> None:
+    """Require that the processors consist of known steps, which their files name by registry, not by module."""
+    for name in PROCESSORS:
+        try:
+            steps = json.loads((folder / name).read_text())["steps"]
+            known = [step.get("registry_name") for step in steps]
+            states = [step.get("state_file", "x.safetensors") for step in steps]
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise CheckpointError(folder / name, f"cannot be read ({error!r}).") from error
+        if strange := [step for step in known if step not in STEPS]:
+            raise CheckpointError(folder / name, f"has steps {strange} that are not run; known: {', '.join(STEPS)}.")
+        if any(Path(state).name != state or not state.endswith(".safetensors") for state in states):
+            raise CheckpointError(folder / name, f"names state files outside of it or of another kind: {states}.")
+
+
+def _load_config(folder: Path) -> Any:
+    try:
+        raw = json.loads((folder / CONFIG).read_text())
+        kind = raw.get("type")
+    except (OSError, ValueError, AttributeError) as error:
+        raise CheckpointError(folder / CONFIG, f"cannot be read ({error!r}).") from error
+    if kind not in KINDS:
+        raise CheckpointError(folder, f"is a policy of kind {kind!r}; those of kind {', '.join(KINDS)} can be flown.")
+    from lerobot.configs import PreTrainedConfig
+    from lerobot.policies import get_policy_class
+
+    get_policy_class(kind)  # registers the kind
+    try:
+        config: Any = PreTrainedConfig.from_pretrained(folder)
+    except Exception as error:  # draccus has errors of many kinds
+        raise CheckpointError(folder / CONFIG, f"is no configuration of lerobot ({error}).") from error
+    config.pretrained_backbone_weights = None  # they are in the file: nothing to download
+    config.device = "cpu"
+    return config
+
+
+def _load(folder: Path, config: Any) -> tuple[Any, Any, Any]:
+    """Return the network, what prepares its input, and what turns its output into actions."""
+    from lerobot.policies import get_policy_class, make_pre_post_processors
+
+    try:
+        policy = get_policy_class(config.type).from_pretrained(folder, config=config, strict=True)
+        overrides = {"device_processor": {"device": "cpu"}}
+        encode, decode = make_pre_post_processors(config, str(folder), preprocessor_overrides=overrides)
+    except Exception as error:  # whatever lerobot, safetensors or torch make of a damaged file
+        raise CheckpointError(folder, f"cannot be loaded ({type(error).__name__}: {error}).") from error
+    return policy.eval(), encode, decode
+
+
+def _cell(folder: Path) -> tuple[str, str] | None:
+    """Return robot and task as the name of the dataset, ``local/ROBOT-TASK``, tells them."""
+    try:
+        name = json.loads((folder / TRAINING).read_text())["dataset"]["repo_id"]
+        robot, task = str(name).removeprefix("local/").split("-")
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return robot, task
+
+
+def _members(spec: EnvSpec, name: str) -> tuple[Field, ...]:
+    return spec.observation.of_group("proprio" if name == STATE else "task")
+
+
+def _shape(spec: EnvSpec, name: str) -> tuple[int, ...] | None:
+    """Return the shape that ``spec`` gives lerobot's feature ``name``, images with their channels first."""
+    if name.startswith(IMAGES):
+        field = f"{name.removeprefix(IMAGES)}_rgb"
+        if field not in spec.observation.names:
+            return None
+        height, width, channels = spec.observation[field].shape
+        return channels, height, width
+    return (sum(f.size for f in _members(spec, name)),)
+
+
+def _read(spec: EnvSpec, name: str, obs: Observation) -> np.ndarray:
+    """Return the feature ``name`` of n worlds (n, ...)."""
+    if name.startswith(IMAGES):
+        return obs[f"{name.removeprefix(IMAGES)}_rgb"]
+    return spec.observation.flatten(obs, [f.name for f in _members(spec, name)])
+
+
+def _to_tensor(name: str, values: np.ndarray) -> Tensor:
+    """Return float32, images as lerobot reads them: channels first, from 0 to 1."""
+    tensor = torch.from_numpy(np.ascontiguousarray(values)).float()
+    return tensor.movedim(-1, -3) / 255 if name.startswith(IMAGES) else tensor

@@ -1,0 +1,3 @@
+"""Registers the environments of aerial_il with lerobot, which imports this module because of its name."""
+
+import aerial_il.bridges.lerobot_env  # noqa: F401

@@ -1,0 +1,1 @@
+"""Tests of the faces that other frameworks look for."""
