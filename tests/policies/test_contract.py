@@ -152,6 +152,8 @@ def test_each_setting_refuses_what_it_cannot_be(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_two_ways_are_told_apart_where_the_policy_can(name: str) -> None:
     """Half of the demonstrations go one way and half the other, whatever is seen: the mean is no way at all."""
+    if name == "lerobot_act":
+        pytest.skip("its style, which is zero in flight, may stand for either way or for none")
     torch.manual_seed(1)
     settings = DRAWING | {"loss": "l2", "chunk": 3, "history": 1}
     network = config(name, **settings).build(2, 2)
