@@ -35,6 +35,7 @@ OFF: dict[str, Any] = {
     "critic_hidden": (32, 32),
     "gamma": 0.9,
     "tau": 0.05,
+    "actor_every": 1,
 }
 ON: dict[str, Any] = {
     "rollout": 512,
@@ -52,7 +53,6 @@ def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: boo
     return arrivals(policy)
 
 
-@pytest.mark.slow
 def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
     assert learn(SoftActorCriticLearning(steps=2_000, updates=0.5, **OFF), tmp_path / "sac") > 0.8
     assert learn(ProximalPolicyOptimisation(steps=12_000, **ON), tmp_path / "ppo") > 0.8

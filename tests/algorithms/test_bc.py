@@ -105,5 +105,5 @@ def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
 def test_algorithms_are_found_by_name() -> None:
     assert "bc" in list_algorithms()
     assert all(hasattr(algorithm(name), "__doc__") for name in list_algorithms())
-    with pytest.raises(UnknownNameError, match="Valid: .*bc"):
+    with pytest.raises(UnknownNameError, match=r"Valid: .*bc"):
         algorithm("bx")

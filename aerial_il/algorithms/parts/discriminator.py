@@ -32,6 +32,9 @@ REWARDS: dict[str, Callable[[Tensor], Tensor]] = {
 }
 
 
+LIMIT = 10.0  # of standardised inputs: what was hardly seen, such as a rare end, must not overwhelm
+
+
 class RunningNorm(nn.Module):
     """Standardise inputs (B, D) by the moments of all batches that :meth:`add` was shown, saved with the weights."""
 
@@ -52,7 +55,7 @@ class RunningNorm(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         deviation = (self.square / self.count.clamp(min=1.0)).sqrt()
-        return (inputs - self.mean) / torch.where(deviation < 1e-3, 1.0, deviation)
+        return ((inputs - self.mean) / torch.where(deviation < 1e-3, 1.0, deviation)).clamp(-LIMIT, LIMIT)
 
 
 class Scorer(nn.Module):
