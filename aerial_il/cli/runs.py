@@ -69,16 +69,17 @@ def footage(run: TrainingRun, videos: int) -> Footage:
 
 def _flown(run: TrainingRun, videos: int) -> Footage:
     from aerial_il.evaluation.rollouts import evaluate
+    from aerial_il.policies import load_policy
 
     try:
-        pilot = flying.pilot(str(run.path), robot=None, task=None, action=None)
-        spec = pilot.policy.spec
+        policy = load_policy(run.path)
+        pilot, spec = flying.pilot_of(policy, str(run.path)), policy.spec
         env = pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)
     except AerialError as error:
         return Footage(note=f"No films: {error}")
     try:
         seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
-        result = evaluate(env, pilot.policy, seeds, policy_name=str(run.path), progress=False)
+        result = evaluate(env, policy, seeds, policy_name=str(run.path), progress=False)
         return film(env, result, Path(run.path) / results.VIDEOS, successes=videos, failures=videos)
     finally:
         env.close()
