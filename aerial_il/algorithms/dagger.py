@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
+from aerial_il.algorithms.parts.doubt import Scale
 from aerial_il.algorithms.parts.gates import CoinGate, GateSettings, Round
 from aerial_il.algorithms.parts.mixture import Mixture
 from aerial_il.algorithms.parts.rounds import Collect, Rounds, Training, Workplace
@@ -132,7 +133,7 @@ class DAgger:
         alone = self.gate.alone
         probes = rounds.alone(number, self.episodes, alone, progress=progress) if alone else []
         of = Round(number, rounds.seed, [rounds.learner, *others], rounds.lessons, probes)
-        return Mixture(rounds.learner, at.expert, self.gate.open(of))
+        return Mixture(rounds.learner, at.expert, self.gate.open(of), Scale.of(rounds.learner))
 
     def _member(self, rounds: Rounds, number: int, k: int, progress: bool) -> ChunkPolicy:
         """Return member k > 0 of the ensemble: other first weights, and other lessons, drawn with replacement."""

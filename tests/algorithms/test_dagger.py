@@ -19,7 +19,7 @@ from scipy import stats
 from aerial_il.algorithms.dart import Disturbed, Noise
 from aerial_il.algorithms.parts.doubt import Scale, disagreement
 from aerial_il.algorithms.parts.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
-from aerial_il.algorithms.parts.mixture import Choice, Mixture, Sight
+from aerial_il.algorithms.parts.mixture import IGNORED_STEPS, Choice, Mixture, Sight
 from aerial_il.algorithms.parts.rounds import Tally, asked
 from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.algorithms.parts.supervisors import Corrector
@@ -258,6 +258,31 @@ def test_a_mixture_flies_and_tells_what_the_gate_says() -> None:
     assert mixture.is_intervention.tolist() == [True, False, False]
     mixture.reset(np.array([True, False, False]))
     assert not mixture.is_intervention.any()
+
+
+class Stubborn(Fixed):
+    """Wants 9 until it is told to forget, in that world, and 0 from then on."""
+
+    def attach(self, env: Any) -> None:
+        self.wishes = np.full((env.num_envs, 1), 9.0)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        self.wishes[slice(None) if mask is None else mask] = 0.0
+
+    def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
+        return self.wishes.copy()
+
+
+def test_an_expert_that_is_ignored_for_long_looks_again() -> None:
+    """Where it flies itself it is not ignored, however far the learner's action is."""
+    gate = Every([False, True], [True, True])
+    mixture = Mixture(Fixed(0.0), Stubborn(0.0), gate, Scale(np.ones(1)))
+    mixture.attach(Corridor(2))
+    for _ in range(IGNORED_STEPS):
+        mixture.act({"error": np.zeros((2, 1))})
+        assert (mixture.expert_action == 9.0).all()
+    mixture.act({"error": np.zeros((2, 1))})
+    assert mixture.expert_action[:, 0].tolist() == [0.0, 9.0]
 
 
 def thrifty(others: list[Any], **options: Any) -> _Thrifty:

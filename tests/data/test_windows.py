@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,6 +42,25 @@ def test_failures_are_left_out_and_batches_cover_an_epoch(folder: DatasetFolder)
     assert len(seen) == len(windows) // 7 * 7
     everything = windows[np.arange(len(windows))].obs[:, 0]
     assert {tuple(row) for row in seen} <= {tuple(row) for row in everything}
+
+
+def test_only_what_somebody_labelled_is_learned(folder: DatasetFolder) -> None:
+    """No window begins at a step that nobody labelled, and within one such steps are padding."""
+    one, other = list(open_dataset(folder.path))[:2]
+    labels = np.full_like(one.actions, np.nan)
+    labels[5:9] = labels[12] = 0.25
+    partly, unasked = (
+        replace(one, expert_actions=labels),
+        replace(other, expert_actions=np.full_like(other.actions, np.nan)),
+    )
+    windows = Windows([partly, unasked], NAMES, chunk=3, target="expert_actions", dtype=np.float64)
+    assert windows.lengths.tolist() == [5, len(other)]
+    batch = windows[np.arange(5)]
+    obs = np.concatenate([one.obs[n] for n in NAMES], axis=1)
+    np.testing.assert_array_equal(batch.obs[:, 0], obs[[5, 6, 7, 8, 12]])
+    assert batch.is_pad.tolist() == [[False] * 3, [False] * 3, [False, False, True], *[[False, True, True]] * 2]
+    assert (batch.actions[~batch.is_pad] == 0.25).all()
+    np.testing.assert_array_equal(windows[np.array([5])].actions[0, 0], other.executed_actions[0])
 
 
 def test_bad_requests_are_refused(folder: DatasetFolder) -> None:

@@ -10,7 +10,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from aerial_il.algorithms.parts.doubt import Scale
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
+
+IGNORED = 1.0  # distance of action and advice, in deviations of demonstrated actions, that counts as ignoring it
+IGNORED_STEPS = 50  # in a row after which the expert looks again
 
 
 @dataclass(frozen=True)
@@ -60,20 +64,23 @@ class Mixture:
     """Flies for the learner or the expert, as the gate decides.
 
     Both are shown every state, so that whichever takes over knows where it is: the learner's plan is up to date, and an
-    expert with phases follows the flight. What it is not asked for is not told.
+    expert with phases follows the flight. What it is not asked for is not told. An expert whose advice has been ignored
+    for a while has its memory cleared: what it believes to be going on is not, and it has to look again.
 
     Args:
         learner: the policy in training.
         expert: whom to learn from.
         gate: who decides.
+        scale: in which advice and action are compared; None never clears the expert's memory.
 
     Attributes:
         expert_action: (n, Da) the expert's answers, NaN where it was not asked.
         is_intervention: (n,) bool, the expert held the sticks.
     """
 
-    def __init__(self, learner: Policy, expert: Policy, gate: Gate) -> None:
-        self.learner, self.expert, self.gate = learner, expert, gate
+    def __init__(self, learner: Policy, expert: Policy, gate: Gate, scale: Scale | None = None) -> None:
+        self.learner, self.expert, self.gate, self.scale = learner, expert, gate, scale
+        self._ignored = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
         self.is_intervention = np.zeros(0, bool)
 
@@ -89,12 +96,13 @@ class Mixture:
     def attach(self, env: Any) -> None:
         attach(self.learner, env)
         attach(self.expert, env)
-        self.is_intervention = np.zeros(env.num_envs, bool)
+        self.is_intervention, self._ignored = np.zeros(env.num_envs, bool), np.zeros(env.num_envs, int)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         self.learner.reset(mask)
         self.expert.reset(mask)
         self.is_intervention = np.zeros_like(self.is_intervention) if mask is None else self.is_intervention & ~mask
+        self._ignored = np.zeros_like(self._ignored) if mask is None else np.where(mask, 0, self._ignored)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         chosen = np.ones(len(seeds), bool) if mask is None else mask
@@ -109,6 +117,18 @@ class Mixture:
         wished = np.asarray(getattr(self.expert, "expert_action", flown), float)  # before its own perturbation
         choice = self.gate.choose(Sight(obs, proposed, wished, self.is_intervention))
         self.is_intervention = choice.expert_flies
+        self._look_again(proposed, wished)
         asked = choice.asked | choice.expert_flies
         self.expert_action = np.where(asked[:, None], wished, np.nan)
         return np.where(choice.expert_flies[:, None], flown, proposed)
+
+    def _look_again(self, proposed: np.ndarray, wished: np.ndarray) -> None:
+        """Clear the expert's memory of the worlds in which the learner has done something else for long."""
+        if self.scale is None:
+            return
+        ignored = ~self.is_intervention & (self.scale.distance(proposed, wished) > IGNORED)
+        self._ignored = np.where(ignored, self._ignored + 1, 0)
+        lost = self._ignored >= IGNORED_STEPS
+        if lost.any():
+            self.expert.reset(lost)
+            self._ignored[lost] = 0
