@@ -33,6 +33,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.evaluation.statistics import wilson
+from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.suite.batch import BatchEnvironment
@@ -210,7 +211,7 @@ class Interactive:
             cost = {key: int(rows[-1][f"total/{key}"]) for key in ("episodes", "labelled_steps", "queries")}
             cost["interventions"] = int(sum(row["interventions"] for row in rows))
         else:
-            origin = aerial_il.load_policy(str(folder / "training" / arm.place)).origin["dataset"]
+            origin = load_policy(folder / "training" / arm.place).origin["dataset"]
             cost = {"episodes": origin["demonstrations"], "labelled_steps": origin["frames"]}
             cost |= {"queries": 0, "interventions": 0}
         judged = {k: v for k, v in success_row(result).items() if k != "episodes"} | {"flown": len(result.episodes)}
