@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
 STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
@@ -101,7 +101,7 @@ class LerobotDiffusion(ChunkNetwork):
         return self.policy.diffusion.generate_actions(_batch(obs), noise=start.unflatten(1, self.shape))
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        missing = self.policy.config.horizon - self.chunk
+        missing, actions = self.policy.config.horizon - self.chunk, hold_last(actions, valid)
         actions = torch.cat([actions, actions[:, -1:].expand(-1, missing, -1)], dim=1)
         padding = torch.cat([valid < 0.5, valid.new_ones(len(valid), missing) > 0], dim=1)
         loss, _ = self.policy({**_batch(obs), ACTION: actions, "action_is_pad": padding})
