@@ -37,8 +37,9 @@ def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_network_maps_histories_to_chunks_and_its_loss_ignores_what_is_not_valid(name: str) -> None:
-    network = fresh_policy(name).network
-    obs, actions = torch.randn(4, 2, 15), torch.randn(4, 5, 10)
+    policy = fresh_policy(name)
+    network = policy.network
+    obs, actions = torch.randn(4, 2, policy.interface.layout.size), torch.randn(4, 5, 10)
     assert network(obs).shape == (4, 5, 10)
     valid = torch.ones(4, 5)
     valid[:, 3:] = 0
