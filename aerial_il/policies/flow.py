@@ -21,7 +21,6 @@ from torch.nn import functional
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.layers import check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
-from aerial_il.policies.parts.normaliser import Scaling
 
 BETA, LATEST = 1.5, 0.999
 
@@ -33,15 +32,14 @@ class FlowConfig(PolicyConfig):
     Attributes:
         width: of each hidden layer. blocks: residual blocks of two hidden layers each, after a first one.
         euler_steps: steps N from noise to a chunk.
-        clip: limit of normalised actions at the end; 1 is the range of the data under ``minmax``.
+        clip: limit of normalised actions at the end, in deviations of the data under ``standard`` scaling.
         redraw: draw noise anew for each chunk rather than once per episode.
     """
 
-    action_scaling: Scaling = "minmax"
     width: int = 512
     blocks: int = 1
     euler_steps: int = 10
-    clip: float = 1.0
+    clip: float = 5.0
     redraw: bool = False
 
     def __post_init__(self) -> None:

@@ -51,7 +51,7 @@ class RecurrentConfig(PolicyConfig):
     head: End = "point"
     loss: Loss = "l1"
     modes: int = 5
-    min_std: float = 1e-4
+    min_std: float = 0.05
     redraw: bool = False
 
     def __post_init__(self) -> None:
