@@ -34,7 +34,14 @@ def prepare(command: Command, words: list[str]) -> list[str]:
     chosen = dict(conf.default_choices(command.name))
     chosen |= {k: v for k, _, v in (w.partition("=") for w in words) if k in chosen}
     prepared = [_prepared(command, word, chosen) for word in words]
-    return prepared + _sweep_folders(command, prepared)
+    return _flags_first(prepared + _sweep_folders(command, prepared))
+
+
+def _flags_first(words: list[str]) -> list[str]:
+    """Put flags, with their values, before the overrides: Hydra's parser wants these in one piece."""
+    values = {i + 1 for i, word in enumerate(words) if word in _TAKES_VALUE}
+    flags = [i for i, word in enumerate(words) if word.startswith("--") or word in FLAGS or i in values]
+    return [words[i] for i in flags] + [word for i, word in enumerate(words) if i not in flags]
 
 
 def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ...]:
