@@ -25,13 +25,14 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.envs.utils import freeze_after_episode_end
 
 from aerial_il.core.rendering import can_render
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import EnvSpec, Group
 from aerial_il.suite.gymnasium_env import SingleEnv
 from aerial_il.suite.gymnasium_ids import gymnasium_id
 from aerial_il.suite.scenario import Scenario
 
 ACTION, STATE, ENVIRONMENT, IMAGES = "action", "agent_pos", "environment_state", "pixels"
 FEATURE_OF = {ACTION: ACTION, STATE: "observation.state", ENVIRONMENT: "observation.environment_state"}
+VECTORS: tuple[tuple[str, Group], ...] = ((STATE, "proprio"), (ENVIRONMENT, "task"))
 FILM_SIZE = (120, 160)  # of the films that lerobot makes of each evaluation
 
 
@@ -120,7 +121,7 @@ class LerobotFace(gymnasium.ObservationWrapper[Any, np.ndarray, Any]):
         """Join the fields to vectors, and gather the images by camera."""
         fields = self.spec_of_env.observation
         seen: dict[str, Any] = {}
-        for name, group in ((STATE, "proprio"), (ENVIRONMENT, "task")):
+        for name, group in VECTORS:
             if members := fields.of_group(group):
                 seen[name] = fields.flatten(observation, [f.name for f in members])
         images = {f.name.removesuffix("_rgb"): observation[f.name] for f in fields.of_group("image")}

@@ -88,7 +88,11 @@ class SquashedGaussian(ChunkNetwork):
         """Return mean and logarithmic deviation (B, Ta * Da) before the tanh, for ``obs`` (B, To, Do)."""
         hidden = self.trunk(obs)
         mean = self.mean(hidden)
-        log_std = self.free.expand_as(mean) if self.log_std is None else self.log_std(hidden)
+        if self.log_std is not None:
+            log_std = self.log_std(hidden)
+        else:
+            assert self.free is not None
+            log_std = self.free.expand_as(mean)
         return mean, log_std.clamp(LOG_STD_LOW, LOG_STD_HIGH)
 
     def sample(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:

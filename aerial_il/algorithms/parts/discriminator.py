@@ -44,6 +44,8 @@ class RunningNorm(nn.Module):
         self.register_buffer("square", torch.zeros(size))
         self.register_buffer("count", torch.zeros(()))
 
+    count: Tensor
+
     @torch.no_grad()
     def add(self, inputs: Tensor) -> None:
         """Take a batch in; see :class:`aerial_il.algorithms.parts.returns.RunningMoments`."""

@@ -69,7 +69,7 @@ class EndlessFlight:
         Raises:
             SimulationDivergedError: an action or an observation is not finite; names seed and step.
         """
-        self._check("action", np.isfinite(actions).all(1))
+        self._check("action", np.asarray(np.isfinite(actions).all(axis=1)))
         actions = self.env.spec.action.clip(actions)
         self._remember(actions)
         result = self.env.step(actions)

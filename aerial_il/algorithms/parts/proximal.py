@@ -84,14 +84,16 @@ class Proximal:
         """
         for part in (self._actor, self._critic):
             part.optimizer.param_groups[0]["lr"] = self.lr * left
-        data = [torch.from_numpy(np.ascontiguousarray(a, np.float32)) for a in (obs, raw, advantages, values)]
+        seen, drawn, gains, wanted = (
+            torch.from_numpy(np.ascontiguousarray(a, np.float32)) for a in (obs, raw, advantages, values)
+        )
         with torch.no_grad():
-            before = self._log_density(data[0], data[1])
+            before = self._log_density(seen, drawn)
         passes: list[np.ndarray] = []
         moving = True
         for _ in range(self.epochs):
             order = torch.randperm(len(before)).split(self.batch_size)
-            rows = [self._descend(*(d[index] for d in data), before[index], moving) for index in order]
+            rows = [self._descend(seen[i], drawn[i], gains[i], wanted[i], before[i], moving) for i in order]
             passes.append(np.mean(rows, axis=0))
             moving = moving and not (self.target_kl and passes[-1][2] > 1.5 * self.target_kl)
         means = np.mean(passes, axis=0)

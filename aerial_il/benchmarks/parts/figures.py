@@ -6,6 +6,8 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -217,7 +219,7 @@ def step_lines(time_s: Sequence[float], percent: Mapping[tuple[str, str], Mappin
     return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in percent}, draw)
 
 
-def reward_lines(rewards: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+def reward_lines(rewards: Mapping[str, Mapping[str, np.ndarray]]) -> str:
     """Draw a learned reward along episodes, a panel per task, a line per episode.
 
     Args:
