@@ -2,6 +2,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 BIN := .venv/bin
+ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
@@ -17,10 +18,10 @@ demo: setup ## fly, record, learn, evaluate: the whole path, resumable, with a r
 	@$(BIN)/aerial-il demo
 
 test: setup ## run the tests that finish in minutes
-	@$(BIN)/python -m pytest
+	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(ABREAST)
 
 test-all: setup ## run every test, the slow ones and those that need a browser too
-	@$(BIN)/python -m pytest -m ""
+	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "" $(ABREAST)
 
 check: setup ## lint, formatting, types and the layers between rooms
 	@$(BIN)/ruff check .
