@@ -31,6 +31,7 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.evaluation.statistics import bootstrap_macro
+from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.suite import tiers
 
@@ -96,8 +97,8 @@ class Imitation:
     name: ClassVar[str] = "imitation"
     question: ClassVar[str] = "How well do the policy classes imitate the experts, from few demonstrations and many?"
 
-    policies: Mapping[str, PolicyConfig] = field(default_factory=dict)
-    algorithms: Mapping[str, BehaviourCloning] = field(default_factory=dict)
+    policies: Mapping[str, PolicyConfig] = field(default_factory=lambda: {"mlp": MlpConfig()})
+    algorithms: Mapping[str, BehaviourCloning] = field(default_factory=lambda: {"mlp": BehaviourCloning()})
     methods: tuple[str, ...] = ()
     robot: str = "fa_hexa_arm4"
     tasks: tuple[str, ...] = ()
