@@ -43,7 +43,7 @@ def gather(source: Source, path: Path, wanted: int, *, progress: bool) -> None:
         InvalidValueError: more than half of the flights fail.
     """
     dataset, flown = DatasetFolder(path), wanted
-    while (missing := wanted - len(dataset.files())) > 0:
+    while len(dataset.files()) < wanted:
         if flown > 2 * wanted:
             raise InvalidValueError(f"{path}: the expert fails too often to give {wanted} demonstrations.")
         env = aerial_il.load_batch(
@@ -59,7 +59,7 @@ def gather(source: Source, path: Path, wanted: int, *, progress: bool) -> None:
             collect(env, expert, seeds, path, settings={"noise": source.noise}, progress=progress)
         finally:
             env.close()
-        flown += missing
+        flown += wanted - len(dataset.files())
 
 
 def first(path: Path, count: int) -> Iterator[Episode]:
