@@ -34,7 +34,7 @@ class StepResult:
 
 
 class BatchEnvironment:
-    """n independent worlds of one scenario on MuJoCo's batch engine.
+    """n independent worlds of one scenario, shared among threads.
 
     The environment does not end an episode on success and does not reset by itself: whoever runs it decides, per world.
 

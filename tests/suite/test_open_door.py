@@ -11,26 +11,13 @@ from aerial_il.suite.props.door import DOOR_FRICTION_NM, HINGE_TO_LOOP_M
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.tasks.open_door import OPEN_RAD, OpenDoor
 from tests.contract.registered import batch
+from tests.suite.dwelling import check_dwell
 
 CELL = ("ua_quad_arm4", "open_door")
 
 
 def test_success_waits_for_the_dwell_and_ends_when_the_door_is_shut() -> None:
-    worlds = batch(*CELL)
-    obs = worlds.reset(0)
-    angle, _ = worlds.simulation.view.joint("door")
-    hover = np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((3, 1))], axis=1)
-    dwell = round(OpenDoor.dwell_s / worlds.spec.control_dt_s)
-
-    angle[:] = OPEN_RAD + np.array([0.3, 0.02, -0.02])
-    worlds.set_state(worlds.get_state())
-    seen = [worlds.step(hover).info["success"] for _ in range(dwell)]
-    assert not np.any(seen[:-1])
-    assert seen[-1].tolist() == [True, True, False]
-
-    angle[:] = 0.0
-    worlds.set_state(worlds.get_state())
-    assert not worlds.step(hover).info["success"].any()
+    check_dwell(batch(*CELL), OpenDoor, "door", OPEN_RAD + np.array([0.3, 0.02, -0.02]))
 
 
 def test_it_takes_the_stated_force_at_the_handle() -> None:

@@ -11,6 +11,7 @@ from aerial_il.suite.props.valve import VALVE_FRICTION_NM, VALVE_OPEN_RAD
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.tasks.rotate_valve import START_ANGLE_RAD, RotateValve
 from tests.contract.registered import batch
+from tests.suite.dwelling import check_dwell
 
 CELL = ("ua_quad_arm4", "rotate_valve")
 
@@ -25,21 +26,7 @@ def test_it_is_half_a_turn_from_any_start() -> None:
 
 
 def test_success_waits_for_the_dwell_and_ends_when_the_valve_is_closed_again() -> None:
-    worlds = batch(*CELL)
-    obs = worlds.reset(0)
-    angle, _ = worlds.simulation.view.joint("valve")
-    hover = np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((3, 1))], axis=1)
-    dwell = round(RotateValve.dwell_s / worlds.spec.control_dt_s)
-
-    angle[:] = VALVE_OPEN_RAD + np.array([0.2, 0.02, -0.02])
-    worlds.set_state(worlds.get_state())
-    seen = [worlds.step(hover).info["success"] for _ in range(dwell)]
-    assert not np.any(seen[:-1])
-    assert seen[-1].tolist() == [True, True, False]
-
-    angle[:] = 0.0
-    worlds.set_state(worlds.get_state())
-    assert not worlds.step(hover).info["success"].any()
+    check_dwell(batch(*CELL), RotateValve, "valve", VALVE_OPEN_RAD + np.array([0.2, 0.02, -0.02]))
 
 
 def test_the_spindle_resists_with_its_stated_friction() -> None:
