@@ -78,7 +78,7 @@ class PolicyConfig(ABC):
     anchor: str | None = "ee_pos"
     relative: bool = False
     obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ("gripper",)
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
     images: tuple[str, ...] = ()
     encoder: Encoder = "cnn"
     image_features: int = 64
