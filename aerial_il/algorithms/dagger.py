@@ -22,15 +22,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from dataclasses import dataclass, field
 
-from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
+from aerial_il.algorithms.bc import Evaluate
 from aerial_il.algorithms.parts.doubt import Scale
 from aerial_il.algorithms.parts.gates import CoinGate, GateSettings, Round
+from aerial_il.algorithms.parts.interactive import Interactive, Pilot, fly_and_learn
 from aerial_il.algorithms.parts.mixture import Mixture
-from aerial_il.algorithms.parts.rounds import Collect, Rounds, Training, Workplace
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace
 from aerial_il.core.policy import Policy
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
@@ -41,42 +40,14 @@ MEMBER_SEED = 1_000_003  # between the seeds of an ensemble's members
 
 
 @dataclass(frozen=True, kw_only=True)
-class DAgger:
+class DAgger(Interactive):
     """Settings of a run.
 
     Attributes:
-        rounds: of flying and learning, after a first training on the demonstrations.
-        episodes: labelled flights per round.
         gate: who flies and who is asked.
-        training: supervised learning, used as it is in the first and in the last round, which start afresh.
-        between_steps: optimisation steps of the rounds between.
-        warm: those go on from the weights of the round before.
-        evaluate_every: rounds between two evaluations; the last one is always evaluated; 0 for that one only.
-        keep_checkpoints: how many of the newest rounds' policies stay on disk.
     """
 
-    needs: ClassVar[tuple[str, ...]] = ("env", "expert", "collect")  # handed to train()
-
-    rounds: int = 10
-    episodes: int = 5
     gate: GateSettings = field(default_factory=CoinGate)
-    training: BehaviourCloning = field(default_factory=BehaviourCloning)
-    between_steps: int = 2_000
-    warm: bool = True
-    evaluate_every: int = 1
-    keep_checkpoints: int = 3
-
-    def __post_init__(self) -> None:
-        for name in ("rounds", "episodes", "between_steps", "keep_checkpoints"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
-        if self.evaluate_every < 0:
-            raise InvalidValueError(f"evaluate_every is {self.evaluate_every}; it must not be negative.")
-
-    @property
-    def worlds(self) -> int:
-        """How many worlds it flies in at once, if nobody says otherwise."""
-        return self.episodes
 
     def train(
         self,
@@ -111,22 +82,16 @@ class DAgger:
             InvalidValueError: demonstrations of another environment, no expert, or ``run`` holds another run.
             SimulationDivergedError, StorageError: from the flights. The errors of behaviour cloning.
         """
-        workplace, training = Workplace(env, expert, collect), self._training(policy, seed)
-        with Rounds.open(run, dataset, workplace, training, resume=resume) as rounds:
-            if rounds.finished:
-                return rounds.finished
-            for number in rounds.left(self.rounds):
-                last, extra = number == self.rounds, {}
-                if number:
-                    pilot = lambda number=number: self._pilot(rounds, number, workplace, progress)  # noqa: E731
-                    rounds.fly(number, pilot, self.episodes, name="dagger", progress=progress)
-                    extra = self._beta(number)
-                rounds.learn(number, last=last, progress=progress)
-                judge = evaluate if last or due(self.evaluate_every, number) else None
-                rounds.report(number, evaluate=judge, extra=extra, keep=self.keep_checkpoints)
-            return rounds.finish(self.rounds)
+        workplace = Workplace(env, expert, collect)
+        learning = self.learning("dagger", policy, seed, alone=self.gate.alone)
+        with Rounds.open(run, dataset, workplace, learning, resume=resume) as rounds:
 
-    def _pilot(self, rounds: Rounds, number: int, at: Workplace, progress: bool) -> Policy:
+            def pilot(number: int) -> Pilot:
+                return Pilot(lambda: self._mixture(rounds, number, workplace, progress), self._beta(number))
+
+            return fly_and_learn(rounds, self, pilot, evaluate=evaluate, progress=progress)
+
+    def _mixture(self, rounds: Rounds, number: int, at: Workplace, progress: bool) -> Policy:
         """Return the mixture that flies round ``number``."""
         assert rounds.learner is not None
         others = [self._member(rounds, number, k, progress) for k in range(1, self.gate.ensemble)]
@@ -144,16 +109,3 @@ class DAgger:
 
     def _beta(self, number: int) -> Mapping[str, float]:
         return {"beta": self.gate.share(number)} if isinstance(self.gate, CoinGate) else {}
-
-    def _training(self, policy: PolicyConfig, seed: int) -> Training:
-        return Training(
-            name="dagger",
-            settings=self,
-            policy=policy,
-            bc=self.training,
-            between=replace(self.training, steps=self.between_steps),
-            warm=self.warm,
-            seed=seed,
-            seeds_per_round=self.episodes + self.gate.alone,
-            cadence=CADENCE,
-        )

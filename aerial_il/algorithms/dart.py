@@ -25,14 +25,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
+from aerial_il.algorithms.bc import Evaluate
 from aerial_il.algorithms.parts.doubt import actions_along
-from aerial_il.algorithms.parts.rounds import Collect, Rounds, Training, Workplace, asked
+from aerial_il.algorithms.parts.interactive import Interactive, Pilot, fly_and_learn
+from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace, asked
+from aerial_il.algorithms.parts.settings import require_positive
 from aerial_il.algorithms.parts.training_set import split
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
@@ -45,46 +47,26 @@ MOST = 0.98  # largest correlation from one step to the next: a decay over 50 st
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dart:
+class Dart(Interactive):
     """Settings of a run.
 
     Attributes:
-        rounds: of flying and learning, after a first training on the demonstrations.
-        episodes: flights per round, all of them labelled.
         scale: factor on the covariance of the learner's errors.
         coloured: give the noise the correlation over time that the errors have; white otherwise, as in the paper.
         held_out: share of the lessons on which the errors are measured.
-        training, between_steps, warm, evaluate_every, keep_checkpoints: see DAgger.
     """
-
-    needs: ClassVar[tuple[str, ...]] = ("env", "expert", "collect")
 
     rounds: int = 4
     episodes: int = 10
     scale: float = 1.0
     coloured: bool = True
     held_out: float = 0.2
-    training: BehaviourCloning = field(default_factory=BehaviourCloning)
-    between_steps: int = 2_000
-    warm: bool = True
-    evaluate_every: int = 1
-    keep_checkpoints: int = 3
 
     def __post_init__(self) -> None:
-        for name in ("rounds", "episodes", "between_steps", "keep_checkpoints"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
-        if self.scale <= 0:
-            raise InvalidValueError(f"scale is {self.scale}; it must be positive.")
+        super().__post_init__()
+        require_positive(self, "scale")
         if not 0 < self.held_out < 1:
             raise InvalidValueError(f"held_out is {self.held_out}; it must lie in (0, 1).")
-        if self.evaluate_every < 0:
-            raise InvalidValueError(f"evaluate_every is {self.evaluate_every}; it must not be negative.")
-
-    @property
-    def worlds(self) -> int:
-        """How many worlds it flies in at once, if nobody says otherwise."""
-        return self.episodes
 
     def train(
         self,
@@ -101,40 +83,21 @@ class Dart:
         progress: bool = True,
     ) -> ChunkPolicy:
         """Learn from a disturbed expert; arguments, result and errors are those of DAgger."""
-        workplace, training = Workplace(env, expert, collect), self._training(policy, seed)
-        with Rounds.open(run, dataset, workplace, training, resume=resume) as rounds:
-            if rounds.finished:
-                return rounds.finished
-            for number in rounds.left(self.rounds):
-                last, extra = number == self.rounds, {}
-                if number:
-                    noise = self._noise(rounds, number, progress)
-                    extra = {"noise": noise.size, "noise_correlation": noise.correlation}
-                    pilot = lambda noise=noise: Disturbed(expert, noise)  # noqa: E731
-                    rounds.fly(number, pilot, self.episodes, name="dart", progress=progress)
-                rounds.learn(number, last=last, progress=progress)
-                judge = evaluate if last or due(self.evaluate_every, number) else None
-                rounds.report(number, evaluate=judge, extra=extra, keep=self.keep_checkpoints)
-            return rounds.finish(self.rounds)
+        workplace, learning = Workplace(env, expert, collect), self.learning("dart", policy, seed)
+        with Rounds.open(run, dataset, workplace, learning, resume=resume) as rounds:
+
+            def pilot(number: int) -> Pilot:
+                noise = self._noise(rounds, number, progress)
+                metrics = {"noise": noise.size, "noise_correlation": noise.correlation}
+                return Pilot(lambda: Disturbed(expert, noise), metrics)
+
+            return fly_and_learn(rounds, self, pilot, evaluate=evaluate, progress=progress)
 
     def _noise(self, rounds: Rounds, number: int, progress: bool) -> Noise:
         """Estimate how a learner errs from one that did not see a share of the lessons."""
         kept, held = split(rounds.lessons, self.held_out, seed=rounds.seed + number)
         other = rounds.auxiliary(number, "held_out", kept, seed=rounds.seed, progress=progress)
         return Noise.of(other, held or kept, scale=self.scale, coloured=self.coloured)
-
-    def _training(self, policy: PolicyConfig, seed: int) -> Training:
-        return Training(
-            name="dart",
-            settings=self,
-            policy=policy,
-            bc=self.training,
-            between=replace(self.training, steps=self.between_steps),
-            warm=self.warm,
-            seed=seed,
-            seeds_per_round=self.episodes,
-            cadence=CADENCE,
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,7 +89,7 @@ class Imitation:
             task. sizes: other numbers of them, tried in the first tier only.
         trained_in, flown_in: tiers of demonstrations and of evaluations.
         noise: of the expert while it demonstrates. first_demo: seed of the first demonstration.
-        seeds: of the training; the first alone for ``sizes``.
+        seeds: of the training; the first alone for ``sizes`` and for demonstrations from further tiers.
         episodes: seeds per evaluation. first_episode: the first of them; below 10000 to try settings out.
         num_envs: worlds flown at once. threads: of the simulation; 0 for all cores.
     """
@@ -108,7 +108,7 @@ class Imitation:
     flown_in: tuple[str, ...] = ("calm", "gusts")
     noise: float = 0.3
     first_demo: int = 0
-    seeds: tuple[int, ...] = (0,)
+    seeds: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
     num_envs: int = 50
@@ -175,9 +175,15 @@ class Imitation:
     def _tasks(self) -> list[str]:
         return [task for task in self._able if task in (self.tasks or self._able)]
 
+    @property
+    def _arms(self) -> list[tuple[str, int]]:
+        """Tiers of the demonstrations and seeds of the trainings."""
+        usual, *further = self.trained_in
+        return [*((usual, seed) for seed in self.seeds), *((tier, self.seeds[0]) for tier in further)]
+
     def _flights(self) -> Iterator[Flight]:
         """Yield what is flown: first what is judged, method by method, then fewer and more demonstrations."""
-        for method, tier, seed, task in product(self._methods, self.trained_in, self.seeds, self._tasks):
+        for method, (tier, seed), task in product(self._methods, self._arms, self._tasks):
             for flown in self.flown_in:
                 yield Flight(Training(method, task, tier, self.demos, seed), flown)
         for method, demos, task in product(self._methods, sorted(set(self.sizes) - {self.demos}), self._tasks):

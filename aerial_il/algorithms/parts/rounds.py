@@ -173,11 +173,13 @@ class Rounds:
         """Return the numbers of the rounds that are not complete; round 0 only learns."""
         return range(self._next, rounds + 1)
 
-    def fly(self, number: int, pilot: Callable[[], Policy], episodes: int, *, name: str, progress: bool) -> None:
+    def fly(self, number: int, pilot: Callable[[], Policy], episodes: int, *, progress: bool) -> None:
         """Have ``pilot`` fly the labelled flights of a round, unless they are there, and take them in."""
         folder = self.place(number) / FLIGHTS
         if not folder.exists():
-            self._have_flown(folder, pilot(), range(episodes), number=number, name=name, progress=progress)
+            self._have_flown(
+                folder, pilot(), range(episodes), number=number, name=self._training.name, progress=progress
+            )
         self._take_in(self._read(folder))
         self._aggregate(number)
 

@@ -72,7 +72,7 @@ class PolicyConfig(ABC):
     """
 
     history: int = 1
-    chunk: int = 10
+    chunk: int = 20
     execute: int = 1
     ensemble: float | None = 0.01
     anchor: str | None = "ee_pos"
