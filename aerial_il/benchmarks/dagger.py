@@ -24,8 +24,8 @@ from aerial_il.algorithms.parts.rounds import plain
 from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.benchmarks.parts.claim import claim
 from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row
-from aerial_il.benchmarks.parts.success import failed_seeds, success_row
+from aerial_il.benchmarks.parts.report import Report, Row, Target
+from aerial_il.benchmarks.parts.success import failed_seeds, success_row, success_target
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.policy import Policy
@@ -42,6 +42,7 @@ START, EPISODES, LABELS = "bc, first demonstrations", "bc, as many episodes", "b
 INTERACTIVE = ("dagger", "dart", "thrifty")
 ARMS = (START, EPISODES, "dagger", LABELS, "dart", "thrifty")
 EVALUATION_SEED = 10_000
+DAGGER_PERCENT = 95.0
 NOTES = (
     "The final policy of each run; intervals are Wilson's over all evaluation episodes of all seeds together.",
     "Labelled steps: every step of a demonstration, and every step at which the expert was asked; ThriftyDAgger's "
@@ -118,12 +119,13 @@ class Interactive:
         wanted = [Arm(self.robot, *arm) for arm in product(self.tasks, self.arms, range(self.seeds))]
         results = {arm: self._result(arm, folder, progress) for arm in bar(wanted, self.name, progress)}
         singles = [self._row(arm, result, folder) for arm, result in results.items()]
+        pooled = _pooled(singles)
         return Report(
             name=self.name,
             question=self.question,
             settings=self._plain(),
-            targets=(),
-            tables={"Cloning and asking": _pooled(singles), "Single trainings": singles},
+            targets=tuple(_targets(pooled)),
+            tables={"Cloning and asking": pooled, "Single trainings": singles},
             notes=NOTES,
             details={"failed_seeds": {arm.place: failed_seeds(result) for arm, result in results.items()}},
             wall_time_s=sum(result.provenance["wall_time_s"] for result in results.values()),
@@ -211,9 +213,9 @@ class Interactive:
             cost = {key: int(rows[-1][f"total/{key}"]) for key in ("episodes", "labelled_steps", "queries")}
             cost["interventions"] = int(sum(row["interventions"] for row in rows))
         else:
-            origin = load_policy(folder / "training" / arm.place).origin["dataset"]
-            cost = {"episodes": origin["demonstrations"], "labelled_steps": origin["frames"]}
-            cost |= {"queries": 0, "interventions": 0}
+            count = load_policy(folder / "training" / arm.place).origin["dataset"]["demonstrations"]
+            steps = sum(map(len, self._demonstrations(arm, count, folder, progress=False)))
+            cost = {"episodes": count, "labelled_steps": steps, "queries": 0, "interventions": 0}
         judged = {k: v for k, v in success_row(result).items() if k != "episodes"} | {"flown": len(result.episodes)}
         return {"task": arm.task, "arm": arm.name, "seed": arm.seed, **cost, **judged}
 
@@ -239,6 +241,17 @@ def _pooled(singles: Sequence[Mapping[str, Any]]) -> list[Row]:
         interval = {"ci95_low": round(100 * low, 1), "ci95_high": round(100 * high, 1)}
         rows.append({"task": task, "arm": arm, "seeds": len(own), **cost, **rate, **interval})
     return rows
+
+
+def _targets(pooled: Sequence[Row]) -> list[Target]:
+    """Return what classic DAgger must reach on each task."""
+    return [
+        success_target(
+            f"{row['task']}: DAgger, {row['episodes']} episodes", DAGGER_PERCENT, row | {"episodes": row["flown"]}
+        )
+        for row in pooled
+        if row["arm"] == "dagger"
+    ]
 
 
 BENCHMARK = Interactive
