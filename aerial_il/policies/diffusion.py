@@ -1,17 +1,22 @@
 """Diffusion: the chunk is what is left when a network has taken the noise out of noise, step by step.
 
-    training:  x_t = sqrt(A_t) a + sqrt(1 - A_t) e,    loss = |e - e_theta(x_t, t, o)|^2,    e ~ N(0, 1), t uniform
-    flying:    a_hat = (x_t - sqrt(1 - A_t) e_theta) / sqrt(A_t), limited to +-clip;
+    training:  x_t = sqrt(A_t) a + sqrt(1 - A_t) e,    loss = |y - f_theta(x_t, t, o)|^2,    e ~ N(0, 1), t uniform
+    flying:    a_hat = what f_theta(x_t, t, o) says of a, limited to +-clip;
                x_s = sqrt(A_s) a_hat + sqrt(1 - A_s - v) e_hat + sqrt(v) z,    from x_T ~ N(0, 1) down to x_0 = a_hat
 
-with A_t the squared-cosine schedule, e_hat the noise that belongs to the limited a_hat, and v = 0 (``ddim``) or the
-posterior variance (``ddpm``). It can follow any of several ways that the demonstrations show. Under ``ddim`` and
-with the noise kept for an episode it stays on the way that it began. It needs more optimisation steps than a
-perceptron, and its actions carry what noise is left after few denoising steps.
+with A_t the squared-cosine schedule, e_hat the noise that belongs to a_hat, and v = 0 (``ddim``) or the posterior
+variance (``ddpm``). The network answers with y = a (``sample``), e (``noise``) or sqrt(A_t) e - sqrt(1 - A_t) a
+(``velocity``). Few steps of a small network leave an error in every answer; a sample carries it as it is, whereas noise
+hands it on divided by sqrt(A_t), which is 400 times as much at the noisiest of 20 steps.
 
-Source: C. Chi et al., "Diffusion Policy", 2023 (epsilon prediction, clip, min-max actions); A. Nichol, P. Dhariwal,
-"Improved Denoising Diffusion Probabilistic Models", 2021, eq. 17 (schedule); J. Song et al., "Denoising Diffusion
-Implicit Models", 2021, eq. 12 (both samplers); A. Ren et al., "DPPO", 2024 (size for a processor: 512 x 3, 20 steps).
+It can follow any of several ways that the demonstrations show. Under ``ddim`` and with the noise kept for an episode it
+stays on the way that it began.
+
+Source: C. Chi et al., "Diffusion Policy", 2023 (chunks from noise, clip); Y. Ze et al., "3D Diffusion Policy", 2024
+(sample instead of noise); T. Salimans, J. Ho, "Progressive Distillation", 2022, section 4 (velocity); A. Nichol,
+P. Dhariwal, "Improved Denoising Diffusion Probabilistic Models", 2021, eq. 17 (schedule); J. Song et al., "Denoising
+Diffusion Implicit Models", 2021, eq. 12 (both samplers); A. Ren et al., "DPPO", 2024 (size for a processor: 512 x 3,
+20 steps).
 """
 
 from __future__ import annotations
@@ -28,9 +33,9 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.layers import check_choice, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
-from aerial_il.policies.parts.normaliser import Scaling
 
 Sampler = Literal["ddim", "ddpm"]
+Target = Literal["noise", "sample", "velocity"]
 OFFSET, LARGEST_BETA = 0.008, 0.999
 
 
@@ -43,22 +48,25 @@ class DiffusionConfig(PolicyConfig):
         noise_steps: steps of the schedule.
         denoise_steps: how many of them are taken when flying, evenly chosen.
         sampler: ``ddim`` (noise at the start only) or ``ddpm`` (at every step).
-        clip: limit of normalised actions while denoising; 1 is the range of the data under ``minmax``.
+        predict: what the network answers with: the actions (``sample``), their ``noise`` or a ``velocity``.
+        clip: limit of normalised actions while denoising, in deviations of the data under ``standard`` scaling; 1 is
+            the range of the data under ``minmax``.
         redraw: draw noise anew for each chunk rather than once per episode.
     """
 
-    action_scaling: Scaling = "minmax"
     width: int = 512
     blocks: int = 1
     noise_steps: int = 20
     denoise_steps: int = 10
     sampler: Sampler = "ddim"
-    clip: float = 1.0
+    predict: Target = "sample"
+    clip: float = 5.0
     redraw: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("sampler", self.sampler, get_args(Sampler))
+        check_choice("predict", self.predict, get_args(Target))
         check_positive(width=self.width, blocks=self.blocks, noise_steps=self.noise_steps, clip=self.clip)
         if not 1 <= self.denoise_steps <= self.noise_steps:
             raise InvalidValueError(
@@ -70,7 +78,7 @@ class DiffusionConfig(PolicyConfig):
 
 
 class Diffusion(ChunkNetwork):
-    """Predicts the noise in a flattened chunk and takes it out."""
+    """Tells signal from noise in a flattened chunk and takes the noise out."""
 
     def __init__(self, config: DiffusionConfig, obs_size: int, action_size: int) -> None:
         super().__init__()
@@ -87,7 +95,7 @@ class Diffusion(ChunkNetwork):
         kept = self.get_buffer("kept")[step]
         noisy = kept.sqrt() * actions.flatten(1) + (1 - kept).sqrt() * noise.flatten(1)
         found = self.denoiser(noisy, step / self.config.noise_steps, self.denoiser.see(obs.flatten(1)))
-        return functional.mse_loss(found.unflatten(-1, self.shape), noise), {}
+        return functional.mse_loss(found, self._target(actions.flatten(1), noise.flatten(1), kept)), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
         noise = obs.new_zeros(len(obs), self.noise_size) if noise is None else noise
@@ -95,12 +103,32 @@ class Diffusion(ChunkNetwork):
         seen, limit = self.denoiser.see(obs.flatten(1)), self.config.clip
         for i, (time, kept, kept_next) in enumerate(self._path):
             found = self.denoiser(x, obs.new_full((1, 1), time), seen)
-            clean = ((x - (1 - kept) ** 0.5 * found) / kept**0.5).clamp(-limit, limit)
+            clean = self._clean(x, found, kept).clamp(-limit, limit)
             found = (x - kept**0.5 * clean) / (1 - kept) ** 0.5
             spread = (1 - kept_next) / (1 - kept) * (1 - kept / kept_next) if later else 0.0
             x = kept_next**0.5 * clean + max(0.0, 1 - kept_next - spread) ** 0.5 * found
             x = x + spread**0.5 * later[i] if i < len(later) else x
         return x.unflatten(-1, self.shape)
+
+    def _target(self, actions: Tensor, noise: Tensor, kept: Tensor) -> Tensor:
+        """Return what the network should answer where a share ``kept`` (B, 1) of the signal is left."""
+        match self.config.predict:
+            case "noise":
+                return noise
+            case "sample":
+                return actions
+            case "velocity":
+                return kept.sqrt() * noise - (1 - kept).sqrt() * actions
+
+    def _clean(self, x: Tensor, found: Tensor, kept: float) -> Tensor:
+        """Return the actions (B, C) that belong to the network's answer ``found`` for ``x``."""
+        match self.config.predict:
+            case "noise":
+                return (x - (1 - kept) ** 0.5 * found) / kept**0.5
+            case "sample":
+                return found
+            case "velocity":
+                return kept**0.5 * x - (1 - kept) ** 0.5 * found
 
     def _descent(self) -> list[tuple[float, float, float]]:
         """Return time, and what is kept of the signal there and one step on, from the noisiest step down to 0."""

@@ -25,7 +25,7 @@ BAD: dict[str, Any] = {
     "hidden": (), "dropout": 1.0, "min_std": 0.0, "modes": 0, "units": 0, "layers": 0, "width": 0, "heads": 0,
     "blocks": 0, "latent": 0, "feedforward": 0, "encoder_layers": 0, "decoder_layers": 0, "kl_weight": -1.0,
     "noise_steps": 0, "denoise_steps": 0, "euler_steps": 0, "clip": 0.0, "loss": "l3", "cell": "rnn", "head": "none",
-    "sampler": "euler",
+    "sampler": "euler", "predict": "score",
 }  # fmt: skip
 
 
