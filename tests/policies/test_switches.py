@@ -21,6 +21,14 @@ def test_only_elements_with_two_values_are_switches(fitted: Switches) -> None:
     np.testing.assert_allclose([fitted.low[1], fitted.high[1]], [0.2, 1.0])
 
 
+def test_a_rare_third_value_leaves_a_switch_a_switch() -> None:
+    actions = np.ones((100, 1), np.float32)
+    actions[:30], actions[97:] = 0.0, 0.6
+    np.testing.assert_array_equal(Switches.fit(actions).snap(np.array([[0.4], [0.55]])), [[0.0], [1.0]])
+    actions[80:] = 0.6
+    assert np.isnan(Switches.fit(actions).low).all()
+
+
 def test_they_snap_to_the_nearer_value_and_others_are_left_alone(fitted: Switches) -> None:
     actions = np.array([[0.3, 0.5, 0.1], [0.4, 0.7, 0.2], [-9.0, -3.0, 7.0]])
     snapped = fitted.snap(actions)

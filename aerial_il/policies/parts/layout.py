@@ -173,7 +173,7 @@ class Interface:
         obs: normaliser of related frames (Do,).
         action: normaliser of actions (Da,), anchored ones as offsets from the anchor, relative ones as such.
         obs_clip: limit of normalised observations.
-        switches: action elements with two values only.
+        switches: action elements with a few values only.
     """
 
     layout: Layout

@@ -1,8 +1,9 @@
-"""Action elements that demonstrations only ever set to one of two values, such as a gripper that is open or closed.
+"""Action elements that demonstrations set to one of two values, such as a gripper that is open or closed.
 
 A regression, and more so the mean over overlapping chunks, answers with values between the two, which no
 demonstration shows the consequences of: a half-closed gripper that does not hold. Such elements are therefore flown
-at the nearer of their two values.
+at the nearer of their two values. A third value that an expert rarely uses does not change that, and is never flown: it
+would be all the time that the policy is in two minds.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
+MOST = 4  # values that a switched element may take in all
+MAIN_SHARE = 0.95  # of the steps, in which it takes one of its two main ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +30,14 @@ class Switches:
 
     @staticmethod
     def fit(actions: np.ndarray) -> Switches:
-        """Find the elements of demonstrated actions (N, Da) that take exactly two values."""
-        low, high = actions.min(axis=0), actions.max(axis=0)
-        switched = (low < high) & ((actions == low) | (actions == high)).all(axis=0)
-        return Switches(*(np.where(switched, v, np.nan).astype(np.float32) for v in (low, high)))
+        """Find the elements of demonstrated actions (N, Da) that take two values, but for few steps with others."""
+        pairs = np.full((actions.shape[1], 2), np.nan, np.float32)
+        for element, column in enumerate(actions.T):
+            values, counts = np.unique(column, return_counts=True)
+            main = np.sort(np.argsort(-counts, kind="stable")[:2])
+            if 2 <= len(values) <= MOST and counts[main].sum() >= MAIN_SHARE * len(column):
+                pairs[element] = values[main]
+        return Switches(*pairs.T)
 
     @staticmethod
     def none(size: int) -> Switches:
