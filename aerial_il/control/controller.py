@@ -41,7 +41,7 @@ from aerial_il.control.reference import (
     steer_rotation,
 )
 from aerial_il.control.scratch import make_scratch
-from aerial_il.control.vehicle import GRAVITY, Gains, Vehicle
+from aerial_il.control.vehicle import GRAVITY, Gains, Vehicle, record_of
 from aerial_il.control.whole_body import advance_base, plan_reference, seat_references, solve_arm
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
@@ -275,7 +275,7 @@ class Controller:
         self.level = ActionLevel.parse(level)
         self.spec = action_spec(self.level, vehicle)
         self.dt, self.ticks_per_action = dt, ticks_per_action
-        self._record, self._scratch = self.law.record(vehicle), make_scratch()
+        self._record, self._tuning, self._scratch = self.law.record(vehicle), record_of(self.gains), make_scratch()
         self.reset()
 
     def reset(self) -> None:
@@ -311,12 +311,12 @@ class Controller:
         if self._ticks % self.ticks_per_action == 0:
             interval = self.dt * self.ticks_per_action
             receive_action(
-                self._record, self.gains, self._scratch, int(self.level), action, qpos, self.memory, interval
+                self._record, self._tuning, self._scratch, int(self.level), action, qpos, self.memory, interval
             )
         self._ticks += 1
         thrust, servo = np.empty(self.vehicle.num_rotors), np.empty(self.vehicle.num_joints)
         tick(
-            self._record, self.gains, self._scratch, int(self.level), action, qpos, qvel, thrust_now, self.memory,
+            self._record, self._tuning, self._scratch, int(self.level), action, qpos, qvel, thrust_now, self.memory,
             self.dt, thrust, servo,
         )  # fmt: skip
         return thrust, servo

@@ -40,6 +40,10 @@ ORIENTATION_SHARE = 0.3  # m/rad: weight of the reference's orientation against 
 YAW_MOBILITY = 2.0  # rad per metre of base motion considered equally dear
 POSTURE_STEPS, POSTURE_STEP = 60, 0.3  # of the search for a posture; rad
 POSTURE_FOUND = 1e-6  # m and rad: where it may stop earlier
+POSTURE_STUCK, POSTURE_MISSED = (
+    3e-4,
+    0.02,
+)  # rad; m or rad: joints that move less with the tool off by more get no nearer
 
 
 @kernel
@@ -112,6 +116,8 @@ def solve_arm(vehicle, gains, scratch, memory, pos, rot, dt):
         dt: s.
     """
     count = vehicle.num_joints
+    if count == 0:
+        return
     target, target_rot = vec(memory, mem.TOOL_POS), read_rotation(memory, mem.TOOL_ROT)
     _linearise(vehicle, scratch, pos, rot, memory, mem.JOINT_CMD, target, target_rot, gains.orientation_weight)
     for j in range(count):
@@ -139,18 +145,29 @@ def solve_posture(vehicle, scratch, pos, rot, target, target_rot, joints):
     """
     for _ in range(POSTURE_STEPS):
         _linearise(vehicle, scratch, pos, rot, joints, 0, target, target_rot, ORIENTATION_SHARE)
-        if norm(vec(scratch.error, 0)) < POSTURE_FOUND and norm(vec(scratch.error, 3)) < POSTURE_FOUND:
+        off, turned = norm(vec(scratch.error, 0)), norm(vec(scratch.error, 3))
+        if off < POSTURE_FOUND and turned < POSTURE_FOUND:
             break
         for j in range(vehicle.num_joints):
             scratch.pull[4 + j] = 0.0
         solve_in_joint_space(scratch, 4, vehicle.num_joints, DAMPING)
         if freeze_at_limits(vehicle, scratch, joints, 0):
             solve_in_joint_space(scratch, 4, vehicle.num_joints, DAMPING)
+        farthest = 0.0
         for j in range(vehicle.num_joints):
             moved = joints[j] + clip(scratch.step[4 + j], -POSTURE_STEP, POSTURE_STEP)
-            joints[j] = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
+            moved = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
+            farthest, joints[j] = max(farthest, abs(moved - joints[j])), moved
+        if farthest < POSTURE_STUCK and max(off, turned) > POSTURE_MISSED:
+            break
     _linearise(vehicle, scratch, pos, rot, joints, 0, target, target_rot, ORIENTATION_SHARE)
     return norm(vec(scratch.error, 0)), norm(vec(scratch.error, 3))
+
+
+@kernel
+def find_posture(vehicle, workspace, pos, rot, target, target_rot, joints):
+    """:func:`solve_posture` for callers in Python: ``vehicle`` and ``workspace`` are (1,) arrays, see ``alone``."""
+    return solve_posture(vehicle[0], workspace[0], pos, rot, target, target_rot, joints)
 
 
 @kernel

@@ -1,4 +1,8 @@
-"""Element-wise array mathematics whose result for one row never depends on how many rows there are."""
+"""Array mathematics whose result for one row never depends on how many rows there are.
+
+What is called several times per step is compiled: a dozen small array operations on strided columns cost more than the
+numbers in them.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +15,23 @@ from aerial_il.core.kernels import kernel
 
 def length(vectors: np.ndarray) -> np.ndarray:
     """Euclidean length of vectors (..., 3) -> (...)."""
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    return np.sqrt(x * x + y * y + z * z)
+    found = np.empty(vectors.shape[:-1])
+    _write_lengths(vectors.reshape(-1, vectors.shape[-1]), found.reshape(-1))
+    return found[()]
 
 
 def planar_length(vectors: np.ndarray) -> np.ndarray:
     """Horizontal length of vectors (..., 2 or 3) -> (...)."""
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.sqrt(x * x + y * y)
+    found = np.empty(vectors.shape[:-1])
+    _write_planar_lengths(vectors.reshape(-1, vectors.shape[-1]), found.reshape(-1))
+    return found[()]
 
 
 def rotation_cosine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cosine of the angle between rotations, ``(tr(Aᵀ B) - 1) / 2``, for matrices (..., 9) -> (...)."""
-    total = a[..., 0] * b[..., 0]
-    for k in range(1, 9):
-        total = total + a[..., k] * b[..., k]
-    return 0.5 * (total - 1.0)
+    """Cosine of the angle between rotations, ``(tr(Aᵀ B) - 1) / 2``, for matrices (n, 9) -> (n,)."""
+    found = np.empty(len(a))
+    _write_rotation_cosines(a, b, found)
+    return found
 
 
 def closeness(distance: np.ndarray, scale: float) -> np.ndarray:
@@ -40,6 +45,29 @@ def cosine_and_sine(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     cosine, sine = np.empty(len(angle)), np.empty(len(angle))
     _write_cosine_and_sine(angle, cosine, sine)
     return cosine, sine
+
+
+@kernel
+def _write_lengths(vectors, found):
+    for i in range(found.size):
+        x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
+        found[i] = math.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def _write_planar_lengths(vectors, found):
+    for i in range(found.size):
+        x, y = vectors[i, 0], vectors[i, 1]
+        found[i] = math.sqrt(x * x + y * y)
+
+
+@kernel
+def _write_rotation_cosines(a, b, found):
+    for i in range(found.size):
+        total = a[i, 0] * b[i, 0]
+        for k in range(1, 9):
+            total += a[i, k] * b[i, k]
+        found[i] = 0.5 * (total - 1.0)
 
 
 @kernel

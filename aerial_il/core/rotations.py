@@ -233,7 +233,7 @@ def rot6d_from_mat(mats: np.ndarray) -> np.ndarray:
         (..., 6).
     """
     flat = mats.reshape((*mats.shape[:-2], 9)) if mats.shape[-1] == 3 else mats
-    return flat[..., [0, 3, 6, 1, 4, 7]]
+    return np.concatenate([flat[..., 0::3], flat[..., 1::3]], axis=-1)
 
 
 def mat_from_rot6d(rot6d: np.ndarray) -> np.ndarray:

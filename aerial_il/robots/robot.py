@@ -11,9 +11,9 @@ import numpy as np
 
 from aerial_il.control.allocation import mixer_matrix, wrench_matrix
 from aerial_il.control.dynamics import forward_kinematics, tool_pose
-from aerial_il.control.scratch import make_scratch
-from aerial_il.control.vehicle import GRAVITY, Vehicle
-from aerial_il.control.whole_body import solve_posture
+from aerial_il.control.scratch import SCRATCH, make_scratch
+from aerial_il.control.vehicle import GRAVITY, Vehicle, alone
+from aerial_il.control.whole_body import find_posture
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import IDENTITY, mat_from_quat
 from aerial_il.robots.parts.arm import Arm, Vector
@@ -141,6 +141,11 @@ class Robot:
         """The nominal model as compiled functions take it."""
         return self.vehicle.record
 
+    @cached_property
+    def _record_alone(self) -> np.ndarray:
+        """(1,) array of the same."""
+        return alone(self.record)
+
     @property
     def tool_offset(self) -> Vector:
         """Tool point in the last link's frame, or the base's, m."""
@@ -179,13 +184,13 @@ class Robot:
             pos: (3,) m, rot: (3, 3) of the tool, world frame.
         """
         x, y, z, *quat = self.base.pose
-        joints, tool_rot = np.array(self.rest_down, float), tuple(np.ravel(rot))
-        distance, angle = solve_posture(
-            self.record, make_scratch(), (x, y, z), mat_from_quat(tuple(quat)), tuple(pos), tool_rot, joints
-        )
+        base_rot, tool_rot = mat_from_quat(tuple(quat)), tuple(np.ravel(rot))
+        joints, workspace = np.array(self.rest_down, float), np.zeros(1, SCRATCH)
+        distance, angle = find_posture(self._record_alone, workspace, (x, y, z), base_rot, tuple(pos), tool_rot, joints)
+        if distance > REACHED_M or angle > REACHED_RAD:
+            return None
         room = np.minimum(joints - self.vehicle.joint_low, self.vehicle.joint_high - joints)
-        reached = distance <= REACHED_M and angle <= REACHED_RAD and bool((room >= JOINT_ROOM_RAD).all())
-        return joints if reached else None
+        return joints if (room >= JOINT_ROOM_RAD).all() else None
 
     def reachable(self, pos: np.ndarray, rot: np.ndarray) -> bool:
         """Whether the tool can be brought to a pose in free air; a flying base goes wherever the arm needs it.

@@ -13,16 +13,21 @@ GROUND_EFFECT = 0.171  # coefficient fitted to flight data (AM-Bench 2026)
 
 
 @kernel
-def lagged_command(command, thrust_now, tau_up, tau_down, dt):
+def falling_share(tau_up, tau_down, dt):
+    """How much farther a first-order lag of ``tau_down`` gets in one step than one of ``tau_up``; all in s."""
+    return (1.0 - math.exp(-dt / tau_down)) / (1.0 - math.exp(-dt / tau_up))
+
+
+@kernel
+def lagged_command(command, thrust_now, share):
     """Shift a thrust command so that a first-order lag of ``tau_up`` acts as one of ``tau_down`` when thrust falls.
 
     The actuator integrates ``act' = (ctrl - act) / tau_up`` exactly; this returns the ctrl for which one step gives
-    what ``tau_down`` would have given. N and s.
+    what ``tau_down`` would have given. ``share``: see :func:`falling_share`; the rest in N.
     """
     if command >= thrust_now:
         return command
-    ratio = (1.0 - math.exp(-dt / tau_down)) / (1.0 - math.exp(-dt / tau_up))
-    return thrust_now + ratio * (command - thrust_now)
+    return thrust_now + share * (command - thrust_now)
 
 
 @kernel

@@ -9,15 +9,14 @@ import numpy as np
 from aerial_il.control.controller import gripper_opening, receive_action, tick
 from aerial_il.control.dynamics import put, vec
 from aerial_il.control.memory import MEMORY_SIZE
-from aerial_il.control.vehicle import Gains
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import mat_from_quat, norm
 from aerial_il.suite import memory as mem
-from aerial_il.suite.aerodynamics import air_wrench, lagged_command
+from aerial_il.suite.aerodynamics import air_wrench, falling_share, lagged_command
 from aerial_il.suite.force_sensing import sense_forces
 from aerial_il.suite.native import draw, mj_step1, mj_step2, row_at
-from aerial_il.suite.sensing import Sensors, advance_noise, measure, vehicle_state
-from aerial_il.suite.wind import Air, advance_wind
+from aerial_il.suite.sensing import advance_noise, measure, vehicle_state
+from aerial_il.suite.wind import advance_wind
 from aerial_il.suite.worlds import (
     ACT,
     CTRL,
@@ -45,16 +44,18 @@ class Flight(NamedTuple):
     """What stays the same in all worlds and steps.
 
     Attributes:
-        vehicle: the nominal model's record. gains, air, sensors: parameters. level: action level.
+        vehicle: (1,) the nominal model's record, see ``alone``.
+        gains, air, sensors: (1,) records of ``Gains``, ``Air`` and ``Sensors``.
+        level: action level.
         force_addresses: (K,) where the task's force sensors start in ``sensordata``.
         base_site: index of the base's site. base_contact: index of its contact count in ``sensordata``.
         dt: s, of a physics step. interval: s, between actions. substeps: physics steps between actions.
     """
 
-    vehicle: np.record
-    gains: Gains
-    air: Air
-    sensors: Sensors
+    vehicle: np.ndarray
+    gains: np.ndarray
+    air: np.ndarray
+    sensors: np.ndarray
     level: int
     force_addresses: np.ndarray
     base_site: int
@@ -65,17 +66,20 @@ class Flight(NamedTuple):
 
 
 @kernel
-def fly(flight, scratch, worlds, actions, active, fresh, steps, counter):
+def fly(flight, workspace, worlds, actions, active, fresh, steps, counter):
     """Advance the worlds that are drawn from a counter by some physics steps.
 
     Args:
-        flight: see :class:`Flight`. scratch: working memory. worlds: addresses, see ``worlds.Memory``.
+        flight: see :class:`Flight`. workspace: (1,) working memory, see ``SCRATCH``.
+        worlds: addresses, see ``worlds.Memory``.
         actions: (n, Da). active: (n,) bool, others stand still. fresh: the actions are new. steps: physics steps.
         counter: address of the number of worlds that are taken already; threads that share it share the work.
     """
-    vehicle, gains, air, sensors, dt = flight.vehicle, flight.gains, flight.air, flight.sensors, flight.dt
+    vehicle, gains, air, sensors = flight.vehicle[0], flight.gains[0], flight.air[0], flight.sensors[0]
+    scratch, dt = workspace[0], flight.dt
     rotors, level, thrust = vehicle.num_rotors, flight.level, scratch.thrust[: vehicle.num_rotors]
     pos, vel = scratch.pos[: 7 + vehicle.num_joints], scratch.vel[: 6 + vehicle.num_joints]
+    falling = falling_share(vehicle.rotor_tau_up, vehicle.rotor_tau_down, dt)
     measured_pos, measured_vel = scratch.measured_pos[: pos.size], scratch.measured_vel[: vel.size]
     while True:
         i = draw(counter)
@@ -100,7 +104,7 @@ def fly(flight, scratch, worlds, actions, active, fresh, steps, counter):
             measure(vehicle, sensors, noise, pos, vel, measured_pos, measured_vel)
             tick(vehicle, gains, scratch, level, action, measured_pos, measured_vel, act, memory, dt, thrust, servo)
             for r in range(rotors):
-                ctrl[r] = lagged_command(thrust[r], act[r], vehicle.rotor_tau_up, vehicle.rotor_tau_down, dt)
+                ctrl[r] = lagged_command(thrust[r], act[r], falling)
             if vehicle.gripper_stroke > 0.0:
                 ctrl[rotors + vehicle.num_joints] = gripper_opening(vehicle, action) * vehicle.gripper_stroke
             if vehicle.base_mobility > 0.0:

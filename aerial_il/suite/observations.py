@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
 
 from aerial_il.core.specs import Field
@@ -31,17 +33,23 @@ def robot_fields(robot: Robot) -> tuple[Field, ...]:
     return tuple(field for there, fields in parts if there for field in fields)
 
 
-def observe_robot(view: View) -> dict[str, np.ndarray]:
-    """Proprioception ``name -> (n, ...)``: poses and base velocity in the world frame, body rates in the base's."""
-    readings = {
-        "base_pos": lambda: view.base_pos.copy(),
-        "base_rot6d": lambda: view.base_rot6d,
-        "base_vel": lambda: view.base_vel.copy(),
-        "base_angvel": lambda: view.base_angvel.copy(),
-        "joint_pos": lambda: view.joint_pos.copy(),
-        "joint_vel": lambda: view.joint_vel.copy(),
-        "gripper": lambda: view.gripper,
-        "ee_pos": lambda: view.tool_pos.copy(),
-        "ee_rot6d": lambda: view.tool_rot6d,
-    }
-    return {field.name: readings[field.name]() for field in robot_fields(view.robot)}
+def observe_robot(view: View, names: Iterable[str]) -> dict[str, np.ndarray]:
+    """Proprioception ``name -> (n, ...)``: poses and base velocity in the world frame, body rates in the base's.
+
+    Args:
+        view: the worlds. names: of the fields wanted, see :func:`robot_fields`.
+    """
+    return {name: _READINGS[name](view) for name in names}
+
+
+_READINGS: dict[str, Callable[[View], np.ndarray]] = {
+    "base_pos": lambda view: view.base_pos.copy(),
+    "base_rot6d": lambda view: view.base_rot6d,
+    "base_vel": lambda view: view.base_vel.copy(),
+    "base_angvel": lambda view: view.base_angvel.copy(),
+    "joint_pos": lambda view: view.joint_pos.copy(),
+    "joint_vel": lambda view: view.joint_vel.copy(),
+    "gripper": lambda view: view.gripper,
+    "ee_pos": lambda view: view.tool_pos.copy(),
+    "ee_rot6d": lambda view: view.tool_rot6d,
+}

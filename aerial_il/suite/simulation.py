@@ -12,8 +12,8 @@ import numpy as np
 from aerial_il.control import memory as controller_memory
 from aerial_il.control.actions import ActionLevel
 from aerial_il.control.laws import Law
-from aerial_il.control.scratch import make_scratch
-from aerial_il.control.vehicle import Gains
+from aerial_il.control.scratch import SCRATCH
+from aerial_il.control.vehicle import Gains, alone, record_of
 from aerial_il.core.arrays import length
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.seeding import episode_rng
@@ -21,7 +21,7 @@ from aerial_il.suite import memory as mem
 from aerial_il.suite.crew import Crew
 from aerial_il.suite.disturbances import Disturbances
 from aerial_il.suite.flight_loop import Flight, fly
-from aerial_il.suite.observations import observe_robot
+from aerial_il.suite.observations import observe_robot, robot_fields
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
 from aerial_il.suite.view import View
@@ -70,10 +70,10 @@ class Simulation:
         self.disturbances = Disturbances(scenario, self.view)
         self._act, self._ctrl, self._userdata = (worlds.bind(name) for name in ("act", "ctrl", "userdata"))
         self._flight = Flight(
-            vehicle=Law(self.gains.law).record(self.robot.vehicle),
-            gains=self.gains,
-            air=scenario.air,
-            sensors=scenario.tier.sensors,
+            vehicle=alone(Law(self.gains.law).record(self.robot.vehicle)),
+            gains=alone(record_of(self.gains)),
+            air=alone(record_of(scenario.air)),
+            sensors=alone(record_of(scenario.tier.sensors)),
             level=int(scenario.level),
             force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),
             base_site=self.view.base_site,
@@ -82,6 +82,7 @@ class Simulation:
             interval=CONTROL_DT_S,
             substeps=SUBSTEPS,
         )
+        self._proprioception = tuple(field.name for field in robot_fields(self.robot))
         self._dwell_steps = max(1, round(self.task.dwell_s / CONTROL_DT_S))
         self._crew = Crew(worlds.n, num_threads)
         self._everyone = np.ones(worlds.n, bool)
@@ -151,7 +152,7 @@ class Simulation:
     def _fly(self, steps: int, counter: int) -> None:
         fly(
             self._flight,
-            make_scratch(),
+            np.zeros(1, SCRATCH),
             self.worlds.memory,
             self._arriving,
             self._mask,
@@ -165,9 +166,9 @@ class Simulation:
         mask = self._mask
         self._check_physics(mask)
         if self._flight.level == ActionLevel.EE_POSE:
-            self._commanded[mask] = self._actions[mask, :3]
+            self._commanded = np.where(mask[:, None], self._actions[:, :3], self._commanded)
         elif self._flight.level == ActionLevel.EE_DELTA:
-            self._commanded[mask] = self._userdata[mask, TARGET]
+            self._commanded = np.where(mask[:, None], self._userdata[:, TARGET], self._commanded)
         self._update_flags(mask)
 
     def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> None:
@@ -187,7 +188,7 @@ class Simulation:
         self._flights = np.nan_to_num(userdata[:, FLIGHT])
         bad = mask & ~np.isfinite(states).all(axis=1)
         if bad.any():
-            self._diverged(bad, "State to continue from is not finite")
+            self._diverged(int(np.argmax(bad)), "State to continue from is not finite")
         seeds = self._flights[:, 0]
         _check_seeds(seeds[mask])
         self.disturbances.vary(seeds, mask)
@@ -197,7 +198,7 @@ class Simulation:
 
     def observe(self) -> dict[str, np.ndarray]:
         """State observations of all worlds, ``name -> (n, ...)``."""
-        return {**observe_robot(self.view), **self.task.observe(self.view)}
+        return {**observe_robot(self.view, self._proprioception), **self.task.observe(self.view)}
 
     def judge(self) -> Judgement:
         """Rewards, flags and measurements of all worlds at this instant."""
@@ -249,21 +250,21 @@ class Simulation:
                 f"{self.spec.action.level} on {self.spec.robot} takes actions of shape "
                 f"{(self.n, self.spec.action.size)} ({', '.join(self.spec.action.labels)}), got {actions.shape}."
             )
-        bad = mask & ~np.isfinite(actions).all(axis=1)
-        if bad.any():
+        if mask is not self._everyone:
+            actions[~mask] = 0.0
+        if not np.isfinite(actions).all():
             self._flights = self._userdata[:, FLIGHT].copy()
-            self._diverged(bad, "Action is not finite")
-        actions[~mask] = 0.0
+            self._diverged(int(np.argmin(np.isfinite(actions).all(axis=1))), "Action is not finite")
         return self.spec.action.clip(actions)
 
     def _check_physics(self, mask: np.ndarray) -> None:
         """Refuse worlds that MuJoCo warned about: it goes on after a warning, from the start or without a contact."""
-        warned = mask & self.worlds.warned()
-        if warned.any():
-            self._diverged(warned, self.worlds.warning(int(np.flatnonzero(warned)[0])))
+        world = self.worlds.first_warned(mask)
+        if world < self.n:
+            self._diverged(world, self.worlds.warning(world))
 
-    def _diverged(self, bad: np.ndarray, what: str) -> NoReturn:
-        seed, *_, step = self._flights[np.flatnonzero(bad)[0]]
+    def _diverged(self, world: int, what: str) -> NoReturn:
+        seed, *_, step = self._flights[world]
         raise SimulationDivergedError(what.rstrip(". "), seed=int(seed), step=int(step))
 
     def _update_flags(self, mask: np.ndarray) -> None:
@@ -271,7 +272,8 @@ class Simulation:
         view, userdata = self.view, self._userdata
         self.task.remember(view, mask)
         held = self.task.solved(view) & (userdata[:, mem.CRASHED] == 0.0)
-        userdata[mask, mem.DWELL] = np.where(held, userdata[:, mem.DWELL] + 1.0, 0.0)[mask]
+        dwell = userdata[:, mem.DWELL]
+        np.copyto(dwell, np.where(held, dwell + 1.0, 0.0), where=mask)
 
 
 def _check_seeds(seeds: np.ndarray) -> None:

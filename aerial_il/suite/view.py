@@ -5,9 +5,12 @@ Everything is a live view or derived from one; nothing here writes to the simula
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 
+from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import memory as mem
@@ -31,7 +34,7 @@ class View:
         self.mocap_quat = worlds.bind("mocap_quat")
         self._applied = worlds.bind("qfrc_applied")
         self._tool, self.base_site = self._site("tool"), self._site("imu")
-        self._ids: dict[str, int] = {}
+        self._ids: dict[tuple[str, str], int] = {}
         self._joints: dict[str, tuple[int, int]] = {}
         (first_pos, first_vel), count = robot.first_joint, robot.num_joints
         self.joint_pos = self.qpos[:, first_pos : first_pos + count]
@@ -40,7 +43,7 @@ class View:
         self.base_pos, self.base_vel, self.base_angvel = self._site_pos[:, self.base_site], twist[:, :3], twist[:, 3:]
         self._finger = first_pos + count
         contacts = ["contact_base", *(f"contact_link_{i}" for i in range(robot.num_joints - 1))]
-        self._contact_ids = [self.address(name) for name in contacts]
+        self._contact_ids = np.array([self.address(name) for name in contacts])
 
     @property
     def tool_pos(self) -> np.ndarray:
@@ -55,7 +58,7 @@ class View:
     @property
     def tip_pos(self) -> np.ndarray:
         """(n, 3) point between the fingers' ends, world, m: what touches first when the closed gripper pushes."""
-        return self.tool_pos + self.robot.gripper.tip_distance * self.tool_mat[:, [0, 3, 6]]
+        return self.tool_pos + self.robot.gripper.tip_distance * self.tool_mat[:, 0::3]
 
     @property
     def base_mat(self) -> np.ndarray:
@@ -86,18 +89,17 @@ class View:
     @property
     def unwanted_contacts(self) -> np.ndarray:
         """(n,) number of robot parts, fingers and last link aside, that touch something."""
-        count = np.zeros(self.n)
-        for i in self._contact_ids:
-            count += self._sensors[:, i] > 0.0
+        count = np.empty(self.n)
+        _count_touching(self._sensors, self._contact_ids, count)
         return count
 
     def site_pos(self, name: str) -> np.ndarray:
         """(n, 3) position of a site, world, m."""
-        return self._site_pos[:, self._cached("site", name)]
+        return self._site_pos[:, self._cached(self._site, name)]
 
     def site_mat(self, name: str) -> np.ndarray:
         """(n, 9) rotation of a site, world, row by row."""
-        return self._site_mat[:, self._cached("site", name)].reshape(self.n, 9)
+        return self._site_mat[:, self._cached(self._site, name)].reshape(self.n, 9)
 
     def site_rot6d(self, name: str) -> np.ndarray:
         """(n, 6) rotation of a site, world from site."""
@@ -119,29 +121,38 @@ class View:
 
     def joint(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """(n,) position (rad or m) and (n,) velocity of a hinge or slide joint; live views."""
-        if name not in self._joints:
-            joint = self.model.joint(name)
-            self._joints[name] = int(joint.qposadr[0]), int(joint.dofadr[0])
-        position, velocity = self._joints[name]
+        position, velocity = self._joint(name)
         return self.qpos[:, position], self.qvel[:, velocity]
 
     def touching(self, sensor: str) -> np.ndarray:
         """(n,) bool: a contact sensor sees at least one contact."""
-        return self._sensors[:, self._cached("sensor", sensor)] > 0.0
+        return self._sensors[:, self._cached(self.address, sensor)] > 0.0
 
     def free_joint(self, name: str) -> tuple[slice, slice]:
         """Slices of a free joint in qpos (7) and qvel (6)."""
-        joint = self.model.joint(name)
-        return slice(joint.qposadr[0], joint.qposadr[0] + 7), slice(joint.dofadr[0], joint.dofadr[0] + 6)
+        position, velocity = self._joint(name)
+        return slice(position, position + 7), slice(velocity, velocity + 6)
 
     def mocap_id(self, body: str) -> int:
         """Index of a mocap body."""
-        return int(self.model.body(body).mocapid[0])
+        return self._cached(self._mocap, body)
 
-    def _cached(self, kind: str, name: str) -> int:
-        if name not in self._ids:
-            self._ids[name] = self._site(name) if kind == "site" else self.address(name)
-        return self._ids[name]
+    def _cached(self, find: Callable[[str], int], name: str) -> int:
+        """What ``find`` says of a name; looking names up in the model takes longer than what is done with them."""
+        key = (find.__name__, name)
+        if key not in self._ids:
+            self._ids[key] = find(name)
+        return self._ids[key]
+
+    def _joint(self, name: str) -> tuple[int, int]:
+        """Indices of a joint's first position and first velocity."""
+        if name not in self._joints:
+            joint = self.model.joint(name)
+            self._joints[name] = int(joint.qposadr[0]), int(joint.dofadr[0])
+        return self._joints[name]
+
+    def _mocap(self, body: str) -> int:
+        return int(self.model.body(body).mocapid[0])
 
     def _site(self, name: str) -> int:
         return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, name)
@@ -149,3 +160,12 @@ class View:
     def address(self, sensor: str) -> int:
         """Index of a sensor's first number in ``sensordata``."""
         return int(self.model.sensor(sensor).adr[0])
+
+
+@kernel
+def _count_touching(sensors, addresses, count):
+    for i in range(count.size):
+        touching = 0
+        for address in addresses:
+            touching += sensors[i, address] > 0.0
+        count[i] = touching

@@ -104,6 +104,15 @@ def _set_states(memory, active, rows, size):
             pull_all(memory, i)
 
 
+@kernel
+def _first_warned(warnings, active):
+    for i in range(active.size):
+        for kind in range(warnings.shape[1]):
+            if active[i] and warnings[i, kind, COUNT] != 0:
+                return i
+    return active.size
+
+
 class Worlds:
     """State of n worlds of one scene.
 
@@ -168,9 +177,12 @@ class Worlds:
             self.memory.models[world] = self._models[world]._address
         return self._models[world]
 
-    def warned(self) -> np.ndarray:
-        """(n,) bool: MuJoCo warned about the world since it was cleared or set; its physics cannot be trusted."""
-        return np.any(self._warnings[:, :, COUNT] != 0, axis=1)
+    def first_warned(self, active: np.ndarray) -> int:
+        """The first world in ``active`` (n,) that MuJoCo warned about since it was cleared or set; n if there is none.
+
+        The physics of such a world cannot be trusted.
+        """
+        return _first_warned(self._warnings, active)
 
     def warning(self, world: int) -> str:
         """What it warned about."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -77,7 +78,7 @@ class Arm:
     mount: Vector = (0.0, 0.0, 0.0)
     colours: tuple[Colour, Colour] = (GRAPHITE, ORANGE)
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Length of the outstretched arm, m."""
         return sum(link.length for link in self.links)

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.core.arrays import closeness, length
+from aerial_il.core.kernels import kernel
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.props.marker import add_marker
@@ -68,12 +69,14 @@ class Hover(Task):
         )
 
     def observe(self, view: View) -> dict[str, np.ndarray]:
-        target, ahead = view.site_pos("target"), view.site_mat("target")[:, [0, 3]]
+        target, heading = view.site_pos("target"), view.site_mat("target")
+        error = np.empty((view.n, 2))
+        _write_heading_errors(view.base_mat, heading, error)
         return {
             "target_pos": target.copy(),
-            "target_heading": ahead,
+            "target_heading": heading[:, 0:6:3].copy(),
             "base_to_target": target - view.base_pos,
-            "heading_error": _heading_error(view),
+            "heading_error": error,
         }
 
     def solved(self, view: View) -> np.ndarray:
@@ -98,20 +101,37 @@ def attitude_cosine(view: View) -> np.ndarray:
     A rotation by the heading's error about the vertical and one by the error of tilt about a horizontal axis make up
     ``cos = (1 + cos heading) (1 + cos tilt) / 2 - 1``.
     """
-    vehicle, up = view.robot.vehicle, view.base_mat[:, [2, 5, 8]]
-    lift = np.array([0.0, 0.0, vehicle.mass * GRAVITY]) - view.air_force
-    sideways = planar_length(lift)
-    lift[:, :2] *= (np.maximum(0.0, sideways - vehicle.lateral_limit) / np.maximum(sideways, 1e-9))[:, None]
-    tilt = (up[:, 0] * lift[:, 0] + up[:, 1] * lift[:, 1] + up[:, 2] * lift[:, 2]) / length(lift)
-    return 0.5 * (1.0 + _heading_error(view)[:, 0]) * (1.0 + tilt) - 1.0
+    vehicle, found = view.robot.vehicle, np.empty(view.n)
+    weight, limit = vehicle.mass * GRAVITY, vehicle.lateral_limit
+    _write_attitude_cosines(view.base_mat, view.site_mat("target"), view.air_force, weight, limit, found)
+    return found
 
 
-def _heading_error(view: View) -> np.ndarray:
-    """(n, 2) cosine and sine of the angle from the base's heading to the target's."""
-    base, target = view.base_mat[:, [0, 3]], view.site_mat("target")[:, [0, 3]]
-    norm = np.sqrt(base[:, 0] * base[:, 0] + base[:, 1] * base[:, 1]) + 1e-9
-    c, s = base[:, 0] / norm, base[:, 1] / norm
-    return np.stack([c * target[:, 0] + s * target[:, 1], c * target[:, 1] - s * target[:, 0]], axis=1)
+@kernel
+def _write_attitude_cosines(bases, targets, air_forces, weight, lateral_limit, found):
+    for i in range(found.size):
+        heading, _ = _heading_error(bases, targets, i)
+        x, y, z = -air_forces[i, 0], -air_forces[i, 1], weight - air_forces[i, 2]  # what the rotors must give
+        sideways = math.sqrt(x * x + y * y)
+        by_leaning = max(0.0, sideways - lateral_limit) / max(sideways, 1e-9)
+        x, y = by_leaning * x, by_leaning * y
+        along = bases[i, 2] * x + bases[i, 5] * y + bases[i, 8] * z
+        found[i] = 0.5 * (1.0 + heading) * (1.0 + along / math.sqrt(x * x + y * y + z * z)) - 1.0
+
+
+@kernel
+def _write_heading_errors(bases, targets, found):
+    for i in range(found.shape[0]):
+        found[i, 0], found[i, 1] = _heading_error(bases, targets, i)
+
+
+@kernel
+def _heading_error(bases, targets, i):
+    """Cosine and sine of the angle from the base's heading to the target's in world ``i``."""
+    x, y = bases[i, 0], bases[i, 3]
+    norm = math.sqrt(x * x + y * y) + 1e-9
+    c, s = x / norm, y / norm
+    return c * targets[i, 0] + s * targets[i, 3], c * targets[i, 3] - s * targets[i, 0]
 
 
 def _direction(rng: np.random.Generator) -> np.ndarray:

@@ -119,7 +119,7 @@ class InsertPeg(Task):
 
 def peg_axis(view: View) -> np.ndarray:
     """(n, 3) unit vector along the peg, world, from its lower to its upper end."""
-    axis = view.site_mat("peg")[:, [2, 5, 8]]
+    axis = view.site_mat("peg")[:, 2::3]
     return np.where(axis[:, 2:] < 0.0, -axis, axis)
 
 

@@ -103,7 +103,7 @@ class InspectContact(Task):
 
 def normal(view: View) -> np.ndarray:
     """(n, 3) unit normal out of the plate, world."""
-    return view.site_mat("plate")[:, [2, 5, 8]]
+    return view.site_mat("plate")[:, 2::3]
 
 
 def normal_force(view: View) -> np.ndarray:
@@ -114,7 +114,7 @@ def normal_force(view: View) -> np.ndarray:
 
 def squareness(view: View) -> np.ndarray:
     """(n,) cosine of the angle between the tool's axis and the plate's normal."""
-    out, axis = normal(view), view.tool_mat[:, [0, 3, 6]]
+    out, axis = normal(view), view.tool_mat[:, 0::3]
     return -(out[:, 0] * axis[:, 0] + out[:, 1] * axis[:, 1] + out[:, 2] * axis[:, 2])
 
 

@@ -64,7 +64,7 @@ class OpenDoor(Task):
             "hinge_pos": view.site_pos("door").copy(),
             "door_angle": angle[:, None].copy(),
             "door_rate": rate[:, None].copy(),
-            "door_direction": view.site_mat("loop")[:, [0, 3]],
+            "door_direction": view.site_mat("loop")[:, 0:6:3].copy(),
             "loop_pos": loop.copy(),
             "tip_to_loop": loop - view.tip_pos,
         }

@@ -70,7 +70,7 @@ class PullLever(Task):
         bar = view.site_pos("bar")
         return {
             "lever_pos": view.site_pos("lever").copy(),
-            "pull_direction": view.site_mat("lever")[:, [0, 3]],
+            "pull_direction": view.site_mat("lever")[:, 0:6:3].copy(),
             "lever_angle": angle[:, None].copy(),
             "lever_rate": rate[:, None].copy(),
             "bar_pos": bar.copy(),
@@ -100,7 +100,7 @@ class PullLever(Task):
 
 def behind_bar(view: View) -> np.ndarray:
     """(n, 3) where the fingertips are ready to pull: behind the middle of the bar, world, m."""
-    return view.site_pos("bar") - BEHIND_M * view.site_mat("lever")[:, [0, 3, 6]]
+    return view.site_pos("bar") - BEHIND_M * view.site_mat("lever")[:, 0::3]
 
 
 TASK = PullLever()

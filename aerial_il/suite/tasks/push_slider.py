@@ -63,7 +63,7 @@ class PushSlider(Task):
         handle, (travel, speed) = view.site_pos("slider"), view.joint("slider")
         return {
             "handle_pos": handle.copy(),
-            "rail_direction": view.site_mat("slider")[:, [0, 3]],
+            "rail_direction": view.site_mat("slider")[:, 0:6:3].copy(),
             "slider_travel": travel[:, None].copy(),
             "slider_speed": speed[:, None].copy(),
             "tip_to_handle": handle - view.tip_pos,
@@ -89,7 +89,7 @@ class PushSlider(Task):
 
 def ready_point(view: View) -> np.ndarray:
     """(n, 3) where the fingertips are ready to push: behind the handle's middle, world, m."""
-    return view.site_pos("slider") - BEHIND_M * view.site_mat("slider")[:, [0, 3, 6]]
+    return view.site_pos("slider") - BEHIND_M * view.site_mat("slider")[:, 0::3]
 
 
 TASK = PushSlider()

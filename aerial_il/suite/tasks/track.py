@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.core.arrays import closeness, cosine_and_sine, length
+from aerial_il.core.kernels import kernel
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.props.marker import add_marker
@@ -67,16 +68,15 @@ class Track(Task):
         view.mocap_quat[world, target] = [c * ct, c * st, s * st, s * ct]  # yaw, then tilt about the path's width
 
     def remember(self, view: View, mask: np.ndarray) -> None:
-        memory, target = view.memory, view.mocap_id("target")
-        moved = target_ahead(view, CONTROL_DT_S)
-        view.mocap_pos[mask, target] = moved[mask]
-        memory[mask, PHASE] += CONTROL_DT_S * memory[mask, RATE]
+        memory, moved = view.memory, target_ahead(view, CONTROL_DT_S)
+        np.copyto(view.mocap_pos[:, view.mocap_id("target")], moved, where=mask[:, None])
+        np.copyto(memory[:, PHASE], memory[:, PHASE] + CONTROL_DT_S * memory[:, RATE], where=mask)
         distance = length(target_pos(view) - view.tool_pos)
         on = np.where(memory[:, LAP] > 0.0, distance <= LOST_M, distance <= CAUGHT_M)
         on &= ~((memory[:, LAP] >= FULL_LAP) & (lap_rmse(view) > RMSE_M))
         lap = memory[:, LAP] + CONTROL_DT_S * np.abs(memory[:, RATE])
-        memory[mask, LAP] = np.where(on, lap, 0.0)[mask]
-        memory[mask, SQUARES] = np.where(on, memory[:, SQUARES] + distance * distance, 0.0)[mask]
+        np.copyto(memory[:, LAP], np.where(on, lap, 0.0), where=mask)
+        np.copyto(memory[:, SQUARES], np.where(on, memory[:, SQUARES] + distance * distance, 0.0), where=mask)
 
     def fields(self) -> tuple[Field, ...]:
         xyz = ("x", "y", "z")
@@ -122,12 +122,22 @@ def target_pos(view: View) -> np.ndarray:
 
 def target_ahead(view: View, seconds: float) -> np.ndarray:
     """(n, 3) where the target will be in ``seconds``, world, m."""
-    memory, axes = view.memory, view.site_mat("target")
-    now, then = memory[:, PHASE], memory[:, PHASE] + seconds * memory[:, RATE]
-    across = memory[:, WIDTH] * (cosine_and_sine(then)[0] - cosine_and_sine(now)[0])
-    harmonic = memory[:, HARMONIC]
-    along = memory[:, HEIGHT] * (cosine_and_sine(harmonic * then)[1] - cosine_and_sine(harmonic * now)[1])
-    return target_pos(view) + across[:, None] * axes[:, [0, 3, 6]] + along[:, None] * axes[:, [1, 4, 7]]
+    pos = target_pos(view)
+    _move_on(view.memory, view.site_mat("target"), seconds, pos)
+    return pos
+
+
+@kernel
+def _move_on(memory, axes, seconds, pos):
+    """Add to positions (n, 3) how far targets move along their paths in ``seconds``."""
+    for i in range(pos.shape[0]):
+        now, harmonic = memory[i, PHASE], memory[i, HARMONIC]
+        then = now + seconds * memory[i, RATE]
+        across = memory[i, WIDTH] * (math.cos(then) - math.cos(now))
+        along = memory[i, HEIGHT] * (math.sin(harmonic * then) - math.sin(harmonic * now))
+        for k in range(3):
+            pos[i, k] += across * axes[i, 3 * k]
+            pos[i, k] += along * axes[i, 3 * k + 1]
 
 
 def lap_rmse(view: View) -> np.ndarray:
