@@ -60,7 +60,7 @@ class DiffusionConfig(PolicyConfig):
     denoise_steps: int = 10
     sampler: Sampler = "ddim"
     predict: Target = "sample"
-    clip: float = 5.0
+    clip: float = 10.0
     redraw: bool = False
 
     def __post_init__(self) -> None:
