@@ -40,10 +40,8 @@ ORIENTATION_SHARE = 0.3  # m/rad: weight of the reference's orientation against 
 YAW_MOBILITY = 2.0  # rad per metre of base motion considered equally dear
 POSTURE_STEPS, POSTURE_STEP = 60, 0.3  # of the search for a posture; rad
 POSTURE_FOUND = 1e-6  # m and rad: where it may stop earlier
-POSTURE_STUCK, POSTURE_MISSED = (
-    3e-4,
-    0.02,
-)  # rad; m or rad: joints that move less with the tool off by more get no nearer
+POSTURE_STUCK = 3e-4  # rad: joints that move less ...
+POSTURE_MISSED = 0.02  # m or rad: ... with the tool off by more get no nearer
 
 
 @kernel
