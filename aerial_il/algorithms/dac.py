@@ -28,22 +28,12 @@ import numpy as np
 
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import (
-    Bounds,
-    check_policy,
-    check_same,
-    decode,
-    encode,
-    encode_transitions,
-    fit_interface,
-    random_transitions,
-    read_transitions,
-)
+from aerial_il.algorithms.parts.expert_data import check_policy, decode, encode, read_lesson
 from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
 from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
 from aerial_il.algorithms.parts.settings import (
-    Control,
+    Imitating,
     OffPolicy,
     require_choice,
     require_positive,
@@ -52,6 +42,7 @@ from aerial_il.algorithms.parts.settings import (
 )
 from aerial_il.algorithms.parts.snapshot import Generator
 from aerial_il.algorithms.sac import agent_of
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -60,14 +51,13 @@ from aerial_il.policies.parts.network import PolicyConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscriminatorActorCritic(OffPolicy):
-    """Settings of a run.
+class DiscriminatorActorCritic(Imitating, OffPolicy):
+    """Settings of a run, beside those of :class:`Imitating` and :class:`OffPolicy`.
 
     Attributes:
-        trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
-        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
-        control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
-        absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
+        cloning: minibatches of behavioural cloning before the first flight; what it has learned then flies in place of
+            random actions, and until ``warmup`` critics and discriminator alone learn from it.
+        nearness: weight of the actor's squared distance from demonstrated actions beside what the critics think.
         expert_share: share of demonstrated transitions in the agent's minibatches, paid like all others.
         reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
         reward_hidden: its widths. reward_lr: its learning rate. reward_updates: its steps for each of the agent's.
@@ -75,12 +65,8 @@ class DiscriminatorActorCritic(OffPolicy):
         dropout: of its inputs and hidden units.
     """
 
-    gamma: float = 0.99
-    trajectories: int | None = None
-    subsample: int = 1
-    bounds: Bounds = "environment"
-    control: Control = "none"
-    absorbing: bool = True
+    cloning: int = 0
+    nearness: float = 0.0
     expert_share: float = 0.0
     reward: Reward = "airl"
     reward_hidden: tuple[int, ...] = (128, 128)
@@ -92,12 +78,14 @@ class DiscriminatorActorCritic(OffPolicy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "subsample", "reward_lr", "reward_updates")
+        require_positive(self, "reward_lr", "reward_updates")
         require_share(self, "expert_share")
+        for name in ("cloning", "nearness"):
+            if getattr(self, name) < 0:
+                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must not be negative.")
         require_share(self, "dropout", below_one=True)
         require_widths(self, "reward_hidden")
-        for name, choices in (("bounds", Bounds), ("control", Control), ("reward", Reward)):
-            require_choice(self, name, choices)
+        require_choice(self, "reward", Reward)
 
     def train(
         self,
@@ -128,28 +116,24 @@ class DiscriminatorActorCritic(OffPolicy):
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
         policy = check_policy(policy)
-        layout, shown, data = read_transitions(
-            dataset, policy, trajectories=self.trajectories, subsample=self.subsample, seed=seed
-        )
-        check_same(layout.spec, env.spec)
-        if self.control == "random_actions":
-            shown = random_transitions(env, layout, len(shown.frames), seed=seed)
-        interface = fit_interface(layout, shown, policy, self.bounds)
-        sizes = (layout.size, env.spec.action.size)
-        origin = origin_of("dac", seed, env, data)
+        shown = read_lesson(dataset, policy, self, env, seed=seed)
+        interface, sizes = shown.interface, shown.sizes
+        origin = origin_of("dac", seed, env, shown.record)
         with open_session(
             self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
         ) as session:
             if session.folder.finished:
                 return load_policy(run)
-            flight, noise = EndlessFlight(env, layout, seed=seed), Generator(named_rng(seed, "dac", "warm-up"))
+            flight = EndlessFlight(env, interface.layout, seed=seed)
+            noise = Generator(named_rng(seed, "dac", "warm-up"))
             agent = agent_of(self, policy.build(*sizes), sizes)
             judge = self._judge(sizes)
-            rows = encode_transitions(interface, shown, absorbing=self.absorbing)
-            expert = Replay(len(rows), *sizes, named_rng(seed, "dac", "expert"))
-            expert.add(rows)
+            expert = shown.memory(named_rng(seed, "dac", "expert"), absorbing=self.absorbing)
             memory = Replay(self.memory, *sizes, named_rng(seed, "dac", "minibatches"))
             parts = {"agent": agent, "judge": judge, "expert": expert, "memory": memory, "noise": noise}
+            nearness, cloning = (0.0, 0) if self.control == "constant_reward" else (self.nearness, self.cloning)
+            if cloning and not session.folder.resumed:
+                agent.clone(expert, cloning, self.batch_size)
             session.begin(flight, parts)
 
             def flying() -> ChunkPolicy:
@@ -158,18 +142,22 @@ class DiscriminatorActorCritic(OffPolicy):
             while session.goes_on(flying):
                 warm = flight.steps < self.warmup
                 obs = encode(interface, flight.frames)
-                actions = noise.rng.uniform(-1, 1, (flight.n, sizes[1])) if warm else agent.explore(obs)
+                blind = warm and not cloning
+                actions = noise.rng.uniform(-1, 1, (flight.n, sizes[1])) if blind else agent.explore(obs)
                 step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
                 after = encode(interface, step.next_frames)
                 memory.add(rows_of(obs, actions, step.rewards, after, step.terminal, absorbing=self.absorbing))
 
-                judged = 0 if warm or self.control == "constant_reward" else self.updates * self.reward_updates
-                for _ in range(session.owed(judged)):
+                learns = not blind and len(memory) >= self.batch_size
+                judges = learns and self.control != "constant_reward"
+                for _ in range(judges * session.owed(self.updates * self.reward_updates)):
                     half = self.batch_size // 2
                     session.note(judge.learn(expert.sample(half), memory.sample(half), penalty=self.penalty))
-                for _ in range(0 if warm else session.owed(self.updates)):
+                for _ in range(learns * session.owed(self.updates)):
                     batch = self._minibatch(expert, memory, judge)
-                    session.note({**agent.update(batch), "reward/mean": batch.rewards.mean().item()})
+                    near = expert.sample(self.batch_size // 2) if nearness else None
+                    found = agent.update(batch, shown=near, nearness=nearness, improve=not warm)
+                    session.note({**found, "reward/mean": batch.rewards.mean().item()})
                 session.turn(flying)
 
             judge.save(run)

@@ -23,26 +23,17 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import torch
 
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import (
-    Bounds,
-    check_policy,
-    check_same,
-    encode_transitions,
-    fit_interface,
-    random_transitions,
-    read_transitions,
-)
+from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
 from aerial_il.algorithms.parts.learned_reward import LearnedReward
 from aerial_il.algorithms.parts.replay import Replay, rows_of
 from aerial_il.algorithms.parts.returns import RunningMoments
 from aerial_il.algorithms.parts.rollout import Rollout, fly, learn, learner_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
 from aerial_il.algorithms.parts.settings import (
-    Control,
+    Imitating,
     OnPolicy,
     require_choice,
     require_positive,
@@ -50,6 +41,7 @@ from aerial_il.algorithms.parts.settings import (
     require_widths,
 )
 from aerial_il.core.seeding import named_rng
+from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -58,14 +50,10 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdversarialImitation(OnPolicy):
-    """Settings of a run.
+class AdversarialImitation(Imitating, OnPolicy):
+    """Settings of a run, beside those of :class:`Imitating` and :class:`OnPolicy`.
 
     Attributes:
-        trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
-        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
-        control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
-        absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
         reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
         reward_hidden: its widths. reward_lr: its learning rate. reward_batch: its minibatch.
         reward_updates: its steps for each rollout. memory: newest flown transitions that it is shown.
@@ -75,11 +63,6 @@ class AdversarialImitation(OnPolicy):
 
     name: ClassVar[str] = "gail"
 
-    trajectories: int | None = None
-    subsample: int = 1
-    bounds: Bounds = "environment"
-    control: Control = "none"
-    absorbing: bool = True
     reward: Reward = "gail"
     reward_hidden: tuple[int, ...] = (64, 64)
     reward_lr: float = 1e-3
@@ -92,11 +75,10 @@ class AdversarialImitation(OnPolicy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "subsample", "reward_lr", "reward_batch", "reward_updates", "memory")
+        require_positive(self, "reward_lr", "reward_batch", "reward_updates", "memory")
         require_share(self, "dropout", below_one=True)
         require_widths(self, "reward_hidden")
-        for name, choices in (("bounds", Bounds), ("control", Control), ("reward", Reward)):
-            require_choice(self, name, choices)
+        require_choice(self, "reward", Reward)
 
     def train(
         self,
@@ -112,26 +94,18 @@ class AdversarialImitation(OnPolicy):
     ) -> ChunkPolicy:
         """Imitate the demonstrator in ``env``, whose reward is not used; arguments and errors are those of ``dac``."""
         policy = check_policy(policy)
-        layout, shown, data = read_transitions(
-            dataset, policy, trajectories=self.trajectories, subsample=self.subsample, seed=seed
-        )
-        check_same(layout.spec, env.spec)
-        if self.control == "random_actions":
-            shown = random_transitions(env, layout, len(shown.frames), seed=seed)
-        interface = fit_interface(layout, shown, policy, self.bounds)
-        sizes = (layout.size, env.spec.action.size)
-        origin = origin_of(self.name, seed, env, data)
+        shown = read_lesson(dataset, policy, self, env, seed=seed)
+        interface, sizes = shown.interface, shown.sizes
+        origin = origin_of(self.name, seed, env, shown.record)
         with open_session(
             self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
         ) as session:
             if session.folder.finished:
                 return load_policy(run)
-            flight = EndlessFlight(env, layout, seed=seed)
+            flight = EndlessFlight(env, interface.layout, seed=seed)
             agent = learner_of(self, policy.build(*sizes), sizes[0])
             judge, paid = self.judge(sizes, agent.network), RunningMoments(1)
-            rows = encode_transitions(interface, shown, absorbing=self.absorbing)
-            expert = Replay(len(rows), *sizes, named_rng(seed, self.name, "expert"))
-            expert.add(rows)
+            expert = shown.memory(named_rng(seed, self.name, "expert"), absorbing=self.absorbing)
             memory = Replay(self.memory, *sizes, named_rng(seed, self.name, "minibatches"))
             session.begin(flight, {"agent": agent, "judge": judge, "paid": paid, "expert": expert, "memory": memory})
 
@@ -144,9 +118,9 @@ class AdversarialImitation(OnPolicy):
                 for _ in range(0 if self.control == "constant_reward" else self.reward_updates):
                     half = self.reward_batch // 2
                     session.note(judge.learn(expert.sample(half), memory.sample(half), penalty=self.penalty))
-                rewards, end_value = self._pay(rollout, judge, paid)
+                rewards, end_values = self._pay(rollout, judge, paid)
                 session.note({"reward/mean": float(rewards.mean())})
-                session.note(learn(agent, rollout, rewards, self, left=session.left, end_value=end_value))
+                session.note(learn(agent, rollout, rewards, self, left=session.left, end_values=end_values))
                 session.turn(flying)
 
             judge.save(run)
@@ -167,16 +141,18 @@ class AdversarialImitation(OnPolicy):
             lr=self.reward_lr,
         )
 
-    def _pay(self, rollout: Rollout, judge: LearnedReward, paid: RunningMoments) -> tuple[np.ndarray, float]:
-        """Return standardised rewards (T, n), and what all that follows an end that matters is worth."""
+    def _pay(self, rollout: Rollout, judge: LearnedReward, paid: RunningMoments) -> tuple[np.ndarray, ...]:
+        """Return standardised rewards (T, n), and what all that follows each step would be worth if it were an end."""
         if self.control == "constant_reward":
-            return np.ones_like(rollout.rewards), 0.0
-        obs = torch.from_numpy(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
-        rewards = judge.pay(obs, torch.from_numpy(rollout.flat("actions"))).numpy().astype(float)
+            return np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
+        obs = tensor(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
+        rewards = judge.pay(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
         paid.add(rewards[:, None])
         centre, deviation = paid.mean[0], paid.deviation[0]
-        ever = (judge.after_the_end() - centre) / deviation / (1.0 - self.gamma) if self.absorbing else 0.0
-        return ((rewards - centre) / deviation).reshape(rollout.rewards.shape), ever
+        later = np.zeros_like(rewards)
+        if self.absorbing and (ends := rollout.flat("terminal")).any():
+            later[ends] = (judge.after(rollout.flat("next_obs")[ends]) - centre) / deviation / (1.0 - self.gamma)
+        return tuple(values.reshape(rollout.rewards.shape) for values in ((rewards - centre) / deviation, later))
 
 
 def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:

@@ -22,20 +22,10 @@ from typing import Any
 import numpy as np
 
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import (
-    Bounds,
-    check_policy,
-    check_same,
-    decode,
-    encode,
-    encode_transitions,
-    fit_interface,
-    random_transitions,
-    read_transitions,
-)
+from aerial_il.algorithms.parts.expert_data import check_policy, decode, encode, read_lesson
 from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import Control, OffPolicy, require_choice, require_positive
+from aerial_il.algorithms.parts.settings import Imitating, OffPolicy
 from aerial_il.algorithms.parts.snapshot import Generator
 from aerial_il.algorithms.sac import agent_of
 from aerial_il.core.seeding import named_rng
@@ -46,28 +36,8 @@ from aerial_il.policies.parts.network import PolicyConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class SoftQImitation(OffPolicy):
-    """Settings of a run.
-
-    Attributes:
-        trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
-        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
-        control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
-        absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
-    """
-
-    gamma: float = 0.99
-    trajectories: int | None = None
-    subsample: int = 1
-    bounds: Bounds = "environment"
-    control: Control = "none"
-    absorbing: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "subsample")
-        require_choice(self, "bounds", Bounds)
-        require_choice(self, "control", Control)
+class SoftQImitation(Imitating, OffPolicy):
+    """Settings of a run; see :class:`Imitating` and :class:`OffPolicy`."""
 
     def train(
         self,
@@ -83,25 +53,18 @@ class SoftQImitation(OffPolicy):
     ) -> ChunkPolicy:
         """Imitate the demonstrator in ``env``, whose reward is not used; arguments and errors are those of ``dac``."""
         policy = check_policy(policy)
-        layout, shown, data = read_transitions(
-            dataset, policy, trajectories=self.trajectories, subsample=self.subsample, seed=seed
-        )
-        check_same(layout.spec, env.spec)
-        if self.control == "random_actions":
-            shown = random_transitions(env, layout, len(shown.frames), seed=seed)
-        interface = fit_interface(layout, shown, policy, self.bounds)
-        sizes = (layout.size, env.spec.action.size)
-        origin = origin_of("sqil", seed, env, data)
+        shown = read_lesson(dataset, policy, self, env, seed=seed)
+        interface, sizes = shown.interface, shown.sizes
+        origin = origin_of("sqil", seed, env, shown.record)
         with open_session(
             self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
         ) as session:
             if session.folder.finished:
                 return load_policy(run)
-            flight, noise = EndlessFlight(env, layout, seed=seed), Generator(named_rng(seed, "sqil", "warm-up"))
+            flight = EndlessFlight(env, interface.layout, seed=seed)
+            noise = Generator(named_rng(seed, "sqil", "warm-up"))
             agent = agent_of(self, policy.build(*sizes), sizes)
-            rows = encode_transitions(interface, shown, absorbing=self.absorbing, reward=1.0)
-            expert = Replay(len(rows), *sizes, named_rng(seed, "sqil", "expert"))
-            expert.add(rows)
+            expert = shown.memory(named_rng(seed, "sqil", "expert"), absorbing=self.absorbing, reward=1.0)
             memory = Replay(self.memory, *sizes, named_rng(seed, "sqil", "minibatches"))
             session.begin(flight, {"agent": agent, "expert": expert, "memory": memory, "noise": noise})
 

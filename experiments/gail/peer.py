@@ -27,14 +27,13 @@ EPISODES, EVALUATION_SEED = 100, 10_000
 def main() -> None:
     options = parsed()
     if options.inside:
-        return measure(options)
+        measure(options)
+        return
     demos = export(Path(options.study), options.task, Path(options.venv).parent)
     python = environment(Path(options.venv))
     command = [str(python), __file__, "--inside", "--task", options.task, "--demos", str(demos)]
-    return subprocess.run(
-        [*command, "--steps", str(options.steps), "--seeds", str(options.seeds), "--envs", str(options.envs)],
-        check=True,
-    ).check_returncode()
+    numbers = {"--steps": options.steps, "--seeds": options.seeds, "--envs": options.envs}
+    subprocess.run([*command, *(str(word) for pair in numbers.items() for word in pair)], check=True)
 
 
 def parsed() -> argparse.Namespace:
@@ -81,7 +80,7 @@ def measure(options: argparse.Namespace) -> None:
     """Train and judge each seed that is missing, then sum up."""
     folder = Path(options.demos).parent / options.task
     folder.mkdir(parents=True, exist_ok=True)
-    done = [one_seed(options, seed, folder / f"{seed}.json") for seed in range(options.seeds)]
+    done = [one_seed(options, seed, folder / f"{options.steps}-{seed}.json") for seed in range(options.seeds)]
     found = {
         "task": options.task,
         "library": "imitation 1.0.1 GAIL",

@@ -25,7 +25,7 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from tests.algorithms import train_flying
 from tests.algorithms.drift import Drift, Guide, demonstrations, mean_reward
-from tests.algorithms.test_resume import assert_same_end, wait_for
+from tests.algorithms.test_resume import assert_same_end
 
 POLICY = SquashedGaussianConfig(hidden=(32, 32))
 OFF: dict[str, Any] = {
@@ -98,7 +98,8 @@ def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> 
     backwards = replace(demos[0], executed_actions=-demos[0].executed_actions)
     assert shown.shape == (len(demos[0]),)
     assert shown[:4].mean() > reward_along(tmp_path, backwards)[:4].mean() + 0.5
-    assert np.isfinite(load_reward(tmp_path)[0].after_the_end())
+    reward, interface = load_reward(tmp_path)
+    assert reward.after(np.zeros((2, interface.layout.size), np.float32)).shape == (2,)
     with pytest.raises(CheckpointError, match="no learned reward"):
         load_reward(tmp_path / "nowhere")
 
@@ -119,15 +120,24 @@ def test_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path, name: str) -> No
     assert_same_end(run, whole)
 
 
-def test_a_killed_run_ends_with_the_same_bytes(tmp_path: Path) -> None:
-    whole, run = tmp_path / "whole", tmp_path / "run"
-    train_flying.train("dac", str(whole))
-    child = subprocess.Popen([sys.executable, "-m", "tests.algorithms.train_flying", "dac", str(run)])
-    wait_for(child, run / METRICS)  # type: ignore[arg-type]
-    time.sleep(0.1)
-    child.kill()
-    child.wait()
-    train_flying.train("dac", str(run))
+def told_at(run: Path) -> int:
+    """When a run told its metrics last, 0 for never."""
+    return (run / METRICS).stat().st_mtime_ns if (run / METRICS).exists() else 0
+
+
+@pytest.mark.parametrize("name", ["dac", "gail"])
+def test_a_run_killed_at_random_moments_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
+    whole, run, rng = tmp_path / "whole", tmp_path / "run", np.random.default_rng(0)
+    train_flying.train(name, str(whole))
+    for _ in range(2):
+        before = told_at(run)
+        child = subprocess.Popen([sys.executable, "-m", "tests.algorithms.train_flying", name, str(run)])
+        while told_at(run) == before and child.poll() is None:
+            time.sleep(0.005)
+        time.sleep(rng.uniform(0.0, 0.3))
+        child.kill()
+        child.wait()
+    train_flying.train(name, str(run))
     assert_same_end(run, whole)
 
 

@@ -105,15 +105,15 @@ def test_scaled_rewards_have_returns_of_deviation_one() -> None:
     assert np.std(seen) == pytest.approx(1.0, rel=1e-6)
 
 
-def test_an_end_leads_to_the_absorbing_state_and_a_cut_does_not() -> None:
+def test_an_end_leads_to_an_absorbing_state_and_a_cut_does_not() -> None:
     obs, after = np.arange(6.0).reshape(3, 2), 10 + np.arange(6.0).reshape(3, 2)
     actions, rewards, terminal = np.full((3, 1), 0.5), np.array([1.0, 2.0, 3.0]), np.array([False, True, False])
     rows = torch.from_numpy(rows_of(obs, actions, rewards, after, terminal, absorbing=True))
     batch = split(rows, (3, 1, 3, 1, 1))
     assert len(rows) == 4
     np.testing.assert_array_equal(batch.obs[:3, :2], obs)
-    np.testing.assert_array_equal(batch.next_obs, [[10, 11, 0], [0, 0, 1], [14, 15, 0], [0, 0, 1]])
-    np.testing.assert_array_equal(batch.obs[3], [0, 0, 1])
+    np.testing.assert_array_equal(batch.next_obs, [[10, 11, 0], [12, 13, 1], [14, 15, 0], [12, 13, 1]])
+    np.testing.assert_array_equal(batch.obs[3], [12, 13, 1])
     np.testing.assert_array_equal(batch.actions[:, 0], [0.5, 0.5, 0.5, 0])
     np.testing.assert_array_equal(batch.rewards, [1, 2, 3, 2])
     np.testing.assert_array_equal(batch.going, 1)

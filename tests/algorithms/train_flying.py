@@ -22,7 +22,7 @@ ON: dict[str, Any] = {**EVERY, "rollout": 48, "batch_size": 16, "epochs": 2, "cr
 JUDGE: dict[str, Any] = {"reward_hidden": (8,), "dropout": 0.2, "spectral": True}
 SETTINGS: dict[str, Any] = {
     "sac": SoftActorCriticLearning(**OFF),
-    "dac": DiscriminatorActorCritic(**OFF, **JUDGE, expert_share=0.25),
+    "dac": DiscriminatorActorCritic(**OFF, **JUDGE, expert_share=0.25, cloning=5, nearness=1.0),
     "sqil": SoftQImitation(**OFF),
     "ppo": ProximalPolicyOptimisation(**ON),
     "gail": AdversarialImitation(**ON, **JUDGE, reward_batch=32, memory=200),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.replay import rows_of
+from aerial_il.algorithms.parts.replay import Replay, rows_of
+from aerial_il.algorithms.parts.settings import Bounds, Imitating
 from aerial_il.algorithms.parts.training_set import read_demos
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
@@ -21,7 +22,6 @@ from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
-Bounds = Literal["environment", "demonstrations"]
 MARGIN, NARROWEST = 1.1, 0.02  # of demonstrated ranges: room beyond them, and the least share of the environment's
 
 
@@ -36,6 +36,46 @@ class Transitions(NamedTuple):
     actions: np.ndarray
     next_frames: np.ndarray
     terminal: np.ndarray
+
+
+class Lesson(NamedTuple):
+    """What an imitator is shown, ready for its networks.
+
+    Attributes:
+        interface: the way into and out of the networks. sizes: (Do, Da).
+        transitions: what was demonstrated, or flown by chance in a control run.
+        record: which demonstrations these are, for the run's record.
+    """
+
+    interface: Interface
+    sizes: tuple[int, int]
+    transitions: Transitions
+    record: dict[str, Any]
+
+    def memory(self, rng: np.random.Generator, *, absorbing: bool, reward: float = 0.0) -> Replay:
+        """Return the transitions, each with ``reward``, as a memory to draw minibatches from."""
+        rows = encode_transitions(self.interface, self.transitions, absorbing=absorbing, reward=reward)
+        kept = Replay(len(rows), *self.sizes, rng)
+        kept.add(rows)
+        return kept
+
+
+def read_lesson(
+    dataset: Iterable[Episode], policy: SquashedGaussianConfig, settings: Imitating, env: Any, *, seed: int
+) -> Lesson:
+    """Read the demonstrations as ``settings`` ask; in the control run ``random_actions`` fly ``env`` in their place.
+
+    Raises:
+        InvalidValueError: there is nothing to learn from, or they come from another environment than ``env``.
+    """
+    layout, found, record = read_transitions(
+        dataset, policy, trajectories=settings.trajectories, subsample=settings.subsample, seed=seed
+    )
+    check_same(layout.spec, env.spec)
+    if settings.control == "random_actions":
+        found = random_transitions(env, layout, len(found.frames), seed=seed)
+    interface = fit_interface(layout, found, policy, settings.bounds)
+    return Lesson(interface, (layout.size, layout.spec.action.size), found, record)
 
 
 def check_policy(policy: object) -> SquashedGaussianConfig:

@@ -20,6 +20,7 @@ from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError
 from aerial_il.core.seeding import named_rng
+from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.layout import Interface
@@ -65,10 +66,10 @@ class LearnedReward:
     def learn(self, expert: Batch, agent: Batch, *, penalty: float) -> dict[str, float]:
         """Tell the demonstrator's transitions from the agent's a little better; ``penalty`` weighs the slope's."""
         shown, flown = (self._inputs(batch.obs, batch.actions) for batch in (expert, agent))
-        network = self.network.train()
+        network, both = self.network.train(), torch.cat([shown, flown])
         if network.norm is not None:
-            network.norm.add(torch.cat([shown, flown]))
-        loss, metrics = discriminator_loss(network(shown), network(flown))
+            network.norm.add(both)
+        loss, metrics = discriminator_loss(*network(both).split([len(shown), len(flown)]))
         if penalty:
             steep = gradient_penalty(network, shown, flown, torch.rand(len(shown), 1))
             loss, metrics = loss + penalty * steep, {**metrics, "reward/steep": steep.item()}
@@ -80,13 +81,12 @@ class LearnedReward:
         frames = interface.layout.flatten(episode.obs)[:-1]
         obs = np.pad(encode(interface, frames), ((0, 0), (0, 1)))
         actions = encode_actions(interface, episode.executed_actions, frames)
-        return self.pay(torch.from_numpy(obs), torch.from_numpy(actions)).numpy()
+        return self.pay(tensor(obs), tensor(actions)).numpy()
 
-    def after_the_end(self) -> float:
-        """Return what each step in the absorbing state is paid."""
-        obs, actions = torch.zeros(1, self._sizes[0] + 1), torch.zeros(1, self._sizes[1])
-        obs[:, -1] = 1.0
-        return self.pay(obs, actions).item()
+    def after(self, ends: np.ndarray) -> np.ndarray:
+        """Return what each step is paid in the absorbing states that ``ends`` (N, Do) lead to, (N,)."""
+        marked = torch.cat([tensor(ends), torch.ones(len(ends), 1)], dim=1)
+        return self.pay(marked, torch.zeros(len(ends), self._sizes[1])).numpy().astype(float)
 
     def save(self, run: str | os.PathLike[str]) -> Path:
         """Keep the reward in the folder of its run."""

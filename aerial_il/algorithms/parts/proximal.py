@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
+from aerial_il.core.tensors import tensor
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density
 
 
@@ -65,13 +66,13 @@ class Proximal:
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Draw actions (n, Da), their forms before the tanh (n, Da) and log densities (n,) for observations (n, Do)."""
-        drawn = self.network.sample(torch.from_numpy(obs)[:, None])
+        drawn = self.network.sample(tensor(obs)[:, None])
         return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
 
     @torch.no_grad()
     def values(self, obs: np.ndarray) -> np.ndarray:
         """Return what the critic expects (...) from encoded observations (..., Do)."""
-        return self._critic.network(torch.from_numpy(obs)).numpy()
+        return self._critic.network(tensor(obs)).numpy()
 
     def update(
         self, obs: np.ndarray, raw: np.ndarray, advantages: np.ndarray, values: np.ndarray, *, left: float
@@ -84,9 +85,7 @@ class Proximal:
         """
         for part in (self._actor, self._critic):
             part.optimizer.param_groups[0]["lr"] = self.lr * left
-        seen, drawn, gains, wanted = (
-            torch.from_numpy(np.ascontiguousarray(a, np.float32)) for a in (obs, raw, advantages, values)
-        )
+        seen, drawn, gains, wanted = (tensor(np.asarray(a, np.float32)) for a in (obs, raw, advantages, values))
         with torch.no_grad():
             before = self._log_density(seen, drawn)
         passes: list[np.ndarray] = []

@@ -2,7 +2,9 @@
 
 An absorbing state stands for everything after an episode's end. It has a reward of its own, learned like any other;
 without it a reward that is always positive pays for staying alive and one that is always negative for dying, whatever
-the demonstrator did.
+the demonstrator did. It is the last observation with a mark on it, for ever: were it the same state for all ends, as in
+the source, a crash would lead where the demonstrator's success leads, and an agent that still does badly, whose every
+step is paid worse than that state, would learn to crash.
 
 Source: I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, section 4.2.
 """
@@ -49,23 +51,22 @@ def rows_of(
     Args:
         obs, next_obs: (T, Do) encoded. actions: (T, Da) normalised. rewards: (T,).
         terminal: (T,) bool, ended because of what happened; truncated episodes do not count.
-        absorbing: whether a terminal action leads to the absorbing state (zeros and a one), which leads to itself with
-            an action of zeros and the same reward; that transition is one more row for each of them. Otherwise the
-            future of a terminal action is worth nothing.
+        absorbing: whether a terminal action leads to an absorbing state (``next_obs`` and a one), which leads to itself
+            with an action of zeros and the same reward; that transition is one more row for each of them. Otherwise
+            the future of a terminal action is worth nothing.
 
     Returns:
         (T + number of ends, 2 Do + Da + 4) float32.
     """
     flags = np.zeros((len(obs), 1), np.float32)
     absorbed = terminal[:, None] & absorbing
-    following = np.where(absorbed, 0.0, next_obs)
     going = np.where(terminal & (not absorbing), 0.0, 1.0)[:, None]
-    rows = np.concatenate([obs, flags, actions, following, absorbed, rewards[:, None], going], axis=1)
+    rows = np.concatenate([obs, flags, actions, next_obs, absorbed, rewards[:, None], going], axis=1)
     if not absorbing or not terminal.any():
         return rows.astype(np.float32)
-    size, loop = obs.shape[1], np.zeros((int(terminal.sum()), rows.shape[1]))
-    loop[:, [size, 2 * size + actions.shape[1] + 1, -1]] = 1.0
-    loop[:, -2] = rewards[terminal]
+    width, ends = obs.shape[1] + 1, rows[terminal]
+    after = ends[:, -width - 2 : -2]  # the end's observation and its mark
+    loop = np.concatenate([after, np.zeros((len(ends), actions.shape[1])), ends[:, -width - 2 :]], axis=1)
     return np.concatenate([rows, loop]).astype(np.float32)
 
 

@@ -16,6 +16,7 @@ from torch.nn import functional
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Observation
 from aerial_il.core.seeding import named_rng, torch_rng
+from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
@@ -38,7 +39,7 @@ class RiskModel:
         """Risk (n,) of taking ``actions`` (n, Da) where ``obs`` is seen."""
         frames = self._interface.layout.flatten(obs)
         with torch.inference_mode():
-            odds = self._network(torch.from_numpy(inputs_of(self._interface, frames, actions)))
+            odds = self._network(tensor(inputs_of(self._interface, frames, actions)))
         return torch.sigmoid(odds[:, 0]).numpy().astype(float)
 
     def of_episodes(self, episodes: Sequence[Episode], actions: np.ndarray) -> np.ndarray:
@@ -56,7 +57,7 @@ def fit_risk(flights: Sequence[Episode], learner: ChunkPolicy, *, seed: int) -> 
         raise InvalidValueError("Risk is learned from flights of the learner alone; there is none. Raise alone.")
     interface = learner.interface
     frames = interface.layout.flatten(seen_in(flights, interface.layout.names))
-    inputs = torch.from_numpy(inputs_of(interface, frames, np.concatenate([f.actions for f in flights])))
+    inputs = tensor(inputs_of(interface, frames, np.concatenate([f.actions for f in flights])))
     failed = torch.from_numpy(np.repeat([float(not f.success) for f in flights], [len(f) for f in flights])).float()
     with torch_rng(seed, "risk"):
         network = nn.Sequential(nn.Linear(inputs.shape[1], WIDTH), nn.GELU(), nn.Linear(WIDTH, 1))

@@ -58,17 +58,23 @@ def fly(flight: EndlessFlight, agent: Proximal, interface: Interface, steps: int
 
 
 def learn(
-    agent: Proximal, rollout: Rollout, rewards: np.ndarray, settings: OnPolicy, *, left: float, end_value: float = 0.0
+    agent: Proximal,
+    rollout: Rollout,
+    rewards: np.ndarray,
+    settings: OnPolicy,
+    *,
+    left: float,
+    end_values: np.ndarray | float = 0.0,
 ) -> dict[str, float]:
     """Update ``agent`` on a rollout.
 
     Args:
         rewards: (T, n) what each step is paid.
         left: share of the training that is left.
-        end_value: what all that follows an end that matters is worth.
+        end_values: (T, n) what all that follows is worth where a step was an end that matters; elsewhere of no effect.
     """
     values, later = agent.values(rollout.obs), agent.values(rollout.next_obs)
-    later = np.where(rollout.terminal, end_value, later)
+    later = np.where(rollout.terminal, end_values, later)
     gains = advantages(rewards, values, later, rollout.ended, gamma=settings.gamma, decay=settings.decay)
     targets = (gains + values).ravel()
     metrics = agent.update(rollout.flat("obs"), rollout.flat("raw"), gains.ravel(), targets, left=left)

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal, get_args
 from aerial_il.core.errors import InvalidValueError
 
 Control = Literal["none", "random_actions", "constant_reward"]
+Bounds = Literal["environment", "demonstrations"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +111,30 @@ class OnPolicy(Flying):
         require_positive(self, "rollout", "epochs", "batch_size", "lr", "clip", "clip_norm")
         require_share(self, "decay")
         require_widths(self, "critic_hidden")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imitating(Flying):
+    """What imitators are shown; stands before :class:`OffPolicy` or :class:`OnPolicy` among the bases.
+
+    Attributes:
+        trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
+        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
+        control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
+        absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
+    """
+
+    trajectories: int | None = None
+    subsample: int = 1
+    bounds: Bounds = "environment"
+    control: Control = "none"
+    absorbing: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "subsample")
+        require_choice(self, "bounds", Bounds)
+        require_choice(self, "control", Control)
 
 
 def require_positive(settings: object, *names: str) -> None:

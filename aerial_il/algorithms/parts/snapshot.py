@@ -80,7 +80,8 @@ class Trained:
 
     def descend(self, loss: torch.Tensor, clip_norm: float | None = None) -> None:
         """Take one step against the gradient of ``loss``, which reaches this network alone."""
-        self.optimizer.zero_grad(set_to_none=True)
+        for weight in self._weights:
+            weight.grad = None
         loss.backward(inputs=self._weights)
         if clip_norm is not None:
             nn.utils.clip_grad_norm_(self._weights, clip_norm)

@@ -19,8 +19,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.parts.replay import Batch
+from aerial_il.algorithms.parts.replay import Batch, Replay
 from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
+from aerial_il.core.tensors import tensor
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 CRITICS = 2
@@ -76,42 +77,62 @@ class SoftActorCritic:
         self.network, self.gamma, self.tau = actor, gamma, tau
         self._wanted, self._actor_every, self._updates = entropy * action_size, actor_every, 0
         critics = Critics(obs_size + 1 + action_size, hidden)
-        self._actor, self._critics = Trained(actor, adam(actor, lr)), Trained(critics, adam(critics, lr))
-        self._targets = copy.deepcopy(critics).requires_grad_(False)
-        self._pairs = list(zip(self._targets.parameters(), critics.parameters(), strict=True))
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(alpha)))])
         self._log_alpha = temperature[0]
-        self._temperature = Trained(temperature, adam(temperature, lr))
+        improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
+        self._actor, self._critics = Trained(improved, adam(improved, lr)), Trained(critics, adam(critics, lr))
+        self._targets = copy.deepcopy(critics).requires_grad_(False)
+        self._pairs = list(zip(self._targets.parameters(), critics.parameters(), strict=True))
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Draw actions (n, Da) for encoded observations (n, Do)."""
-        return self.network.sample(torch.from_numpy(obs)[:, None])[0].numpy()
+        return self.network.sample(tensor(obs)[:, None])[0].numpy()
 
-    def update(self, batch: Batch) -> dict[str, float]:
-        """Take one step of critics and targets and, where it is due, of actor and temperature."""
+    def clone(self, shown: Replay, steps: int, batch_size: int) -> None:
+        """Move the actor's centre towards demonstrated actions in ``steps`` minibatches: another place to begin."""
+        for _ in range(steps):
+            self._actor.descend(self._away(shown.sample(batch_size)))
+
+    def update(
+        self, batch: Batch, *, shown: Batch | None = None, nearness: float = 0.0, improve: bool = True
+    ) -> dict[str, float]:
+        """Take one step of critics and targets and, where it is due, of actor and temperature.
+
+        Args:
+            batch: what all of them learn from.
+            shown: demonstrations that the actor is drawn to as well, with weight ``nearness``.
+            improve: whether the actor moves at all; critics alone learn what a policy is worth.
+        """
         wanted = self._target(batch)
         values = self._critics.network(batch.obs, batch.actions)
         loss = ((values - wanted) ** 2).mean(1).sum()
         self._critics.descend(loss)
         self._updates += 1
         metrics = {"critic/loss": loss.item(), "critic/value": values.mean().item()}
-        if self._updates % self._actor_every == 0:
-            metrics |= self._improve(batch)
+        if improve and self._updates % self._actor_every == 0:
+            metrics |= self._improve(batch, nearness * self._away(shown) if shown is not None else 0.0)
         self._follow()
         return metrics
 
-    def _improve(self, batch: Batch) -> dict[str, float]:
+    def _improve(self, batch: Batch, away: Tensor | float) -> dict[str, float]:
         """Take one step of actor and temperature, leaving out the absorbing state, where nothing is to be chosen."""
         alive = 1.0 - batch.obs[:, -1]
         share, alpha = alive / alive.sum().clamp(min=1.0), self._log_alpha.detach().exp()
         actions, _, surprise = self.network.sample(batch.obs[:, None, :-1])
         worth = self._critics.network(batch.obs, actions).min(0).values
         loss = (share * (alpha * surprise - worth)).sum()
-        self._actor.descend(loss)
         entropy = -(share * surprise.detach()).sum()
-        self._temperature.descend(self._log_alpha * (entropy - self._wanted))
+        temperature = self._log_alpha * (
+            entropy - self._wanted
+        )  # moves alpha alone, as the others move the actor alone
+        self._actor.descend(loss + away + temperature)
         return {"actor/loss": loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
+
+    def _away(self, shown: Batch) -> Tensor:
+        """Return how far the actor's centre is from demonstrated actions, squared and summed over elements."""
+        away = ((self.network(shown.obs[:, None, :-1])[:, 0] - shown.actions) ** 2).sum(1)
+        return ((1.0 - shown.obs[:, -1]) * away).mean()
 
     @torch.no_grad()
     def _target(self, batch: Batch) -> Tensor:
@@ -126,14 +147,13 @@ class SoftActorCritic:
             target.lerp_(current, self.tau)
 
     def snapshot(self) -> Snapshot:
-        parts = {"actor": self._actor, "critics": self._critics, "temperature": self._temperature}
+        parts = {"actor": self._actor, "critics": self._critics}
         arrays = {f"{name}.{key}": a for name, part in parts.items() for key, a in part.snapshot().arrays.items()}
         targets = {f"targets.{name}": value.numpy() for name, value in self._targets.state_dict().items()}
         return Snapshot({**arrays, **targets}, {"updates": self._updates})
 
     def restore(self, saved: Snapshot) -> None:
-        parts = {"actor": self._actor, "critics": self._critics, "temperature": self._temperature}
-        for name, part in parts.items():
+        for name, part in {"actor": self._actor, "critics": self._critics}.items():
             part.restore(Snapshot(below(f"{name}.", saved.arrays)))
         self._updates = saved.values["updates"]
         targets = below("targets.", saved.arrays)

@@ -13,6 +13,7 @@ from torch import Tensor
 from aerial_il.core.computer import free_memory_bytes
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
+from aerial_il.core.tensors import tensor
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.windows import Windows
@@ -166,7 +167,7 @@ class TrainingSet:
         obs, actions, is_pad = self._windows[index]
         inputs, targets = self._interface.encode_obs(obs), self._interface.encode_actions(actions, obs)
         arrays = (inputs, targets, (~is_pad).astype(np.float32))
-        encoded, answers, valid = (torch.from_numpy(array).to(self._device) for array in arrays)
+        encoded, answers, valid = (tensor(array).to(self._device) for array in arrays)
         images = [torch.from_numpy(image).to(self._device) for image in self._windows.images(index)]
         return with_pixels(encoded, images), answers, valid
 

@@ -16,6 +16,7 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
+from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
@@ -94,10 +95,8 @@ class ChunkPolicy:
             images: of the layout's cameras, each (B, To, H, W, 3) uint8.
             noise: (B, S) what a network with chance draws from; None for its most ordinary answer.
         """
-        encoded, *pictures = (
-            torch.from_numpy(a).to(self._device) for a in (self.interface.encode_obs(history), *images)
-        )
-        drawn = () if noise is None or not self.network.noise_size else (torch.from_numpy(noise).to(self._device),)
+        encoded, *pictures = (tensor(a).to(self._device) for a in (self.interface.encode_obs(history), *images))
+        drawn = () if noise is None or not self.network.noise_size else (tensor(noise).to(self._device),)
         with torch.inference_mode():
             outputs = self.network(with_pixels(encoded, pictures), *drawn).cpu().numpy()
         if not np.isfinite(outputs).all():
