@@ -36,13 +36,13 @@ from aerial_il.algorithms.parts.settings import (
     Imitating,
     OffPolicy,
     require_choice,
+    require_not_negative,
     require_positive,
     require_share,
     require_widths,
 )
 from aerial_il.algorithms.parts.snapshot import Generator
 from aerial_il.algorithms.sac import agent_of
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -80,9 +80,7 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
         super().__post_init__()
         require_positive(self, "reward_lr", "reward_updates")
         require_share(self, "expert_share")
-        for name in ("cloning", "nearness"):
-            if getattr(self, name) < 0:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must not be negative.")
+        require_not_negative(self, "cloning", "nearness")
         require_share(self, "dropout", below_one=True)
         require_widths(self, "reward_hidden")
         require_choice(self, "reward", Reward)

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.parts.layers import check_dropout, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 
 STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
@@ -47,13 +48,12 @@ class LerobotActConfig(PolicyConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("dim_model", "n_heads", "dim_feedforward", "n_encoder_layers", "n_decoder_layers", "latent_dim"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
+        check_dropout(self.dropout)
+        check_positive(dim_model=self.dim_model, n_heads=self.n_heads, dim_feedforward=self.dim_feedforward)
+        check_positive(n_encoder_layers=self.n_encoder_layers, n_decoder_layers=self.n_decoder_layers)
+        check_positive(latent_dim=self.latent_dim)
         if self.kl_weight < 0:
             raise InvalidValueError(f"kl_weight is {self.kl_weight}; it must not be negative.")
-        if not 0 <= self.dropout < 1:
-            raise InvalidValueError(f"dropout is {self.dropout}; it must lie in [0, 1).")
         if self.dim_model % (2 * self.n_heads):
             raise InvalidValueError(f"dim_model is {self.dim_model}; it must be an even multiple of n_heads.")
 

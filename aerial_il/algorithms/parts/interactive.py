@@ -8,8 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
 from aerial_il.algorithms.parts.rounds import Rounds, Training
-from aerial_il.algorithms.parts.settings import require_positive
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.algorithms.parts.settings import require_not_negative, require_positive
 from aerial_il.core.policy import Policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
@@ -42,8 +41,7 @@ class Interactive:
 
     def __post_init__(self) -> None:
         require_positive(self, "rounds", "episodes", "between_steps", "keep_checkpoints")
-        if self.evaluate_every < 0:
-            raise InvalidValueError(f"evaluate_every is {self.evaluate_every}; it must not be negative.")
+        require_not_negative(self, "evaluate_every")
 
     @property
     def worlds(self) -> int:

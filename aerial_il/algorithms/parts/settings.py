@@ -41,9 +41,7 @@ class Flying:
                 object.__setattr__(self, f.name, tuple(value))
         require_positive(self, "steps", "keep_checkpoints", "threads")
         require_share(self, "gamma", below_one=True)
-        for name in ("log_every", "evaluate_every", "checkpoint_every"):
-            if getattr(self, name) < 0:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must not be negative.")
+        require_not_negative(self, "log_every", "evaluate_every", "checkpoint_every")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +140,13 @@ def require_positive(settings: object, *names: str) -> None:
     for name in names:
         if not getattr(settings, name) > 0:
             raise InvalidValueError(f"{name} is {getattr(settings, name)}; it must be positive.")
+
+
+def require_not_negative(settings: object, *names: str) -> None:
+    """Raise :class:`InvalidValueError` if a named setting is negative."""
+    for name in names:
+        if getattr(settings, name) < 0:
+            raise InvalidValueError(f"{name} is {getattr(settings, name)}; it must not be negative.")
 
 
 def require_share(settings: object, *names: str, below_one: bool = False) -> None:
