@@ -21,9 +21,9 @@ class Interactive:
     Attributes:
         rounds: of flying and learning, after a first training on the demonstrations.
         episodes: labelled flights per round.
-        training: supervised learning, used as it is in the first and in the last round, which start afresh.
+        training: supervised learning, used as it is in the first and in the last round.
         between_steps: optimisation steps of the rounds between.
-        warm: those go on from the weights of the round before.
+        warm: all rounds but the first go on from the weights of the round before; otherwise each starts afresh.
         evaluate_every: rounds between two evaluations; the last one is always evaluated; 0 for that one only.
         keep_checkpoints: how many of the newest rounds' policies stay on disk.
         needs: what a command hands to ``train``.

@@ -193,8 +193,8 @@ class Rounds:
         return [flight for k in range(1, number + 1) for flight in self._read(self.place(k) / ALONE)]
 
     def learn(self, number: int, *, last: bool, progress: bool) -> ChunkPolicy:
-        """Learn from all lessons: afresh in the first and the last round, else as the training says."""
-        going_on = self._training.warm and not last and self.learner is not None
+        """Learn from all lessons, at length in the first and the last round."""
+        going_on = self._training.warm and self.learner is not None
         settings = self._training.between if number and not last else self._training.bc
         self.learner = settings.train(
             self.lessons,
@@ -293,7 +293,7 @@ class Training:
 
     Attributes:
         name: of the algorithm. settings: its settings. policy: what is trained. bc: how, in the first and last round.
-        between: how in the rounds between. warm: whether those go on from the round before.
+        between: how in the rounds between. warm: whether all but the first go on from the round before.
         seed: of the run. seeds_per_round: flights of a round, of all kinds. cadence: settings no weight depends on.
     """
 
