@@ -116,7 +116,7 @@ class Interactive:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
         claim(folder, self._plain(), free=("tasks", "arms", "seeds", "num_envs", "threads"))
-        wanted = [Arm(self.robot, *arm) for arm in product(self.tasks, self.arms, range(self.seeds))]
+        wanted = [Arm(self.robot, task, name, k) for k, task, name in product(range(self.seeds), self.tasks, self.arms)]
         results = {arm: self._result(arm, folder, progress) for arm in bar(wanted, self.name, progress)}
         singles = [self._row(arm, result, folder) for arm, result in results.items()]
         pooled = _pooled(singles)
