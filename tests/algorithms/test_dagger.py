@@ -175,7 +175,6 @@ def test_what_does_not_fit_together_is_refused(whole: Path, demos: list[Episode]
         (CoinGate, {"beta": "cubic"}),
         (CoinGate, {"decay": 1.5}),
         (CoinGate, {"over": 0}),
-        (CoinGate, {"stretch": 0}),
         (ThriftyGate, {"ensemble": 1}),
         (ThriftyGate, {"alarms": 0.0}),
         (ThriftyGate, {"novelty": False, "risk": False}),
@@ -213,8 +212,8 @@ def test_named_schedules_are_what_their_names_say() -> None:
     assert [CoinGate(beta="zero").share(i) for i in (0, 1)] == [1.0, 0.0]
 
 
-def coins(seeds: np.ndarray, steps: int = 200, stretch: int = 1) -> np.ndarray:
-    gate = CoinGate(beta="exponential", decay=0.3, stretch=stretch).open(Round(1, 7, [], [], []))
+def coins(seeds: np.ndarray, steps: int = 200) -> np.ndarray:
+    gate = CoinGate(beta="exponential", decay=0.3).open(Round(1, 7, [], [], []))
     gate.begin(seeds, np.ones(len(seeds), bool))
     sight = Sight({}, *np.zeros((2, len(seeds), 1)), np.zeros(len(seeds), bool))
     return np.stack([gate.choose(sight).expert_flies for _ in range(steps)], axis=1)
@@ -225,12 +224,6 @@ def test_coins_fall_by_the_episode_not_by_its_place_in_the_batch() -> None:
     np.testing.assert_array_equal(coins(np.array([7]))[0], together[2])
     assert not np.array_equal(together[0], together[1])
     assert 0.2 < coins(np.arange(10)).mean() < 0.4
-
-
-def test_a_toss_holds_for_its_stretch_of_steps() -> None:
-    held = coins(np.arange(10), steps=2000, stretch=20).reshape(10, 100, 20)
-    assert (held == held[:, :, :1]).all()
-    np.testing.assert_array_equal(held[:, :, 0], coins(np.arange(10), steps=100))
 
 
 class Fixed:

@@ -53,15 +53,13 @@ class Round:
 
 @dataclass(frozen=True, kw_only=True)
 class CoinGate:
-    """Classic DAgger: every state is labelled; the expert flies with probability beta.
+    """Classic DAgger: every state is labelled; in each step the expert flies with probability beta.
 
     Attributes:
         beta: ``exponential`` (decay to the power of the round), ``linear`` (from 1 to 0 over some rounds), or ``zero``
             (1 in round 0, which is the demonstrations, and 0 afterwards).
         decay: of the exponential schedule, in [0, 1].
         over: rounds of the linear schedule.
-        stretch: steps flown on each toss of the coin. In the paper it is tossed in every step; a chunk of actions is
-            learned from a run of steps that the expert flew.
     """
 
     ensemble: ClassVar[int] = 1
@@ -70,7 +68,6 @@ class CoinGate:
     beta: Beta = "exponential"
     decay: float = 0.7
     over: int = 15
-    stretch: int = 1
 
     def __post_init__(self) -> None:
         if self.beta not in get_args(Beta):
@@ -79,8 +76,6 @@ class CoinGate:
             raise InvalidValueError(f"decay is {self.decay}; a share of flying that decays lies in [0, 1].")
         if self.over < 1:
             raise InvalidValueError(f"over is {self.over}; a linear schedule takes at least 1 round.")
-        if self.stretch < 1:
-            raise InvalidValueError(f"stretch is {self.stretch}; a toss of the coin decides at least 1 step.")
 
     def share(self, number: int) -> float:
         """Return beta in round ``number``: 1 in round 0, never rising."""
@@ -89,30 +84,24 @@ class CoinGate:
         return max(0.0, 1.0 - number / self.over) if self.beta == "linear" else float(number == 0)
 
     def open(self, of: Round) -> Gate:
-        return _Coin(self.share(of.number), of.seed, of.number, self.stretch)
+        return _Coin(self.share(of.number), of.seed, of.number)
 
 
 class _Coin:
-    """Tosses a coin per world and stretch of steps; each episode has a stream of its own."""
+    """Tosses a coin per world and step; each episode has a stream of its own."""
 
-    def __init__(self, beta: float, seed: int, number: int, stretch: int) -> None:
-        self._beta, self._names, self._stretch = beta, ("dagger coin", str(seed), str(number)), stretch
+    def __init__(self, beta: float, seed: int, number: int) -> None:
+        self._beta, self._names = beta, ("dagger coin", str(seed), str(number))
         self._rngs: list[np.random.Generator] = []
-        self._tossed, self._age = np.zeros(0), np.zeros(0, int)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
-        if len(self._rngs) != len(seeds):
-            self._rngs, mask = [named_rng(0)] * len(seeds), np.ones(len(seeds), bool)
-            self._tossed, self._age = np.zeros(len(seeds)), np.zeros(len(seeds), int)
-        for world in np.flatnonzero(mask):
-            self._rngs[world] = named_rng(int(seeds[world]), *self._names)
-        self._age[mask] = 0
+        fresh = [named_rng(int(seed), *self._names) for seed in seeds]
+        kept = fresh if len(self._rngs) != len(seeds) else self._rngs
+        self._rngs = [new if due else old for new, old, due in zip(fresh, kept, mask, strict=True)]
 
     def choose(self, sight: Sight) -> Choice:
-        for world in np.flatnonzero(self._age % self._stretch == 0):
-            self._tossed[world] = self._rngs[world].random()
-        self._age += 1
-        return Choice(self._tossed < self._beta, np.ones(len(self._tossed), bool))
+        tossed = np.array([rng.random() for rng in self._rngs])
+        return Choice(tossed < self._beta, np.ones(len(tossed), bool))
 
 
 @dataclass(frozen=True, kw_only=True)
