@@ -24,6 +24,7 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 from lerobot.envs.utils import freeze_after_episode_end
 
+from aerial_il.core import lerobot_names
 from aerial_il.core.rendering import can_render
 from aerial_il.core.specs import EnvSpec, Group
 from aerial_il.suite.gymnasium_env import SingleEnv
@@ -31,7 +32,7 @@ from aerial_il.suite.gymnasium_ids import gymnasium_id
 from aerial_il.suite.scenario import Scenario
 
 ACTION, STATE, ENVIRONMENT, IMAGES = "action", "agent_pos", "environment_state", "pixels"
-FEATURE_OF = {ACTION: ACTION, STATE: "observation.state", ENVIRONMENT: "observation.environment_state"}
+FEATURE_OF = {ACTION: lerobot_names.ACTION, STATE: lerobot_names.STATE, ENVIRONMENT: lerobot_names.ENVIRONMENT}
 VECTORS: tuple[tuple[str, Group], ...] = ((STATE, "proprio"), (ENVIRONMENT, "task"))
 FILM_SIZE = (120, 160)  # of the films that lerobot makes of each evaluation
 
@@ -68,7 +69,7 @@ class AerialEnvConfig(EnvConfig):
         for camera in self.cameras:
             shape = spec.observation[f"{camera}_rgb"].shape
             self.features[f"{IMAGES}/{camera}"] = PolicyFeature(FeatureType.VISUAL, shape)
-            self.features_map[f"{IMAGES}/{camera}"] = f"observation.images.{camera}"
+            self.features_map[f"{IMAGES}/{camera}"] = lerobot_names.IMAGES + camera
 
     @property
     def package_name(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,9 +26,24 @@ def of_group(group: str, settings: Mapping[str, Any], *, default: str) -> list[s
 
 
 def changed(prefix: str, usual: Mapping[str, Any], chosen: Mapping[str, Any]) -> list[str]:
-    """Return ``prefix.key=value`` for every value of ``chosen`` that ``usual`` has not."""
+    """Return ``~prefix.key`` for all that ``chosen`` lacks, ``prefix.key=value`` for every value that ``usual`` lacks.
+
+    Words that a shell would take apart are quoted.
+    """
     before = flat(usual)
-    return [f"{prefix}.{key}={typed(value)}" for key, value in flat(chosen).items() if before.get(key) != value]
+    given = [f"{prefix}.{key}={typed(value)}" for key, value in flat(chosen).items() if before.get(key) != value]
+    return [*(f"'~{prefix}.{key}'" for key in removed(usual, chosen)), *map(quoted, given)]
+
+
+def removed(usual: Mapping[str, Any], chosen: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """Return the dotted keys, of whole branches where they are gone, that ``usual`` has and ``chosen`` has not."""
+    keys: list[str] = []
+    for name, value in usual.items():
+        if name not in chosen:
+            keys.append(f"{prefix}{name}")
+        elif isinstance(value, Mapping) and isinstance(chosen[name], Mapping):
+            keys += removed(value, chosen[name], f"{prefix}{name}.")
+    return keys
 
 
 def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -39,5 +55,12 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def typed(value: Any) -> str:
-    """Return a value as it is typed."""
-    return json.dumps(value).replace(" ", "").replace('"', "")
+    """Return a value as it is typed: without quotes where its strings are plain words."""
+    text = json.dumps(value, separators=(",", ":"))
+    strings = re.findall(r'"([^"]*)"', text)
+    return text.replace('"', "") if all(re.fullmatch(r"[\w./+-]*", string) for string in strings) else text
+
+
+def quoted(word: str) -> str:
+    """Return a word of a command line as a shell must be given it."""
+    return f"'{word}'" if re.search(r"[\s\"]", word) else word

@@ -29,12 +29,12 @@ from tqdm import tqdm
 
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.core.files import sync_folder, write_json
+from aerial_il.core.lerobot_names import ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.writer import storing
 
-STATE, ENVIRONMENT, IMAGES = "observation.state", "observation.environment_state", "observation.images."
 PROVENANCE = "meta/provenance.json"
 DEFAULT_OUT = "derived/lerobot"
 

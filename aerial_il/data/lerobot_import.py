@@ -16,9 +16,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from aerial_il.core.errors import AerialError, DemoError
+from aerial_il.core.lerobot_names import ENVIRONMENT, STATE
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, Group, ObservationSpec
 from aerial_il.data.episode import Episode
-from aerial_il.data.lerobot import ENVIRONMENT, PROVENANCE, STATE
+from aerial_il.data.lerobot import PROVENANCE
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
 SUPPORTED = "v3."

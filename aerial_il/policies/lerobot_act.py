@@ -16,10 +16,9 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.policies.parts.layers import check_dropout, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
-
-STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
 
 
 @dataclass(frozen=True, kw_only=True)

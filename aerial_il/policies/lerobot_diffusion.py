@@ -17,10 +17,9 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
-
-STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
-from aerial_il.cli import conf
+from aerial_il.cli import commands, compose, conf
 from aerial_il.cli.commands import bench
 
 SCRIPT = Path(sys.executable).with_name("aerial-il")
@@ -37,3 +39,15 @@ def test_the_command_names_only_what_differs_from_the_file() -> None:
     assert bench.rerun("learning_curve", settings).split()[3:] == [
         "bench.policy.chunk=5", "bench.policy.hidden=[8,8]", "save=true"
     ]  # fmt: skip
+
+
+def test_the_command_names_what_was_left_out_and_quotes_what_a_shell_would_take_apart() -> None:
+    adroit, dagger = (copy.deepcopy(conf.read_option("bench", name)) for name in ("adroit", "dagger"))
+    del adroit["policies"]["act"]
+    del adroit["interactive"]["thrifty"]["gate"]
+    dagger["arms"] = ["bc, as many episodes", "dagger"]
+    found = bench.rerun("adroit", adroit), bench.rerun("dagger", dagger)
+    assert shlex.split(found[0])[3:-1] == ["~bench.policies.act", "~bench.interactive.thrifty.gate"]
+    assert shlex.split(found[1])[3:-1] == ['bench.arms=["bc, as many episodes","dagger"]']
+    command = compose.compose(commands.find("bench"), ["dagger", *shlex.split(found[1])[3:]])
+    assert command.bench["arms"] == dagger["arms"]

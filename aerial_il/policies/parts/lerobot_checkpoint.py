@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError
+from aerial_il.core.lerobot_names import ACTION, IMAGES, STATE
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
@@ -28,12 +29,6 @@ PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
 STEPS = ("rename_observations_processor", "to_batch_processor", "device_processor", "normalizer_processor",
          "unnormalizer_processor")  # fmt: skip
 KINDS = ("act", "diffusion")
-STATE, ENVIRONMENT, IMAGES, ACTION = (
-    "observation.state",
-    "observation.environment_state",
-    "observation.images.",
-    "action",
-)
 
 
 class LerobotPolicy:
