@@ -29,6 +29,7 @@ from aerial_il.algorithms.parts.loader import AHEAD, Loader
 from aerial_il.algorithms.parts.optimisation import cosine
 from aerial_il.algorithms.parts.run_folder import BEST, RunFolder, read_metrics
 from aerial_il.algorithms.parts.selection import Selection
+from aerial_il.algorithms.parts.settings import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.parts.signals import SignalWatch
 from aerial_il.algorithms.parts.standing import Standing
 from aerial_il.algorithms.parts.training_set import (
@@ -110,15 +111,9 @@ class BehaviourCloning:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        for name in ("steps", "batch_size", "lr", "clip_norm", "keep_checkpoints", "threads"):
-            if not getattr(self, name) > 0:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be positive.")
-        for name in ("lr_floor", "ema", "validation"):
-            if not 0 <= getattr(self, name) < 1:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must lie in [0, 1).")
-        for name in ("warmup_steps", "weight_decay", "obs_noise", "patience", *CADENCE[:-1]):
-            if getattr(self, name) < 0:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must not be negative.")
+        require_positive(self, "steps", "batch_size", "lr", "clip_norm", "keep_checkpoints", "threads")
+        require_share(self, "lr_floor", "ema", "validation", below_one=True)
+        require_not_negative(self, "warmup_steps", "weight_decay", "obs_noise", "patience", *CADENCE[:-1])
         if self.minutes is not None and self.minutes <= 0:
             raise InvalidValueError(f"minutes is {self.minutes}; it must be positive, or null for no limit.")
         if self.patience and not self.evaluate_every:
