@@ -17,6 +17,7 @@ from aerial_il.core.rotations import mat_from_rot6d, rot6d_from_mat
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.layout import Layout, to_offsets
 from aerial_il.policies.parts.relative import into_tool, into_world, rotations
+from aerial_il.suite.scenario import Scenario
 from tests.algorithms.point_mass import SPEC, PointMassBatch, demonstrations, with_action_level
 from tests.policies.test_registry import fresh_policy
 
@@ -85,3 +86,29 @@ def test_what_has_no_pose_is_refused() -> None:
     with pytest.raises(UnknownNameError, match=r"'ee_rot6d'.*see obs_names"):
         Layout.of(SPEC, MlpConfig(relative=True, obs_names=("ee_pos", "cube_pos")))
     assert Layout.of(replace(SPEC, tier="gusts"), MlpConfig(relative=True)).anchored == 0
+
+
+def test_in_the_frame_of_the_tool_a_turned_and_moved_world_looks_the_same() -> None:
+    spec = Scenario("fa_hexa_arm4", "press_button").spec
+    layout = Layout.of(spec, MlpConfig(frame="tool"))
+    rng = np.random.default_rng(0)
+    obs = {name: rng.normal(size=(5, *spec.observation[name].shape)) for name in layout.names}
+    poses, turn, shift = some_poses(1, (5,)), Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
+    obs |= {"ee_pos": poses[:, :3], "ee_rot6d": poses[:, 3:]}
+    moved = dict(obs)
+    for name in ("base_vel", "tip_to_button", "ee_rot6d", "base_rot6d", "button_rot6d"):
+        moved[name] = (obs[name].reshape(5, -1, 3) @ turn.T).reshape(5, -1)
+    for name in ("base_pos", "button_pos", "ee_pos"):
+        moved[name] = obs[name] @ turn.T + shift
+    seen, seen_moved = (layout.relate(layout.flatten(o)) for o in (obs, moved))
+    own = np.concatenate([np.full(spec.observation[name].size, name.startswith("ee_")) for name in layout.names])
+    np.testing.assert_allclose(seen[:, ~own], seen_moved[:, ~own], atol=1e-9)
+    world = Layout.of(spec, MlpConfig())
+    assert not np.allclose(*(world.relate(world.flatten(o)) for o in (obs, moved)), atol=0.1)
+
+
+def test_a_frame_that_is_not_there_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"Unknown frame 'wrist'. Valid: world, tool."):
+        MlpConfig(frame="wrist")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(UnknownNameError, match=r"'ee_rot6d'.*frame=tool needs it"):
+        Layout.of(SPEC, MlpConfig(frame="tool", obs_names=("ee_pos", "cube_pos")))

@@ -12,9 +12,9 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import Frame, PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
-from aerial_il.policies.parts.relative import POSE, into_tool, into_world
+from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations
 from aerial_il.policies.parts.switches import Switches
 
 TOOL = ("ee_pos", "ee_rot6d")  # what the end effector's pose is observed as
@@ -33,6 +33,7 @@ class Layout:
         anchor: the position field that other positions are relative to, or None.
         images: colour images that the network sees beside the columns.
         relative: whether actions are poses in the end effector's own frame.
+        frame: whether vectors are seen along the axes of the ``world`` or of the end effector (``tool``).
     """
 
     spec: EnvSpec
@@ -40,6 +41,7 @@ class Layout:
     anchor: str | None = None
     images: tuple[str, ...] = ()
     relative: bool = False
+    frame: Frame = "world"
 
     def __post_init__(self) -> None:
         for name in self.names:
@@ -58,6 +60,8 @@ class Layout:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
         if self.relative:
             self._check_relative()
+        if self.frame == "tool":
+            self._check_tool("frame=tool")
 
     @staticmethod
     def of(spec: EnvSpec, config: PolicyConfig) -> Layout:
@@ -69,7 +73,7 @@ class Layout:
         names = config.obs_names or tuple(name for name in spec.observation.state_names if name not in hidden)
         placed = any(_is_position(spec.observation[name]) for name in names)
         anchor = config.anchor if placed or not spec.is_outside else None
-        return Layout(spec, names, anchor, config.images, config.relative)
+        return Layout(spec, names, anchor, config.images, config.relative, config.frame)
 
     @property
     def size(self) -> int:
@@ -124,10 +128,15 @@ class Layout:
         return _in_words(zip(self.images, self.image_shapes, strict=True))
 
     def relate(self, frames: np.ndarray) -> np.ndarray:
-        """Return frames (..., Do) with every position but the anchor's own relative to it."""
+        """Return frames (..., Do) with positions but the anchor's own relative to it, vectors along the axes wanted."""
         frames = frames.copy()
         for columns in self._relative:
             frames[..., columns] -= frames[..., self._anchor]
+        if self._vectors:
+            rot_world_from_tool = rotations(frames[..., self._columns("ee_rot6d")])
+            for columns in self._vectors:
+                vectors = frames[..., columns].reshape(*frames.shape[:-1], -1, 3)
+                frames[..., columns] = (vectors @ rot_world_from_tool).reshape(*frames.shape[:-1], -1)
         return frames
 
     def offset_of(self, frames: np.ndarray) -> np.ndarray:
@@ -143,9 +152,12 @@ class Layout:
             raise InvalidValueError(
                 f"relative=true needs ee_pose actions; these are {self.spec.action.level}. Set relative=false."
             )
+        self._check_tool("relative=true")
+
+    def _check_tool(self, what: str) -> None:
         for name in TOOL:
             if name not in self.names:
-                raise UnknownNameError("observation", name, self.names, "relative=true needs it; see obs_names.")
+                raise UnknownNameError("observation", name, self.names, f"{what} needs it; see obs_names.")
 
     @cached_property
     def _positions(self) -> tuple[str, ...]:
@@ -158,6 +170,13 @@ class Layout:
     @cached_property
     def _relative(self) -> tuple[slice, ...]:
         return tuple(self._columns(name) for name in self._positions if self.anchor and name != self.anchor)
+
+    @cached_property
+    def _vectors(self) -> tuple[slice, ...]:
+        """What is turned into the axes of the tool."""
+        turned = [name for name in self.names if name not in TOOL and _has_axes(self.spec.observation[name])]
+        placed = {name for name in self._positions if not self.anchor or name == self.anchor}  # still in the world
+        return tuple(self._columns(name) for name in turned if self.frame == "tool" and name not in placed)
 
     def _columns(self, name: str) -> slice:
         start = self.spec.observation.size(self.names[: self.names.index(name)])
@@ -211,6 +230,12 @@ def to_offsets(layout: Layout, actions: np.ndarray, history: np.ndarray) -> np.n
 
 def _is_position(field: Field) -> bool:
     return field.name.endswith("_pos") and field.shape == (3,) and field.unit == "m"
+
+
+def _has_axes(field: Field) -> bool:
+    """Whether a field holds vectors in the world: points, displacements, velocities, axes, or a rotation's columns."""
+    named = field.name.endswith(("_rot6d", "_axis"))
+    return field.shape in ((3,), (6,)) and (named or field.unit in ("m", "m/s"))
 
 
 def check_cameras(layout: Layout, spec: EnvSpec) -> None:
