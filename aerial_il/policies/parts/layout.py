@@ -12,7 +12,7 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field
-from aerial_il.policies.parts.network import Frame, PolicyConfig
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations
 from aerial_il.policies.parts.switches import Switches
@@ -32,8 +32,7 @@ class Layout:
         names: observation fields, in the order of the columns.
         anchor: the position field that other positions are relative to, or None.
         images: colour images that the network sees beside the columns.
-        relative: whether actions are poses in the end effector's own frame.
-        frame: whether vectors are seen along the axes of the ``world`` or of the end effector (``tool``).
+        relative: whether vectors are seen, and actions are poses, in the end effector's own frame.
     """
 
     spec: EnvSpec
@@ -41,7 +40,6 @@ class Layout:
     anchor: str | None = None
     images: tuple[str, ...] = ()
     relative: bool = False
-    frame: Frame = "world"
 
     def __post_init__(self) -> None:
         for name in self.names:
@@ -60,8 +58,6 @@ class Layout:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
         if self.relative:
             self._check_relative()
-        if self.frame == "tool":
-            self._check_tool("frame=tool")
 
     @staticmethod
     def of(spec: EnvSpec, config: PolicyConfig) -> Layout:
@@ -73,7 +69,7 @@ class Layout:
         names = config.obs_names or tuple(name for name in spec.observation.state_names if name not in hidden)
         placed = any(_is_position(spec.observation[name]) for name in names)
         anchor = config.anchor if placed or not spec.is_outside else None
-        return Layout(spec, names, anchor, config.images, config.relative, config.frame)
+        return Layout(spec, names, anchor, config.images, config.relative)
 
     @property
     def size(self) -> int:
@@ -128,7 +124,11 @@ class Layout:
         return _in_words(zip(self.images, self.image_shapes, strict=True))
 
     def relate(self, frames: np.ndarray) -> np.ndarray:
-        """Return frames (..., Do) with positions but the anchor's own relative to it, vectors along the axes wanted."""
+        """Return frames (..., Do) as the network sees them.
+
+        Every position but the anchor's own is relative to it; with ``relative``, vectors and orientations lie in the
+        axes of the end effector.
+        """
         frames = frames.copy()
         for columns in self._relative:
             frames[..., columns] -= frames[..., self._anchor]
@@ -152,12 +152,9 @@ class Layout:
             raise InvalidValueError(
                 f"relative=true needs ee_pose actions; these are {self.spec.action.level}. Set relative=false."
             )
-        self._check_tool("relative=true")
-
-    def _check_tool(self, what: str) -> None:
         for name in TOOL:
             if name not in self.names:
-                raise UnknownNameError("observation", name, self.names, f"{what} needs it; see obs_names.")
+                raise UnknownNameError("observation", name, self.names, "relative=true needs it; see obs_names.")
 
     @cached_property
     def _positions(self) -> tuple[str, ...]:
@@ -176,7 +173,7 @@ class Layout:
         """What is turned into the axes of the tool."""
         turned = [name for name in self.names if name not in TOOL and _has_axes(self.spec.observation[name])]
         placed = {name for name in self._positions if not self.anchor or name == self.anchor}  # still in the world
-        return tuple(self._columns(name) for name in turned if self.frame == "tool" and name not in placed)
+        return tuple(self._columns(name) for name in turned if self.relative and name not in placed)
 
     def _columns(self, name: str) -> slice:
         start = self.spec.observation.size(self.names[: self.names.index(name)])

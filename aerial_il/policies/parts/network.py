@@ -12,7 +12,6 @@ from torch import Tensor, nn
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.normaliser import Scaling
 
-Frame = Literal["world", "tool"]
 Encoder = Literal["cnn", "resnet18"]
 
 
@@ -57,10 +56,9 @@ class PolicyConfig(ABC):
         ensemble: decay of the weights over overlapping chunks, oldest first; None flies the newest chunk alone.
         anchor: observation field relative to which the network sees every other position and predicts those of an
             ``ee_pose`` action; None keeps all positions in the world.
-        relative: predict ``ee_pose`` actions in the frame of the end effector at the moment of prediction, orientations
-            included, normalised as such; the anchor then concerns observations alone.
-        frame: axes along which the network sees directions, velocities, orientations and positions relative to the
-            anchor: the ``world``'s, or those of the end effector (``tool``). Its own pose is shown in the world.
+        relative: see and predict in the frame of the end effector at the moment of prediction: ``ee_pose`` actions,
+            normalised as such, and directions, velocities, orientations and positions relative to the anchor. Its own
+            pose is shown in the world.
         obs_names: observation fields; empty for all that are neither images nor named in ``blind_to``.
         blind_to: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that tell
             what was decided before belong here, such as how far the gripper has closed: a network that sees them
@@ -80,7 +78,6 @@ class PolicyConfig(ABC):
     ensemble: float | None = 0.01
     anchor: str | None = "ee_pos"
     relative: bool = False
-    frame: Frame = "world"
     obs_names: tuple[str, ...] = ()
     blind_to: tuple[str, ...] = ("gripper", "wrist_force")
     images: tuple[str, ...] = ()
@@ -98,8 +95,6 @@ class PolicyConfig(ABC):
             raise InvalidValueError(f"history is {self.history} and chunk {self.chunk}; both must be at least 1.")
         if not 1 <= self.execute <= self.chunk:
             raise InvalidValueError(f"execute is {self.execute}; it must lie in [1, {self.chunk}], the chunk.")
-        if self.frame not in get_args(Frame):
-            raise InvalidValueError(f"Unknown frame {self.frame!r}. Valid: {', '.join(get_args(Frame))}.")
         if self.obs_clip <= 0:
             raise InvalidValueError(f"obs_clip is {self.obs_clip}; it must be positive.")
         if self.encoder not in get_args(Encoder):
