@@ -68,15 +68,8 @@ class Track(Task):
         view.mocap_quat[world, target] = [c * ct, c * st, s * st, s * ct]  # yaw, then tilt about the path's width
 
     def remember(self, view: View, mask: np.ndarray) -> None:
-        memory, moved = view.memory, target_ahead(view, CONTROL_DT_S)
-        np.copyto(view.mocap_pos[:, view.mocap_id("target")], moved, where=mask[:, None])
-        np.copyto(memory[:, PHASE], memory[:, PHASE] + CONTROL_DT_S * memory[:, RATE], where=mask)
-        distance = length(target_pos(view) - view.tool_pos)
-        on = np.where(memory[:, LAP] > 0.0, distance <= LOST_M, distance <= CAUGHT_M)
-        on &= ~((memory[:, LAP] >= FULL_LAP) & (lap_rmse(view) > RMSE_M))
-        lap = memory[:, LAP] + CONTROL_DT_S * np.abs(memory[:, RATE])
-        np.copyto(memory[:, LAP], np.where(on, lap, 0.0), where=mask)
-        np.copyto(memory[:, SQUARES], np.where(on, memory[:, SQUARES] + distance * distance, 0.0), where=mask)
+        axes, target = view.site_mat("target"), view.mocap_id("target")
+        _follow(view.memory, axes, view.mocap_pos[:, target], view.tool_pos, mask)
 
     def fields(self) -> tuple[Field, ...]:
         xyz = ("x", "y", "z")
@@ -131,20 +124,56 @@ def target_ahead(view: View, seconds: float) -> np.ndarray:
 def _move_on(memory, axes, seconds, pos):
     """Add to positions (n, 3) how far targets move along their paths in ``seconds``."""
     for i in range(pos.shape[0]):
-        now, harmonic = memory[i, PHASE], memory[i, HARMONIC]
-        then = now + seconds * memory[i, RATE]
-        across = memory[i, WIDTH] * (math.cos(then) - math.cos(now))
-        along = memory[i, HEIGHT] * (math.sin(harmonic * then) - math.sin(harmonic * now))
-        for k in range(3):
-            pos[i, k] += across * axes[i, 3 * k]
-            pos[i, k] += along * axes[i, 3 * k + 1]
+        _move(memory, axes, seconds, pos, i)
+
+
+@kernel
+def _move(memory, axes, seconds, pos, i):
+    now, harmonic = memory[i, PHASE], memory[i, HARMONIC]
+    then = now + seconds * memory[i, RATE]
+    across = memory[i, WIDTH] * (math.cos(then) - math.cos(now))
+    along = memory[i, HEIGHT] * (math.sin(harmonic * then) - math.sin(harmonic * now))
+    for k in range(3):
+        pos[i, k] += across * axes[i, 3 * k]
+        pos[i, k] += along * axes[i, 3 * k + 1]
+
+
+@kernel
+def _follow(memory, axes, target, tool, moving):
+    """Move targets (n, 3) on by a control step; count for how long, and how closely, tools (n, 3) have followed."""
+    for i in range(moving.size):
+        if not moving[i]:
+            continue
+        _move(memory, axes, CONTROL_DT_S, target, i)
+        memory[i, PHASE] += CONTROL_DT_S * memory[i, RATE]
+        x, y, z = target[i, 0] - tool[i, 0], target[i, 1] - tool[i, 1], target[i, 2] - tool[i, 2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        close = distance <= (LOST_M if memory[i, LAP] > 0.0 else CAUGHT_M)
+        failed = memory[i, LAP] >= FULL_LAP and _rmse(memory, i) > RMSE_M
+        if failed or not close:
+            memory[i, LAP] = memory[i, SQUARES] = 0.0
+        else:
+            memory[i, LAP] += CONTROL_DT_S * abs(memory[i, RATE])
+            memory[i, SQUARES] += distance * distance
+
+
+@kernel
+def _rmse(memory, i):
+    steps = memory[i, LAP] / max(CONTROL_DT_S * abs(memory[i, RATE]), 1e-9)
+    return math.sqrt(memory[i, SQUARES] / max(steps, 1.0))
 
 
 def lap_rmse(view: View) -> np.ndarray:
     """(n,) root mean square distance of the tool from the target since the lap began, m; 0 before."""
-    memory = view.memory
-    steps = memory[:, LAP] / np.maximum(CONTROL_DT_S * np.abs(memory[:, RATE]), 1e-9)
-    return np.sqrt(memory[:, SQUARES] / np.maximum(steps, 1.0))
+    found = np.empty(view.n)
+    _rmse_of_all(view.memory, found)
+    return found
+
+
+@kernel
+def _rmse_of_all(memory, found):
+    for i in range(found.size):
+        found[i] = _rmse(memory, i)
 
 
 def _lap_share(view: View) -> np.ndarray:
