@@ -124,7 +124,8 @@ def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
 
     def draw(axes: Axes, task: str) -> None:
         for k, robot in enumerate(robots):
-            points = [r for r in rows if (r["robot"], r["task"]) == (robot, task)]
+            found = [r for r in rows if (r["robot"], r["task"]) == (robot, task)]
+            points = sorted(found, key=lambda r: r["demos"])
             x, y = [r["demos"] for r in points], [r["percent"] for r in points]
             errors = [[r["percent"] - r["ci95_low"] for r in points], [r["ci95_high"] - r["percent"] for r in points]]
             axes.errorbar(
@@ -132,7 +133,7 @@ def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
             )
         if task in limits:
             axes.axhline(limits[task], color=INK, linestyle="dashed", linewidth=1)
-        sizes = sorted({r["demos"] for r in rows})
+        sizes = sorted({r["demos"] for r in rows if r["task"] == task})
         axes.set_xscale("log")
         axes.set_xticks(sizes, [str(size) for size in sizes])
         axes.minorticks_off()
