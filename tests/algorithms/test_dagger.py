@@ -84,6 +84,13 @@ def test_a_round_tells_what_it_cost(whole: Path, demos: list[Episode]) -> None:
     assert load_policy(whole).origin["total/queries"] == rows[-1]["total/queries"]
 
 
+def test_every_round_but_the_first_goes_on_from_the_one_before(whole: Path) -> None:
+    learned = [load_policy(whole / "rounds" / f"{number:03d}" / "training") for number in range(DAGGER.rounds + 1)]
+    begun = [policy.origin.get("initial") for policy in learned]
+    before = [checkpoint.digest(checkpoint.Checkpoint(policy.to_checkpoint().arrays)) for policy in learned]
+    assert begun == [None, *before[:-1]]
+
+
 def test_executed_and_expert_actions_are_both_kept(whole: Path) -> None:
     for flight in flights_of(whole, 2):
         expert, held = Pilot().act(flight.obs)[: len(flight)], flight.is_intervention
