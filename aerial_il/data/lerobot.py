@@ -29,7 +29,7 @@ from tqdm import tqdm
 
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.core.files import sync_folder, write_json
-from aerial_il.core.lerobot_names import ENVIRONMENT, IMAGES, STATE
+from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -129,7 +129,7 @@ def features_of(spec: EnvSpec, cameras: Sequence[str]) -> dict[str, dict[str, An
     features = {
         STATE: _vector(spec.observation.of_group("proprio")),
         ENVIRONMENT: _vector(spec.observation.of_group("task")),
-        "action": {"dtype": "float64", "shape": (spec.action.size,), "names": list(spec.action.labels)},
+        ACTION: {"dtype": "float64", "shape": (spec.action.size,), "names": list(spec.action.labels)},
         "next.reward": {"dtype": "float64", "shape": (1,), "names": None},
         "next.done": {"dtype": "bool", "shape": (1,), "names": None},
         "next.success": {"dtype": "bool", "shape": (1,), "names": None},
@@ -155,7 +155,7 @@ def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, An
         yield {
             **{key: values[t].copy() for key, values in vectors.items()},
             **{image_key(name): episode.obs[name][t].copy() for name in cameras},
-            "action": labels[t].copy(),
+            ACTION: labels[t].copy(),
             "next.reward": episode.rewards[t : t + 1].copy(),
             "next.done": np.array([done]),
             "next.success": np.array([done and episode.success]),

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from aerial_il.core.errors import AerialError, DemoError
-from aerial_il.core.lerobot_names import ENVIRONMENT, STATE
+from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, Group, ObservationSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.lerobot import PROVENANCE
@@ -76,7 +76,7 @@ def open_lerobot(path: Path) -> dict[str, Callable[[], Episode]]:
 
 def _episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mapping[str, Any]) -> Episode:
     steps = len(rows)
-    actions = _matrix(path, rows, "action", spec.action.size)
+    actions = _matrix(path, rows, ACTION, spec.action.size)
     obs = {}
     for column, group in GROUPS.items():
         fields, end = spec.observation.of_group(group), 0
@@ -133,11 +133,11 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
         except AerialError as error:
             raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
     features = info["features"]
-    if "action" not in features or STATE not in features:
+    if ACTION not in features or STATE not in features:
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
     fields = [Field(n, tuple(features[n]["shape"]), g) for n, g in GROUPS.items() if n in features]
-    size = int(features["action"]["shape"][0])
-    actions = _matrix(path, table, "action", size)
+    size = int(features[ACTION]["shape"][0])
+    actions = _matrix(path, table, ACTION, size)
     labels = tuple(str(i) for i in range(size))
     action = ActionSpec("unknown", labels, ("",) * size, actions.min(0) - 1e-6, actions.max(0) + 1e-6)
     return EnvSpec(

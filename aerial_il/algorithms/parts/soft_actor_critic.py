@@ -123,10 +123,8 @@ class SoftActorCritic:
         worth = self._critics.network(batch.obs, actions).min(0).values
         loss = (share * (alpha * surprise - worth)).sum()
         entropy = -(share * surprise.detach()).sum()
-        temperature = self._log_alpha * (
-            entropy - self._wanted
-        )  # moves alpha alone, as the others move the actor alone
-        self._actor.descend(loss + away + temperature)
+        temperature = self._log_alpha * (entropy - self._wanted)
+        self._actor.descend(loss + away + temperature)  # the first two move the actor alone, the last alpha alone
         return {"actor/loss": loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
 
     def _away(self, shown: Batch) -> Tensor:

@@ -14,7 +14,7 @@ from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
-from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations
+from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations, turned
 from aerial_il.policies.parts.switches import Switches
 
 TOOL = ("ee_pos", "ee_rot6d")  # what the end effector's pose is observed as
@@ -133,10 +133,9 @@ class Layout:
         for columns in self._relative:
             frames[..., columns] -= frames[..., self._anchor]
         if self._vectors:
-            rot_world_from_tool = rotations(frames[..., self._columns("ee_rot6d")])
+            rot_tool_from_world = np.swapaxes(rotations(frames[..., self._columns("ee_rot6d")]), -1, -2)
             for columns in self._vectors:
-                vectors = frames[..., columns].reshape(*frames.shape[:-1], -1, 3)
-                frames[..., columns] = (vectors @ rot_world_from_tool).reshape(*frames.shape[:-1], -1)
+                frames[..., columns] = turned(rot_tool_from_world, frames[..., columns])
         return frames
 
     def offset_of(self, frames: np.ndarray) -> np.ndarray:
@@ -165,15 +164,20 @@ class Layout:
         return self._columns(self.anchor) if self.anchor else slice(0, 0)
 
     @cached_property
+    def _moved(self) -> tuple[str, ...]:
+        """The positions that are seen relative to the anchor."""
+        return tuple(name for name in self._positions if self.anchor and name != self.anchor)
+
+    @cached_property
     def _relative(self) -> tuple[slice, ...]:
-        return tuple(self._columns(name) for name in self._positions if self.anchor and name != self.anchor)
+        return tuple(self._columns(name) for name in self._moved)
 
     @cached_property
     def _vectors(self) -> tuple[slice, ...]:
-        """What is turned into the axes of the tool."""
-        turned = [name for name in self.names if name not in TOOL and _has_axes(self.spec.observation[name])]
-        placed = {name for name in self._positions if not self.anchor or name == self.anchor}  # still in the world
-        return tuple(self._columns(name) for name in turned if self.relative and name not in placed)
+        """What is turned into the axes of the tool: all vectors but its own pose and positions still in the world."""
+        staying = ({*self._positions} - {*self._moved}) | {*TOOL}
+        turning = [n for n in self.names if n not in staying and _has_axes(self.spec.observation[n])]
+        return tuple(self._columns(name) for name in turning) if self.relative else ()
 
     def _columns(self, name: str) -> slice:
         start = self.spec.observation.size(self.names[: self.names.index(name)])
