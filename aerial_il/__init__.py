@@ -66,16 +66,19 @@ def load_batch(
     seed: int = 0,
     num_threads: int = 0,
     controller: str = "geometric_observer",
+    horizon: int | None = None,
 ) -> BatchEnvironment:
     """Return ``num_envs`` worlds on MuJoCo's batch engine, started with seeds ``seed``, ``seed + 1``, ….
 
     Args:
-        num_envs: number of worlds. num_threads: threads of the engine, 0 for all cores. The rest: see :func:`load`.
+        num_envs: number of worlds. num_threads: threads of the engine, 0 for all cores.
+        horizon: episodes of so many steps of 20 ms, which success does not end; None for the task's time limit, and an
+            end at success. The rest: see :func:`load`.
     """
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.suite.scenario import Scenario
 
-    scenario = Scenario(robot, task, tier, action, cameras, image_size, controller)
+    scenario = Scenario(robot, task, tier, action, cameras, image_size, controller, horizon)
     env = BatchEnvironment(scenario, num_envs, num_threads)
     env.reset(seed)
     return env

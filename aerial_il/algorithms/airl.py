@@ -94,7 +94,8 @@ class ShapedReward(LearnedReward):
             norm.add(torch.cat(inputs))
         loss, metrics = discriminator_loss(self._logit(expert, shown), self._logit(agent, flown))
         if penalty:
-            steep = gradient_penalty(self.network, shown, flown, torch.rand(len(shown), 1))
+            sides = self.network.standardised(shown), self.network.standardised(flown)
+            steep = gradient_penalty(self.network.score, *sides, torch.rand(len(shown), 1))
             loss, metrics = loss + penalty * steep, {**metrics, "reward/steep": steep.item()}
         self._trained.descend(loss)
         return metrics

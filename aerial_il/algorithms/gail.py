@@ -23,12 +23,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import torch
 
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
 from aerial_il.algorithms.parts.learned_reward import LearnedReward
-from aerial_il.algorithms.parts.replay import Replay, rows_of
+from aerial_il.algorithms.parts.replay import Batch, Replay, rows_of
 from aerial_il.algorithms.parts.returns import RunningMoments
 from aerial_il.algorithms.parts.rollout import Rollout, fly, learn, learner_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
@@ -36,6 +37,7 @@ from aerial_il.algorithms.parts.settings import (
     Imitating,
     OnPolicy,
     require_choice,
+    require_not_negative,
     require_positive,
     require_share,
     require_widths,
@@ -46,7 +48,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.squashed_gaussian import EDGE, SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +56,10 @@ class AdversarialImitation(Imitating, OnPolicy):
     """Settings of a run, beside those of :class:`Imitating` and :class:`OnPolicy`.
 
     Attributes:
+        cloning: minibatches of behavioural cloning before the first flight. warmup: environment steps in which what it
+            has learned flies as it is, and critic and discriminator alone learn.
+        blur: show the discriminator demonstrated actions with the noise that the agent explores with. Else that noise
+            is what it tells the agent by, long before it sees where the agent errs.
         reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
         reward_hidden: its widths. reward_lr: its learning rate. reward_batch: its minibatch.
         reward_updates: its steps for each rollout. memory: newest flown transitions that it is shown.
@@ -63,6 +69,9 @@ class AdversarialImitation(Imitating, OnPolicy):
 
     name: ClassVar[str] = "gail"
 
+    cloning: int = 0
+    warmup: int = 0
+    blur: bool = False
     reward: Reward = "gail"
     reward_hidden: tuple[int, ...] = (64, 64)
     reward_lr: float = 1e-3
@@ -78,6 +87,7 @@ class AdversarialImitation(Imitating, OnPolicy):
         require_positive(self, "reward_lr", "reward_batch", "reward_updates", "memory")
         require_share(self, "dropout", below_one=True)
         require_widths(self, "reward_hidden")
+        require_not_negative(self, "cloning", "warmup")
         require_choice(self, "reward", Reward)
 
     def train(
@@ -107,6 +117,8 @@ class AdversarialImitation(Imitating, OnPolicy):
             judge, paid = self.judge(sizes, agent.network), RunningMoments(1)
             expert = shown.memory(named_rng(seed, self.name, "expert"), absorbing=self.absorbing)
             memory = Replay(self.memory, *sizes, named_rng(seed, self.name, "minibatches"))
+            if self.cloning and self.control != "constant_reward" and not session.folder.resumed:
+                agent.clone(expert, self.cloning)
             session.begin(flight, {"agent": agent, "judge": judge, "paid": paid, "expert": expert, "memory": memory})
 
             def flying() -> ChunkPolicy:
@@ -117,10 +129,13 @@ class AdversarialImitation(Imitating, OnPolicy):
                 memory.add(rows_of_rollout(rollout, absorbing=self.absorbing))
                 for _ in range(0 if self.control == "constant_reward" else self.reward_updates):
                     half = self.reward_batch // 2
-                    session.note(judge.learn(expert.sample(half), memory.sample(half), penalty=self.penalty))
+                    demos = expert.sample(half)
+                    demos = blurred(demos, agent.network) if self.blur else demos
+                    session.note(judge.learn(demos, memory.sample(half), penalty=self.penalty))
                 rewards, end_values = self._pay(rollout, judge, paid)
                 session.note({"reward/mean": float(rewards.mean())})
-                session.note(learn(agent, rollout, rewards, self, left=session.left, end_values=end_values))
+                improve, left = flight.steps > self.warmup, session.left
+                session.note(learn(agent, rollout, rewards, self, left=left, end_values=end_values, improve=improve))
                 session.turn(flying)
 
             judge.save(run)
@@ -159,3 +174,11 @@ def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:
     """Return a rollout as rows of a replay memory."""
     names = ("obs", "actions", "rewards", "next_obs", "terminal")
     return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)
+
+
+@torch.no_grad()
+def blurred(shown: Batch, actor: SquashedGaussian) -> Batch:
+    """Return ``shown`` with the noise on its actions that ``actor`` would have added to them."""
+    _, log_std = actor.gaussian(shown.obs[:, None, :-1])
+    raw = torch.atanh(shown.actions.clamp(-EDGE, EDGE))
+    return shown._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))

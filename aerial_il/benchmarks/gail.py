@@ -45,6 +45,7 @@ RATIOS = {"Hopper-v5": 0.95, "HalfCheetah-v5": 0.87}
 SUCCESS_PERCENT = {"reach": 90.0}
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
 EXPERT = "expert"
+CLONE = "clone alone"
 NOTES = (
     "Experts of Gymnasium's tasks: soft actor-critic, trained here; recorded and judged is their mean action.",
     "Learners never see a reward. The final policy of each training is judged on the expert's own fixed seeds.",
@@ -53,7 +54,10 @@ NOTES = (
     "nor the expert's own.",
     "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: the "
     "same run paid 1 for every step before an end. What these reach is no imitation.",
-    "On the suite an episode ends with success; the interval of its rate is Wilson's (95 %).",
+    "On the suite gail begins with a clone, and learns from flights of a fixed length, which success does not end. "
+    "clone alone: the same run without a step of reinforcement.",
+    "On the suite all are judged like any policy: an episode ends with success. The interval of its rate is Wilson's "
+    "(95 %).",
 )
 
 
@@ -78,12 +82,14 @@ class Gail:
 
     Attributes:
         policy: what is trained on Gymnasium's tasks. expert: how their experts are trained.
-        dac, gail: how learners are trained. methods: which of them. steps: task -> environment steps of a learner.
+        dac, gail: how learners are trained. methods: which of them on Gymnasium's tasks. steps: task -> environment
+            steps of a learner.
         outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: keep each so manieth step of them.
-        suite: tasks of our own, flown by ``robot``. suite_policy, suite_dac: what differs on these. suite_demos: how
-            many demonstrations. noise: of the expert there while it demonstrates.
-        seeds: trainings of each arm. controls: trainings of each control run of the first method.
-        episodes: flown to judge one. num_envs: worlds flown at once.
+        suite: tasks of our own, flown by ``robot``: task -> steps of a demonstration and of each flight while it
+            learns, which success does not end. suite_policy, suite_gail: what differs on these, which ``gail`` learns.
+        suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
+        seeds: trainings of each arm. controls: trainings of each control run of a task's first method.
+        episodes: flown to judge one. num_envs, suite_envs: worlds flown at once.
         peer: folder with results of another library, see ``experiments/gail/peer.py``; left out where it is missing.
     """
 
@@ -101,16 +107,17 @@ class Gail:
     outside: tuple[str, ...] = ("Hopper-v5", "HalfCheetah-v5", "Walker2d-v5")
     trajectories: int = 10
     subsample: int = 1
-    suite: tuple[str, ...] = ("reach", "pick_place")
+    suite: Mapping[str, int] = field(default_factory=lambda: {"reach": 250, "pick_place": 600}, hash=False)
     robot: str = "fa_hexa_arm4"
     suite_policy: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    suite_dac: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    suite_gail: Mapping[str, Any] = field(default_factory=dict, hash=False)
     suite_demos: int = 20
-    noise: float = 0.3
+    noise: float = 0.1
     seeds: int = 3
     controls: int = 1
     episodes: int = 100
     num_envs: int = 8
+    suite_envs: int = 64
     peer: str = "experiments/gail/peer"
 
     def __post_init__(self) -> None:
@@ -131,16 +138,26 @@ class Gail:
     def points(self) -> list[Point]:
         """Return all trainings, the first seed of every arm first."""
         tasks = (*self.outside, *self.suite)
-        arms = [(task, m) for task in tasks for m in self.methods if task in self.outside or m == "dac"]
+        arms = [(task, method) for task in tasks for method in self._methods(task)]
         learners = [Point(*arm, "none", seed) for seed in range(self.seeds) for arm in arms]
-        empty = [Point(t, self.methods[0], c, seed) for seed in range(self.controls) for t in tasks for c in CONTROLS]
+        empty = [
+            Point(task, self._methods(task)[0], control, seed)
+            for seed in range(self.controls)
+            for task in tasks
+            for control in CONTROLS
+        ]
         return sorted(learners + empty, key=lambda point: point.seed)
 
-    def environment(self, task: str, num_envs: int) -> Any:
-        """Return worlds of a task, wherever it comes from."""
+    def _methods(self, task: str) -> tuple[str, ...]:
+        """What is trained on a task, what the targets are about first."""
+        return self.methods if task in self.outside else ("gail", CLONE)
+
+    def environment(self, task: str, *, judged: bool = False, at_most: int | None = None) -> Any:
+        """Return worlds of a task, wherever it comes from: to learn and demonstrate in, or to be ``judged`` in."""
         if task in self.outside:
-            return aerial_il.load_gymnasium(task, num_envs=num_envs)
-        return aerial_il.load_batch(self.robot, task, num_envs=num_envs)
+            return aerial_il.load_gymnasium(task, num_envs=min(self.num_envs, at_most or self.num_envs))
+        num_envs, horizon = min(self.suite_envs, at_most or self.suite_envs), None if judged else self.suite[task]
+        return aerial_il.load_batch(self.robot, task, num_envs=num_envs, horizon=horizon)
 
     def pilot(self, task: str, folder: Path) -> Policy:
         """Return the expert of a task: trained here, or scripted."""
@@ -151,7 +168,7 @@ class Gail:
     def _expert(self, task: str, folder: Path, progress: bool) -> EvaluationResult:
         """Train the expert of a task where there is none, and judge it."""
         if task in self.outside:
-            env = self.environment(task, self.num_envs)
+            env = self.environment(task)
             try:
                 self.expert.train(None, self.policy, env=env, run=folder / "experts" / task, progress=progress)
             finally:
@@ -165,7 +182,7 @@ class Gail:
         while (missing := wanted - len(dataset.files())) > 0:
             if flown > 4 * wanted:
                 raise InvalidValueError(f"{dataset.path}: the expert fails too often to give {wanted} demonstrations.")
-            env = self.environment(task, min(self.num_envs, flown))
+            env = self.environment(task, at_most=flown)
             try:
                 collect(env, self.pilot(task, folder), range(flown), dataset.path, progress=progress)
             finally:
@@ -177,7 +194,7 @@ class Gail:
         judged = folder / "evaluations" / point.place
         if (judged / FILE_NAME).exists():
             return load_result(judged)
-        env = self.environment(point.task, self.num_envs)
+        env = self.environment(point.task)
         try:
             policy = self._learner(point).train(
                 self.demonstrations(point.task, folder, progress),
@@ -193,10 +210,12 @@ class Gail:
 
     def _learner(self, point: Point) -> Any:
         """Return the algorithm of a training."""
-        base = self.dac if point.method == "dac" else self.gail
-        shown = {"subsample": self.subsample} if point.task in self.outside else dict(self.suite_dac)
         steps = {"steps": self.steps[point.task]} if point.task in self.steps else {}
-        return replace(base, **shown, **steps, control=point.control)
+        if point.task in self.outside:
+            base = self.dac if point.method == "dac" else self.gail
+            return replace(base, subsample=self.subsample, **steps, control=point.control)
+        learner = replace(self.gail, **{**self.suite_gail, **steps}, control=point.control)
+        return replace(learner, steps=learner.rollout, warmup=learner.rollout) if point.method == CLONE else learner
 
     def _policy(self, task: str) -> SquashedGaussianConfig:
         return self.policy if task in self.outside else replace(self.policy, **dict(self.suite_policy))
@@ -204,7 +223,7 @@ class Gail:
     def _judged(self, task: str, policy: Policy, judged: Path, name: str, progress: bool) -> EvaluationResult:
         if (judged / FILE_NAME).exists():
             return load_result(judged)
-        env = self.environment(task, min(self.num_envs, self.episodes))
+        env = self.environment(task, judged=True, at_most=self.episodes)
         try:
             seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
             result = evaluate(env, policy, seeds, policy_name=name, progress=progress)
@@ -227,7 +246,7 @@ class Gail:
             name=self.name,
             question=self.question,
             settings=self._plain(),
-            targets=tuple(_targets(rows, self.methods[0])),
+            targets=tuple(_targets([row for row in rows if row["method"] in self._methods(row["task"])[:1]])),
             tables={"Learners, controls and experts": rows, "Single trainings": singles},
             notes=NOTES,
             figures={"reward.svg": reward_lines(self._rewards(folder, results))},
@@ -238,7 +257,7 @@ class Gail:
         """Return the learned reward along a demonstration and along the same with its actions shuffled, per task."""
         panels = {}
         for point in results:
-            if point.seed == 0 and point.control == "none" and point.method == self.methods[0]:
+            if point.seed == 0 and point.control == "none" and point.method == self._methods(point.task)[0]:
                 run, shown = folder / "training" / point.place, self.demonstrations(point.task, folder, False)[0]
                 lines = {"demonstration": shown, "its actions shuffled": shuffled(shown)}
                 panels[point.task] = {label: reward_along(run, episode) for label, episode in lines.items()}
@@ -318,11 +337,9 @@ def _peer_rows(folder: Path, experts: Mapping[str, EvaluationResult]) -> list[Ro
     return rows
 
 
-def _targets(rows: list[Row], method: str) -> Iterator[Target]:
+def _targets(rows: list[Row]) -> Iterator[Target]:
     """Yield what was asked for, of the arms that were measured."""
-    for row in rows:
-        if row["method"] != method or row["control"] != "none":
-            continue
+    for row in (row for row in rows if row["control"] == "none"):
         if row["task"] in RATIOS:
             spread = f"95 % interval {row['ratio_low']} to {row['ratio_high']}, {row['steps']} steps"
             yield Target(

@@ -58,6 +58,7 @@ def workplace(
 def _environment(spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_envs: int, threads: int) -> Any:
     import aerial_il
     from aerial_il.suite import outside
+    from aerial_il.suite.scenario import horizon_of
 
     if spec.is_outside:
         return outside.load(_key(spec), num_envs=num_envs, **spec.options)
@@ -71,6 +72,7 @@ def _environment(spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_e
         action=spec.action.level,
         num_threads=threads,
         controller=spec.controller,
+        horizon=horizon_of(spec),
         **seen,
     )
 

@@ -45,12 +45,11 @@ class BatchEnvironment:
         scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
     """
 
-    ends_at_success = True
-
     def __init__(self, scenario: Scenario, num_envs: int, num_threads: int = 0, gains: Gains | None = None) -> None:
         if num_envs < 1:
             raise InvalidValueError(f"num_envs must be at least 1, got {num_envs}.")
         self.scenario, self.num_envs = scenario, num_envs
+        self.ends_at_success = scenario.horizon is None
         self.model = scenario.compile()
         self.simulation = Simulation(scenario, Worlds.many(self.model, num_envs), gains, num_threads)
         self._cameramen: dict[tuple[int, int], Cameraman] = {}

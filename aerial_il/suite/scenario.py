@@ -29,10 +29,15 @@ from aerial_il.suite.worlds import STATE
 class Scenario:
     """What is flown: one cell, one tier, one action level, some cameras, one flight law.
 
+    Attributes:
+        horizon: episodes of so many steps of 20 ms, which success does not end; None for the task's time limit, and
+            an end at success.
+
     Raises:
         UnknownNameError: unknown robot, task, tier, component of a tier, camera or controller; action level that the
             robot does not have.
         CellError: the robot cannot do the task.
+        InvalidValueError: ``image_size`` or ``horizon`` is out of range.
     """
 
     robot_name: str
@@ -42,6 +47,7 @@ class Scenario:
     cameras: Sequence[str] = ()
     image_size: tuple[int, int] = (240, 320)
     controller: str = "geometric_observer"
+    horizon: int | None = None
 
     def __post_init__(self) -> None:
         tasks.check_cell(self.robot_name, self.task_name)
@@ -53,6 +59,13 @@ class Scenario:
         object.__setattr__(self, "image_size", tuple(self.image_size))
         if len(self.image_size) != 2 or not (0 < self.image_size[0] <= 960 and 0 < self.image_size[1] <= 1280):
             raise InvalidValueError(f"image_size is (height, width) up to (960, 1280), got {self.image_size}.")
+        if self.horizon is not None and not 1 <= self.horizon <= self._limit:
+            hint = f"{self.task_name} has a time limit of {self._limit} steps."
+            raise InvalidValueError(f"horizon is {self.horizon}; it must lie in [1, {self._limit}]: {hint}")
+
+    @property
+    def _limit(self) -> int:
+        return limit_of(self.task)
 
     @property
     def robot(self) -> Robot:
@@ -119,10 +132,20 @@ class Scenario:
             observation=ObservationSpec((*state, *images)),
             action=action_spec(self.level, self.robot.vehicle),
             control_dt_s=CONTROL_DT_S,
-            max_steps=round(self.task.time_limit_s / CONTROL_DT_S),
+            max_steps=self.horizon or self._limit,
             instruction=self.task.instruction,
             subtasks=self.task.subtasks,
             state_size=mujoco.mj_stateSize(self.compile(), STATE),
             disturbances=self.disturbances,
             controller=self.controller,
         )
+
+
+def limit_of(task: Task) -> int:
+    """Return the time limit of ``task`` in steps."""
+    return round(task.time_limit_s / CONTROL_DT_S)
+
+
+def horizon_of(spec: EnvSpec) -> int | None:
+    """Return the horizon that a scenario was made with, or None where its task's time limit was its own."""
+    return spec.max_steps if spec.max_steps < limit_of(tasks.get(spec.task)) else None

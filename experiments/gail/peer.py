@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -31,9 +32,10 @@ def main() -> None:
         return
     demos = export(Path(options.study), options.task, Path(options.venv).parent)
     python = environment(Path(options.venv))
-    command = [str(python), __file__, "--inside", "--task", options.task, "--demos", str(demos)]
+    command = [str(python), "-E", __file__, "--inside", "--task", options.task, "--demos", str(demos)]
     numbers = {"--steps": options.steps, "--seeds": options.seeds, "--envs": options.envs}
-    subprocess.run([*command, *(str(word) for pair in numbers.items() for word in pair)], check=True)
+    blind = {**os.environ, "MUJOCO_GL": "disabled"}  # torch and an EGL context do not get on in that environment
+    subprocess.run([*command, *(str(word) for pair in numbers.items() for word in pair)], check=True, env=blind)
 
 
 def parsed() -> argparse.Namespace:
@@ -71,7 +73,9 @@ def environment(venv: Path) -> Path:
     python = venv / "bin" / "python"
     if not (venv / "done").exists():
         subprocess.run([sys.executable, "-m", "venv", "--clear", str(venv)], check=True)
-        subprocess.run([str(python), "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
+        own = Path(".tools/bin/uv")  # what `make setup` installs with: minutes faster than pip at finding versions
+        tool = [str(own), "pip", "install", "--python"] if own.exists() else [str(python), "-m", "pip", "install"]
+        subprocess.run([*tool, *([str(python)] if own.exists() else []), "--quiet", *PACKAGES], check=True)
         (venv / "done").touch()
     return python
 
@@ -103,6 +107,7 @@ def one_seed(options: argparse.Namespace, seed: int, kept: Path) -> dict:
     from imitation.data.types import Trajectory
     from imitation.data.wrappers import RolloutInfoWrapper
     from imitation.rewards.reward_nets import BasicRewardNet
+    from imitation.util import logger
     from imitation.util.networks import RunningNorm
     from imitation.util.util import make_vec_env
     from stable_baselines3 import PPO
@@ -123,6 +128,7 @@ def one_seed(options: argparse.Namespace, seed: int, kept: Path) -> dict:
     trainer = GAIL(
         demonstrations=demos, demo_batch_size=1024, gen_replay_buffer_capacity=512, n_disc_updates_per_round=8,
         venv=venv, gen_algo=learner, reward_net=reward, allow_variable_horizon=True,
+        custom_logger=logger.configure(kept.parent / f"log-{seed}", format_strs=["csv"]),
     )  # fmt: skip
     started = time.perf_counter()
     trainer.train(options.steps)

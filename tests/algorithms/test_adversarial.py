@@ -84,6 +84,21 @@ def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
     assert learn(algorithm(steps=20_000, **judge, **ON), tmp_path, demonstrations(10)) > 0.7
 
 
+def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> None:
+    """And afterwards it does not: what reinforcement has added can be told from what cloning had reached."""
+    settings = AdversarialImitation(steps=1_024, cloning=200, warmup=1_024, reward_updates=2, reward_batch=64, **ON)
+    demos, centres = demonstrations(3), []
+    for name, chosen in (
+        ("short", replace(settings, steps=512)),
+        ("long", settings),
+        ("on", replace(settings, warmup=0)),
+    ):
+        policy = chosen.train(demos, POLICY, env=Drift(8), run=tmp_path / name, progress=False)
+        centres.append(np.concatenate([p.detach().numpy().ravel() for p in policy.network.parameters()]))
+    np.testing.assert_array_equal(centres[0], centres[1])
+    assert not np.array_equal(centres[1], centres[2])
+
+
 @pytest.mark.slow
 def test_sqil_learns(tmp_path: Path) -> None:
     assert learn(SoftQImitation(steps=3_000, updates=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7

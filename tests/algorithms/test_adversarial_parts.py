@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from aerial_il.algorithms.gail import blurred
 from aerial_il.algorithms.parts.discriminator import REWARDS, RunningNorm, Scorer, gradient_penalty
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import (
@@ -286,3 +287,34 @@ def test_what_cannot_be_imitated_is_refused() -> None:
     layout, found, _ = read_transitions(point_mass.demonstrations(2), anchored, trajectories=None, subsample=1, seed=0)
     with pytest.raises(InvalidValueError, match="bounds=demonstrations"):
         fit_interface(layout, found, anchored, "environment")
+    turned = replace(POLICY, anchor="ee_pos", relative=True, blind_to=("ee_*",))
+    layout, found, _ = read_transitions(point_mass.demonstrations(2), turned, trajectories=None, subsample=1, seed=0)
+    with pytest.raises(InvalidValueError, match=r"relative to the end effector.*bounds=demonstrations"):
+        fit_interface(layout, found, turned, "environment")
+    interface = fit_interface(layout, found, turned, "demonstrations")
+    actions = encode_actions(interface, found.actions, found.frames)
+    np.testing.assert_allclose(decode(interface, actions, found.frames), found.actions, atol=1e-5)
+
+
+def test_what_the_expert_meant_can_stand_for_what_was_executed() -> None:
+    (demo,) = drift.demonstrations(1)
+    meant = demo.executed_actions + 0.25
+    meant[3:5] = np.nan  # nobody was asked
+    perturbed = replace(demo, expert_actions=meant)
+    for labels, wanted in (
+        ("executed", demo.executed_actions),
+        ("expert", np.where(np.isnan(meant), demo.executed_actions, meant)),
+    ):
+        _, found, _ = read_transitions([perturbed], POLICY, trajectories=None, subsample=1, labels=labels, seed=0)
+        np.testing.assert_array_equal(found.actions, wanted)
+
+
+def test_demonstrations_are_blurred_as_the_agent_explores() -> None:
+    torch.manual_seed(0)
+    actor = replace(POLICY, spread="free", log_std=-2.0).build(1, 1)
+    shown = Batch(
+        torch.zeros(4000, 2), torch.full((4000, 1), 0.3), torch.zeros(4000, 2), torch.zeros(4000), torch.ones(4000)
+    )
+    raw = torch.atanh(blurred(shown, actor).actions)
+    assert abs(float(raw.mean()) - np.arctanh(0.3)) < 0.01
+    assert abs(float(raw.std()) - np.exp(-2.0)) < 0.01

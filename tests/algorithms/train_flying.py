@@ -25,7 +25,7 @@ SETTINGS: dict[str, Any] = {
     "dac": DiscriminatorActorCritic(**OFF, **JUDGE, expert_share=0.25, cloning=5, nearness=1.0),
     "sqil": SoftQImitation(**OFF),
     "ppo": ProximalPolicyOptimisation(**ON),
-    "gail": AdversarialImitation(**ON, **JUDGE, reward_batch=32, memory=200),
+    "gail": AdversarialImitation(**ON, **JUDGE, reward_batch=32, memory=200, cloning=5, warmup=100, blur=True),
     "airl": AdversarialInverseLearning(**ON, **JUDGE, reward_batch=32, memory=200),
 }
 

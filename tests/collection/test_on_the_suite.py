@@ -10,8 +10,10 @@ import pytest
 
 import aerial_il
 from aerial_il.collection.collect import collect
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.replay import replay
+from aerial_il.suite.scenario import horizon_of
 
 
 @pytest.mark.parametrize(("robot", "task"), [("ua_quad_arm4", "pick_place"), ("fa_hexa_arm4", "reach")])
@@ -27,3 +29,18 @@ def test_a_flight_in_gusts_is_recorded_and_replays(tmp_path: Path, robot: str, t
     assert episode.spec == env.spec
     starts = np.linspace(0, len(episode) - 1, 3).astype(int).tolist()
     assert replay(env, episode, starts=starts) == sum(len(episode) - start for start in starts)
+
+
+def test_with_a_horizon_flights_go_on_through_success(tmp_path: Path) -> None:
+    env = aerial_il.load_batch("fa_hexa_arm4", "reach", num_envs=2, horizon=220)
+    folder = collect(env, aerial_il.expert("fa_hexa_arm4", "reach"), range(2), tmp_path, progress=False).folder
+    flights = list(open_dataset(folder.path))
+    assert [len(flight) for flight in flights] == [220, 220]
+    assert all(flight.success and flight.truncated[-1] and not flight.terminated.any() for flight in flights)
+    assert horizon_of(flights[0].spec) == 220
+    assert horizon_of(aerial_il.load_batch("fa_hexa_arm4", "reach", num_envs=1).spec) is None
+
+
+def test_a_horizon_beyond_the_time_limit_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"horizon is 1001; it must lie in \[1, 1000\]: reach has a time limit"):
+        aerial_il.load_batch("fa_hexa_arm4", "reach", horizon=1001)

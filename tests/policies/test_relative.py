@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from aerial_il.algorithms.parts.training_set import cut_windows, fit_interface, read_demos
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rotations import mat_from_rot6d, rot6d_from_mat
+from aerial_il.core.specs import EnvSpec
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.layout import Layout, to_offsets
 from aerial_il.policies.parts.relative import into_tool, into_world, rotations
@@ -88,20 +89,52 @@ def test_what_has_no_pose_is_refused() -> None:
     assert Layout.of(replace(SPEC, tier="gusts"), MlpConfig(relative=True)).anchored == 0
 
 
-def test_a_turned_and_moved_world_looks_the_same() -> None:
-    spec = Scenario("fa_hexa_arm4", "press_button").spec
-    layout = Layout.of(spec, MlpConfig(relative=True))
+def turned_and_moved(spec: EnvSpec, layout: Layout) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return five made-up observations of press_button, and the same in a world that was turned and moved."""
     rng = np.random.default_rng(0)
     obs = {name: rng.normal(size=(5, *spec.observation[name].shape)) for name in layout.names}
     poses, turn, shift = some_poses(1, (5,)), Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
     obs |= {"ee_pos": poses[:, :3], "ee_rot6d": poses[:, 3:]}
     moved = dict(obs)
     for name in ("base_vel", "tip_to_button", "ee_rot6d", "base_rot6d", "button_rot6d"):
-        moved[name] = (obs[name].reshape(5, -1, 3) @ turn.T).reshape(5, -1)
+        if name in moved:
+            moved[name] = (obs[name].reshape(5, -1, 3) @ turn.T).reshape(5, -1)
     for name in ("base_pos", "button_pos", "ee_pos"):
-        moved[name] = obs[name] @ turn.T + shift
+        if name in moved:
+            moved[name] = obs[name] @ turn.T + shift
+    return obs, moved
+
+
+def test_a_turned_and_moved_world_looks_the_same() -> None:
+    spec = Scenario("fa_hexa_arm4", "press_button").spec
+    layout = Layout.of(spec, MlpConfig(relative=True))
+    obs, moved = turned_and_moved(spec, layout)
     seen, seen_moved = (layout.relate(layout.flatten(o)) for o in (obs, moved))
     own = np.concatenate([np.full(spec.observation[name].size, name.startswith("ee_")) for name in layout.names])
     np.testing.assert_allclose(seen[:, ~own], seen_moved[:, ~own], atol=1e-9)
     world = Layout.of(spec, MlpConfig())
     assert not np.allclose(*(world.relate(world.flatten(o)) for o in (obs, moved)), atol=0.1)
+
+
+def test_blind_to_its_own_pose_it_sees_a_turned_and_moved_world_as_the_same() -> None:
+    spec = Scenario("fa_hexa_arm4", "press_button").spec
+    blind = Layout.of(spec, MlpConfig(relative=True, blind_to=("base_*", "joint_*", "gripper", "ee_*")))
+    assert blind.unseen == ("ee_pos", "ee_rot6d")
+    assert not any(name.startswith(("base_", "joint_")) for name in blind.names)
+    obs, moved = turned_and_moved(spec, blind)
+    seen, seen_moved = (blind.relate(blind.flatten(o)) for o in (obs, moved))
+    np.testing.assert_allclose(seen, seen_moved, atol=1e-9)
+    assert len(np.unique(seen.round(6), axis=0)) == 5, "it is not blind to the button"
+
+
+def test_the_anchor_can_be_hidden() -> None:
+    spec = Scenario("fa_hexa_arm4", "press_button").spec
+    layout = Layout.of(spec, MlpConfig(blind_to=("ee_pos",)))
+    assert layout.unseen == ("ee_pos",)
+    obs, _ = turned_and_moved(spec, layout)
+    shifted = {
+        name: value + 1.0 if name.endswith("_pos") and name != "joint_pos" else value for name, value in obs.items()
+    }
+    np.testing.assert_allclose(*(layout.relate(layout.flatten(o)) for o in (obs, shifted)), atol=1e-12)
+    with pytest.raises(InvalidValueError, match="blind to every state field"):
+        Layout.of(spec, MlpConfig(blind_to=("*",)))

@@ -82,8 +82,15 @@ class Scorer(nn.Module):
         self.layers = nn.Sequential(*parts, _linear(hidden[-1], 1, spectral))
 
     def forward(self, *inputs: Tensor) -> Tensor:
-        joined = torch.cat(inputs, dim=-1)
-        return self.layers(self.norm(joined) if self.norm is not None else joined)[..., 0]
+        return self.score(self.standardised(torch.cat(inputs, dim=-1)))
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """Return joined inputs (B, D) as the layers see them."""
+        return self.norm(inputs) if self.norm is not None else inputs
+
+    def score(self, standardised: Tensor) -> Tensor:
+        """Return one number (B,) for each row of :meth:`standardised`."""
+        return self.layers(standardised)[..., 0]
 
 
 def discriminator_loss(expert: Tensor, agent: Tensor) -> tuple[Tensor, dict[str, float]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.replay import Replay, rows_of
-from aerial_il.algorithms.parts.settings import Bounds, Imitating
+from aerial_il.algorithms.parts.settings import Bounds, Imitating, Labels
 from aerial_il.algorithms.parts.training_set import read_demos
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
@@ -69,7 +69,12 @@ def read_lesson(
         InvalidValueError: there is nothing to learn from, or they come from another environment than ``env``.
     """
     layout, found, record = read_transitions(
-        dataset, policy, trajectories=settings.trajectories, subsample=settings.subsample, seed=seed
+        dataset,
+        policy,
+        trajectories=settings.trajectories,
+        subsample=settings.subsample,
+        labels=settings.labels,
+        seed=seed,
     )
     check_same(layout.spec, env.spec)
     if settings.control == "random_actions":
@@ -90,9 +95,8 @@ def check_policy(policy: object) -> SquashedGaussianConfig:
     if (policy.history, policy.chunk) != (1, 1):
         found = f"history={policy.history} and chunk={policy.chunk}"
         raise InvalidValueError(f"Reinforcement learning acts step by step: history and chunk must be 1, got {found}.")
-    if policy.images or policy.relative:
-        found = f"images={list(policy.images)} and relative={policy.relative}"
-        raise InvalidValueError(f"Reinforcement learning sees state fields and takes actions as they are; got {found}.")
+    if policy.images:
+        raise InvalidValueError(f"Reinforcement learning sees state fields; got images={list(policy.images)}.")
     return policy
 
 
@@ -102,6 +106,7 @@ def read_transitions(
     *,
     trajectories: int | None,
     subsample: int,
+    labels: Labels = "executed",
     seed: int,
 ) -> tuple[Layout, Transitions, dict[str, Any]]:
     """Return the layout, the transitions of the successful episodes, and which they are, for the run's record.
@@ -109,6 +114,7 @@ def read_transitions(
     Args:
         trajectories: how many episodes, the first ones; None for all.
         subsample: keep each so manieth transition, from a random one of the first on, and each end that matters.
+        labels: which actions, ``executed`` or what the ``expert`` meant.
         seed: decides where the counting begins.
 
     Raises:
@@ -119,7 +125,7 @@ def read_transitions(
         raise InvalidValueError(f"trajectories is {trajectories}; the dataset has {len(demos)} successful ones.")
     demos = demos[:trajectories]
     rng = named_rng(seed, "subsample")
-    parts = [_thin(_transitions_of(episode, layout), subsample, rng) for episode in demos]
+    parts = [_thin(_transitions_of(episode, layout, labels), subsample, rng) for episode in demos]
     found = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return layout, found, {"demonstrations": len(demos), "transitions": len(found.frames), "digest": digest_of(found)}
 
@@ -161,7 +167,10 @@ def fit_interface(layout: Layout, found: Transitions, policy: SquashedGaussianCo
 def plain_interface(layout: Layout, policy: SquashedGaussianConfig) -> Interface:
     """Return the interface without demonstrations: observations as they are, actions in the environment's bounds."""
     low, high = _box(layout)
-    _refuse_anchor(layout, "There are no demonstrations to take another range from: set policy.anchor=null.")
+    _refuse_anchor(
+        layout,
+        "There are no demonstrations to take another range from: set policy.anchor=null and policy.relative=false.",
+    )
     obs = Normaliser(np.zeros(layout.size, np.float32), np.ones(layout.size, np.float32))
     return Interface(layout, obs, _between(low, high), policy.obs_clip, Switches.none(len(low)))
 
@@ -202,11 +211,13 @@ def digest_of(found: Transitions) -> str:
     return seal.hexdigest()
 
 
-def _transitions_of(episode: Episode, layout: Layout) -> Transitions:
+def _transitions_of(episode: Episode, layout: Layout, labels: Labels) -> Transitions:
     frames = layout.flatten(episode.obs)
     terminal = np.asarray(episode.terminated, bool).copy()
     terminal[-1] |= episode.success and not episode.truncated[-1]
-    return Transitions(frames[:-1], episode.executed_actions, frames[1:], terminal)
+    executed, meant = episode.executed_actions, episode.expert_actions
+    actions = np.where(np.isfinite(meant), meant, executed) if labels == "expert" else executed
+    return Transitions(frames[:-1], actions, frames[1:], terminal)
 
 
 def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitions:
@@ -217,7 +228,7 @@ def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitio
 def _action(layout: Layout, found: Transitions, bounds: Bounds) -> Normaliser:
     low, high = _box(layout)
     if bounds == "environment":
-        _refuse_anchor(layout, "Set policy.anchor=null or algorithm.bounds=demonstrations.")
+        _refuse_anchor(layout, "Set policy.anchor=null and policy.relative=false, or algorithm.bounds=demonstrations.")
         return _between(low, high)
     shown = to_offsets(layout, found.actions[:, None], found.frames[:, None])[:, 0]
     centre, half = 0.5 * (shown.min(0) + shown.max(0)), 0.5 * (shown.max(0) - shown.min(0))
@@ -237,5 +248,6 @@ def _box(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _refuse_anchor(layout: Layout, hint: str) -> None:
-    if layout.anchored:
-        raise InvalidValueError(f"Actions relative to {layout.anchor} have no bounds in the environment. {hint}")
+    if layout.anchored or layout.relative:
+        what = "the end effector" if layout.relative else layout.anchor
+        raise InvalidValueError(f"Actions relative to {what} have no bounds in the environment. {hint}")

@@ -71,7 +71,8 @@ class LearnedReward:
             network.norm.add(both)
         loss, metrics = discriminator_loss(*network(both).split([len(shown), len(flown)]))
         if penalty:
-            steep = gradient_penalty(network, shown, flown, torch.rand(len(shown), 1))
+            sides = network.standardised(shown), network.standardised(flown)
+            steep = gradient_penalty(network.score, *sides, torch.rand(len(shown), 1))
             loss, metrics = loss + penalty * steep, {**metrics, "reward/steep": steep.item()}
         self._trained.descend(loss)
         return metrics

@@ -12,6 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.parts.cloning import clone
+from aerial_il.algorithms.parts.replay import Replay
 from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density
@@ -74,14 +76,26 @@ class Proximal:
         """Return what the critic expects (...) from encoded observations (..., Do)."""
         return self._critic.network(tensor(obs)).numpy()
 
+    def clone(self, shown: Replay, steps: int) -> None:
+        """Move the actor's centre towards demonstrated actions in ``steps`` minibatches: another place to begin."""
+        clone(self._actor, self.network, shown, steps=steps, batch_size=self.batch_size)
+
     def update(
-        self, obs: np.ndarray, raw: np.ndarray, advantages: np.ndarray, values: np.ndarray, *, left: float
+        self,
+        obs: np.ndarray,
+        raw: np.ndarray,
+        advantages: np.ndarray,
+        values: np.ndarray,
+        *,
+        left: float,
+        improve: bool = True,
     ) -> dict[str, float]:
         """Learn from one rollout.
 
         Args:
             obs: (N, Do) encoded. raw: (N, Da) actions before the tanh. advantages: (N,). values: (N,) critic's targets.
             left: share of the training that is left; the learning rate follows it.
+            improve: whether the actor moves at all; the critic alone learns what it is worth.
         """
         for part in (self._actor, self._critic):
             part.optimizer.param_groups[0]["lr"] = self.lr * left
@@ -89,7 +103,7 @@ class Proximal:
         with torch.no_grad():
             before = self._log_density(seen, drawn)
         passes: list[np.ndarray] = []
-        moving = True
+        moving = improve
         for _ in range(self.epochs):
             order = torch.randperm(len(before)).split(self.batch_size)
             rows = [self._descend(seen[i], drawn[i], gains[i], wanted[i], before[i], moving) for i in order]

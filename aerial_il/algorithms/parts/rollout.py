@@ -65,6 +65,7 @@ def learn(
     *,
     left: float,
     end_values: np.ndarray | float = 0.0,
+    improve: bool = True,
 ) -> dict[str, float]:
     """Update ``agent`` on a rollout.
 
@@ -72,12 +73,14 @@ def learn(
         rewards: (T, n) what each step is paid.
         left: share of the training that is left.
         end_values: (T, n) what all that follows is worth where a step was an end that matters; elsewhere of no effect.
+        improve: whether the actor moves at all.
     """
     values, later = agent.values(rollout.obs), agent.values(rollout.next_obs)
     later = np.where(rollout.terminal, end_values, later)
     gains = advantages(rewards, values, later, rollout.ended, gamma=settings.gamma, decay=settings.decay)
     targets = (gains + values).ravel()
-    metrics = agent.update(rollout.flat("obs"), rollout.flat("raw"), gains.ravel(), targets, left=left)
+    shown = (rollout.flat("obs"), rollout.flat("raw"), gains.ravel(), targets)
+    metrics = agent.update(*shown, left=left, improve=improve)
     return {**metrics, "critic/value": float(values.mean())}
 
 

@@ -9,6 +9,7 @@ from aerial_il.core.errors import InvalidValueError
 
 Control = Literal["none", "random_actions", "constant_reward"]
 Bounds = Literal["environment", "demonstrations"]
+Labels = Literal["executed", "expert"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +119,8 @@ class Imitating(Flying):
     Attributes:
         trajectories: how many demonstrations, the first ones; None for all. subsample: keep each so manieth step.
         bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
+        labels: what counts as the demonstrator's action where it was perturbed: what was ``executed``, or what the
+            ``expert`` meant, which tells how to come back.
         control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
         absorbing: whether ends that matter lead to an absorbing state; otherwise they are worth nothing.
     """
@@ -125,6 +128,7 @@ class Imitating(Flying):
     trajectories: int | None = None
     subsample: int = 1
     bounds: Bounds = "environment"
+    labels: Labels = "executed"
     control: Control = "none"
     absorbing: bool = True
 
@@ -132,6 +136,7 @@ class Imitating(Flying):
         super().__post_init__()
         require_positive(self, "subsample")
         require_choice(self, "bounds", Bounds)
+        require_choice(self, "labels", Labels)
         require_choice(self, "control", Control)
 
 

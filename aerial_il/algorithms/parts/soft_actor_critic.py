@@ -19,6 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.parts.cloning import away_from, clone
 from aerial_il.algorithms.parts.replay import Batch, Replay
 from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
 from aerial_il.core.tensors import tensor
@@ -91,8 +92,7 @@ class SoftActorCritic:
 
     def clone(self, shown: Replay, steps: int, batch_size: int) -> None:
         """Move the actor's centre towards demonstrated actions in ``steps`` minibatches: another place to begin."""
-        for _ in range(steps):
-            self._actor.descend(self._away(shown.sample(batch_size)))
+        clone(self._actor, self.network, shown, steps=steps, batch_size=batch_size)
 
     def update(
         self, batch: Batch, *, shown: Batch | None = None, nearness: float = 0.0, improve: bool = True
@@ -111,7 +111,7 @@ class SoftActorCritic:
         self._updates += 1
         metrics = {"critic/loss": loss.item(), "critic/value": values.mean().item()}
         if improve and self._updates % self._actor_every == 0:
-            metrics |= self._improve(batch, nearness * self._away(shown) if shown is not None else 0.0)
+            metrics |= self._improve(batch, nearness * away_from(self.network, shown) if shown is not None else 0.0)
         self._follow()
         return metrics
 
@@ -126,11 +126,6 @@ class SoftActorCritic:
         temperature = self._log_alpha * (entropy - self._wanted)
         self._actor.descend(loss + away + temperature)  # the first two move the actor alone, the last alpha alone
         return {"actor/loss": loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
-
-    def _away(self, shown: Batch) -> Tensor:
-        """Return how far the actor's centre is from demonstrated actions, squared and summed over elements."""
-        away = ((self.network(shown.obs[:, None, :-1])[:, 0] - shown.actions) ** 2).sum(1)
-        return ((1.0 - shown.obs[:, -1]) * away).mean()
 
     @torch.no_grad()
     def _target(self, batch: Batch) -> Tensor:

@@ -37,6 +37,7 @@ class Config:
     env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:CartPole-v1")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
     max_steps: int | None = key(None, "time limit there (null: its own)")
+    horizon: int | None = key(None, "record so many steps of 20 ms, through success (null: up to the first success)")
     out: str = output(MISSING, "folder of the dataset")
     action: str = key("ee_pose", "action level that is recorded")
     episodes: int = key(100, "how many seeds are flown")
@@ -78,6 +79,7 @@ def record(config: Config) -> None:
         image_size=(config.image_size[0], config.image_size[1]),
         num_threads=config.threads,
         controller=config.controller.name,
+        horizon=config.horizon,
     )
     try:
         collect(
@@ -100,6 +102,8 @@ def record_outside(config: Config) -> None:
     from aerial_il.collection.collect import collect
 
     source = config.policy.path
+    if config.horizon is not None:
+        raise InvalidValueError(f"env={config.env} has no horizon of ours: say max_steps={config.horizon}.")
     if source is None:
         raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
     options = flying.given(success=config.success, max_steps=config.max_steps)

@@ -33,6 +33,8 @@ class Layout:
         anchor: the position field that other positions are relative to, or None.
         images: colour images that the network sees beside the columns.
         relative: whether vectors are seen, and actions are poses, in the end effector's own frame.
+        unseen: fields that others are counted from, which the network itself sees as zeros: blind to where it is, it
+            does alike everywhere.
     """
 
     spec: EnvSpec
@@ -40,6 +42,7 @@ class Layout:
     anchor: str | None = None
     images: tuple[str, ...] = ()
     relative: bool = False
+    unseen: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.names:
@@ -52,7 +55,7 @@ class Layout:
             if name not in recorded:
                 hint = "Record it: aerial-il collect cameras=[wrist,base] image_size=[64,64]"
                 raise UnknownNameError("colour image", name, recorded, hint)
-        if not self.names and not self.images:
+        if not {*self.names} - {*self.unseen} and not self.images:
             raise InvalidValueError("The policy is blind to every state field and sees no images. Name some in images.")
         if self.anchor is not None and self.anchor not in self._positions:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
@@ -66,10 +69,14 @@ class Layout:
         An environment from outside the suite that shows no positions has nothing to anchor.
         """
         hidden = {name for name in spec.observation.state_names if any(fnmatch(name, p) for p in config.blind_to)}
-        names = config.obs_names or tuple(name for name in spec.observation.state_names if name not in hidden)
-        placed = any(_is_position(spec.observation[name]) for name in names)
+        counted_from = {config.anchor, *(TOOL if config.relative else ())}
+        unseen = (
+            () if config.obs_names else tuple(n for n in spec.observation.state_names if n in hidden & counted_from)
+        )
+        names = config.obs_names or tuple(n for n in spec.observation.state_names if n not in hidden or n in unseen)
+        placed = any(_is_position(spec.observation[name]) for name in names if name not in unseen)
         anchor = config.anchor if placed or not spec.is_outside else None
-        return Layout(spec, names, anchor, config.images, config.relative)
+        return Layout(spec, names, anchor, config.images, config.relative, unseen)
 
     @property
     def size(self) -> int:
@@ -136,6 +143,8 @@ class Layout:
             rot_tool_from_world = np.swapaxes(rotations(frames[..., self._columns("ee_rot6d")]), -1, -2)
             for columns in self._vectors:
                 frames[..., columns] = turned(rot_tool_from_world, frames[..., columns])
+        for name in self.unseen:
+            frames[..., self._columns(name)] = 0.0
         return frames
 
     def offset_of(self, frames: np.ndarray) -> np.ndarray:
