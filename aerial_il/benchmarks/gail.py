@@ -22,7 +22,7 @@ from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.gail import AdversarialImitation
 from aerial_il.algorithms.parts.learned_reward import reward_along, shuffled
 from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.settings import Control
+from aerial_il.algorithms.parts.settings import Control, Imitating
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.benchmarks.parts.claim import claim
 from aerial_il.benchmarks.parts.figures import reward_lines
@@ -82,8 +82,8 @@ class Gail:
 
     Attributes:
         policy: what is trained on Gymnasium's tasks. expert: how their experts are trained.
-        dac, gail: how learners are trained. methods: which of them on Gymnasium's tasks. steps: task -> environment
-            steps of a learner.
+        dac, gail: how learners are trained. methods: which of them on Gymnasium's tasks.
+        apart: task -> what differs for it among ``steps`` of a learner, ``seeds`` and ``controls``.
         outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: keep each so manieth step of them.
         suite: tasks of our own, flown by ``robot``: task -> steps of a demonstration and of each flight while it
             learns, which success does not end. suite_policy, suite_gail: what differs on these, which ``gail`` learns.
@@ -103,7 +103,7 @@ class Gail:
     dac: DiscriminatorActorCritic = field(default_factory=DiscriminatorActorCritic)
     gail: AdversarialImitation = field(default_factory=AdversarialImitation)
     methods: tuple[str, ...] = ("dac",)
-    steps: Mapping[str, int] = field(default_factory=dict, hash=False)
+    apart: Mapping[str, Mapping[str, int]] = field(default_factory=dict, hash=False)
     outside: tuple[str, ...] = ("Hopper-v5", "HalfCheetah-v5", "Walker2d-v5")
     trajectories: int = 10
     subsample: int = 1
@@ -129,7 +129,7 @@ class Gail:
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Train, record and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        free = ("methods", "outside", "suite", "seeds", "controls", "steps", "peer")
+        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "peer")
         claim(folder, self._plain(), free=free)
         experts = {task: self._expert(task, folder, progress) for task in (*self.outside, *self.suite)}
         results = {point: self._result(point, folder, progress) for point in bar(self.points(), self.name, progress)}
@@ -138,15 +138,23 @@ class Gail:
     def points(self) -> list[Point]:
         """Return all trainings, the first seed of every arm first."""
         tasks = (*self.outside, *self.suite)
-        arms = [(task, method) for task in tasks for method in self._methods(task)]
-        learners = [Point(*arm, "none", seed) for seed in range(self.seeds) for arm in arms]
+        learners = [
+            Point(task, method, "none", seed)
+            for task in tasks
+            for method in self._methods(task)
+            for seed in range(self._of(task, "seeds", self.seeds))
+        ]
         empty = [
             Point(task, self._methods(task)[0], control, seed)
-            for seed in range(self.controls)
             for task in tasks
             for control in CONTROLS
+            for seed in range(self._of(task, "controls", self.controls))
         ]
         return sorted(learners + empty, key=lambda point: point.seed)
+
+    def _of(self, task: str, what: str, usual: int) -> int:
+        """Return one of a task's numbers, where it differs from the ``usual``."""
+        return self.apart.get(task, {}).get(what, usual)
 
     def _methods(self, task: str) -> tuple[str, ...]:
         """What is trained on a task, what the targets are about first."""
@@ -210,12 +218,16 @@ class Gail:
 
     def _learner(self, point: Point) -> Any:
         """Return the algorithm of a training."""
-        steps = {"steps": self.steps[point.task]} if point.task in self.steps else {}
-        if point.task in self.outside:
-            base = self.dac if point.method == "dac" else self.gail
-            return replace(base, subsample=self.subsample, **steps, control=point.control)
-        learner = replace(self.gail, **{**self.suite_gail, **steps}, control=point.control)
+        outside = point.task in self.outside
+        if outside and point.method == "dac":
+            return self._fitted(replace(self.dac, subsample=self.subsample), point)
+        shown = {"subsample": self.subsample} if outside else dict(self.suite_gail)
+        learner = self._fitted(replace(self.gail, **shown), point)
         return replace(learner, steps=learner.rollout, warmup=learner.rollout) if point.method == CLONE else learner
+
+    def _fitted[Learner: Imitating](self, learner: Learner, point: Point) -> Learner:
+        """Return ``learner`` with the length and the control of one training."""
+        return replace(learner, steps=self._of(point.task, "steps", learner.steps), control=point.control)
 
     def _policy(self, task: str) -> SquashedGaussianConfig:
         return self.policy if task in self.outside else replace(self.policy, **dict(self.suite_policy))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,18 +21,28 @@ def result(*returns: float) -> Any:
 
 
 def test_every_task_has_learners_and_both_controls() -> None:
-    points = Gail(outside=("Hopper-v5",), suite=("reach",), seeds=2, methods=("dac", "gail")).points()
+    study = Gail(outside=("Hopper-v5",), suite={"reach": 250}, seeds=2, methods=("dac", "gail"))
+    points = study.points()
     assert Point("Hopper-v5", "gail", "none", 1) in points
-    assert Point("reach", "gail", "none", 0) not in points, "the suite is flown by the first method alone"
+    assert {p.method for p in points if p.task == "reach"} == {"gail", gail.CLONE}
     assert {p.control for p in points if p.task == "reach"} == {"none", "random_actions", "constant_reward"}
     assert len({p.place for p in points}) == len(points)
     assert [p.seed for p in points] == sorted(p.seed for p in points)
+    apart = replace(study, apart={"Hopper-v5": {"seeds": 1, "controls": 0}}).points()
+    assert {(p.control, p.seed) for p in apart if p.task == "Hopper-v5"} == {("none", 0)}
+    assert [p for p in apart if p.task == "reach"] == [p for p in points if p.task == "reach"]
 
 
 def test_a_learner_is_told_its_task_and_its_control() -> None:
-    study = Gail(steps={"reach": 123}, subsample=20, suite_dac={"bounds": "demonstrations"})
-    own = study._learner(Point("reach", "dac", "constant_reward", 0))
+    study = Gail(
+        apart={"reach": {"steps": 123}},
+        subsample=20,
+        suite_gail={"bounds": "demonstrations", "rollout": 64, "cloning": 9},
+    )
+    own = study._learner(Point("reach", "gail", "constant_reward", 0))
     assert (own.steps, own.subsample, own.bounds, own.control) == (123, 1, "demonstrations", "constant_reward")
+    clone = study._learner(Point("reach", gail.CLONE, "none", 0))
+    assert (clone.steps, clone.warmup, clone.cloning) == (64, 64, 9), "reinforcement never moves it"
     outside = study._learner(Point("Hopper-v5", "dac", "none", 0))
     assert (outside.subsample, outside.bounds, outside.control) == (20, "environment", "none")
 
@@ -42,10 +53,9 @@ def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_p
     assert row["ratio"] == 1.0
     assert row["ratio_low"] <= 1.0 <= row["ratio_high"]
     control = gail._row("Hopper-v5", "dac", "random_actions", [result(1.0, 2.0)], expert, [], tmp_path)
-    assert [target.met for target in gail._targets([row, control], "dac")] == [True]
+    assert [target.met for target in gail._targets([row, control])] == [True]
     reach = gail._row("reach", "dac", "none", [result(90.0, 10.0)], expert, [], tmp_path)
-    assert [target.met for target in gail._targets([reach], "dac")] == [False]
-    assert not list(gail._targets([row], "gail"))
+    assert [target.met for target in gail._targets([reach])] == [False]
 
 
 def test_what_the_peer_reached_stands_in_the_same_table(tmp_path: Path) -> None:
