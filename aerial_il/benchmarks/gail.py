@@ -81,7 +81,8 @@ class Gail:
     """Settings.
 
     Attributes:
-        policy: what is trained on Gymnasium's tasks. expert: how their experts are trained.
+        policy: what is trained on Gymnasium's tasks. gail_policy: what differs in it for ``gail``. expert: how their
+            experts are trained.
         dac, gail: how learners are trained. methods: which of them on Gymnasium's tasks.
         apart: task -> what differs for it among ``steps`` of a learner, ``seeds`` and ``controls``.
         outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: keep each so manieth step of them.
@@ -99,6 +100,7 @@ class Gail:
     )
 
     policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
+    gail_policy: Mapping[str, Any] = field(default_factory=dict, hash=False)
     expert: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
     dac: DiscriminatorActorCritic = field(default_factory=DiscriminatorActorCritic)
     gail: AdversarialImitation = field(default_factory=AdversarialImitation)
@@ -206,7 +208,7 @@ class Gail:
         try:
             policy = self._learner(point).train(
                 self.demonstrations(point.task, folder, progress),
-                self._policy(point.task),
+                self._policy(point),
                 env=env,
                 run=folder / "training" / point.place,
                 seed=point.seed,
@@ -229,8 +231,10 @@ class Gail:
         """Return ``learner`` with the length and the control of one training."""
         return replace(learner, steps=self._of(point.task, "steps", learner.steps), control=point.control)
 
-    def _policy(self, task: str) -> SquashedGaussianConfig:
-        return self.policy if task in self.outside else replace(self.policy, **dict(self.suite_policy))
+    def _policy(self, point: Point) -> SquashedGaussianConfig:
+        if point.task not in self.outside:
+            return replace(self.policy, **self.suite_policy)
+        return replace(self.policy, **self.gail_policy) if point.method == "gail" else self.policy
 
     def _judged(self, task: str, policy: Policy, judged: Path, name: str, progress: bool) -> EvaluationResult:
         if (judged / FILE_NAME).exists():
