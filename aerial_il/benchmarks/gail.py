@@ -43,6 +43,7 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 EVALUATION_SEED = 10_000
 RATIOS = {"Hopper-v5": 0.95, "HalfCheetah-v5": 0.87}
 SUCCESS_PERCENT = {"reach": 90.0}
+PEER_SPEED = 3.0  # times the environment steps in a minute
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
 EXPERT = "expert"
 CLONE = "clone alone"
@@ -262,7 +263,10 @@ class Gail:
             name=self.name,
             question=self.question,
             settings=self._plain(),
-            targets=tuple(_targets([row for row in rows if row["method"] in self._methods(row["task"])[:1]])),
+            targets=(
+                *_targets([row for row in rows if row["method"] in self._methods(row["task"])[:1]]),
+                *_peer_targets(rows),
+            ),
             tables={"Learners, controls and experts": rows, "Single trainings": singles},
             notes=NOTES,
             figures={"reward.svg": reward_lines(self._rewards(folder, results))},
@@ -366,6 +370,23 @@ def _targets(rows: list[Row]) -> Iterator[Target]:
             yield Target(
                 f"{row['task']}: success", "at least", SUCCESS_PERCENT[row["task"]], row["percent"], "%", spread
             )
+
+
+def _peer_targets(rows: list[Row]) -> Iterator[Target]:
+    """Yield what was asked for beside another library's GAIL, where both flew a task."""
+    ours = {row["task"]: row for row in rows if (row["method"], row["control"]) == ("gail", "none")}
+    for peer in rows:
+        if peer["task"] not in ours or not peer["method"].startswith("imitation"):
+            continue
+        own = ours[peer["task"]]
+        faster = (peer["train_min"] / peer["steps"]) / (own["train_min"] / own["steps"])
+        spread = (
+            f"ratios to the expert {own['ratio']} and {peer['ratio']}, {own['seeds']} and {peer['seeds']} trainings"
+        )
+        name = f"{peer['task']}, gail beside {peer['method']}"
+        yield Target(f"{name}: return", "at least", 1.0, round(own["return"] / peer["return"], 2), "times", spread)
+        spread = f"{own['train_min']} and {peer['train_min']} min for {own['steps']} and {peer['steps']} steps"
+        yield Target(f"{name}: steps in a minute", "at least", PEER_SPEED, round(faster, 2), "times", spread)
 
 
 def _seconds(folder: Path, evaluations: list[EvaluationResult], points: Mapping[Point, EvaluationResult]) -> float:

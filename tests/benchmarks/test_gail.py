@@ -69,6 +69,14 @@ def test_what_the_peer_reached_stands_in_the_same_table(tmp_path: Path) -> None:
     assert not gail._peer_rows(tmp_path, {})
 
 
+def test_beside_a_peer_return_and_speed_are_judged() -> None:
+    same = {"task": "Hopper-v5", "control": "none", "seeds": 1, "ratio": 0.5}
+    own = {**same, "method": "gail", "return": 900.0, "steps": 1_000, "train_min": 1.0}
+    peer = {**same, "method": "imitation 1.0.1 GAIL", "return": 600.0, "steps": 2_000, "train_min": 5.0}
+    assert [(target.measured, target.met) for target in gail._peer_targets([own, peer])] == [(1.5, True), (2.5, False)]
+    assert not list(gail._peer_targets([own]))
+
+
 def test_impossible_settings_are_refused() -> None:
     with pytest.raises(InvalidValueError, match="no method of this study"):
         Gail(methods=("bc",))
