@@ -40,7 +40,7 @@ NOTES = (
     "Both evaluators fly the final checkpoint of one training run, on the same seeds and in calm air; success is the "
     "task's own criterion in both.",
     "lerobot sees the dataset that `aerial-il convert` derives: positions in the world, no anchor; its "
-    " normalisation, optimiser and temporal ensemble, at sizes made for a CPU.",
+    "normalisation, optimiser and temporal ensemble, at sizes made for a CPU.",
     "Equal: exact McNemar test, paired by seed. Single environment and batch agree bit for bit, actions do not: "
     "lerobot computes its ensemble in another order.",
 )
