@@ -45,7 +45,7 @@ RATIOS = {"Hopper-v5": 0.95, "HalfCheetah-v5": 0.87}
 SUCCESS_PERCENT = {"reach": 90.0}
 PEER_SPEED = 3.0  # times the environment steps in a minute
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
-EXPERT = "expert"
+EXPERT, EXPERTS = "expert", "experts"
 CLONE = "clone alone"
 NOTES = (
     "Experts of Gymnasium's tasks: soft actor-critic, trained here; recorded and judged is their mean action.",
@@ -92,6 +92,8 @@ class Gail:
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
         seeds: trainings of each arm. controls: trainings of each control run of a task's first method.
         episodes: flown to judge one. num_envs, suite_envs: worlds flown at once.
+        experts: folder with experts of Gymnasium's tasks that were trained here before, one run for each, which are
+            taken rather than trained anew. None to train all.
         peer: folder with results of another library, see ``experiments/gail/peer.py``; left out where it is missing.
     """
 
@@ -121,6 +123,7 @@ class Gail:
     episodes: int = 100
     num_envs: int = 8
     suite_envs: int = 64
+    experts: str | None = "experiments/gail/experts"
     peer: str = "experiments/gail/peer"
 
     def __post_init__(self) -> None:
@@ -132,7 +135,7 @@ class Gail:
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Train, record and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "peer")
+        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "experts", "peer")
         claim(folder, self._plain(), free=free)
         experts = {task: self._expert(task, folder, progress) for task in (*self.outside, *self.suite)}
         results = {point: self._result(point, folder, progress) for point in bar(self.points(), self.name, progress)}
@@ -173,15 +176,20 @@ class Gail:
     def pilot(self, task: str, folder: Path) -> Policy:
         """Return the expert of a task: trained here, or scripted."""
         if task in self.outside:
-            return load_policy(folder / "experts" / task)
+            return load_policy(self._expert_run(task, folder))
         return aerial_il.expert(self.robot, task, noise=self.noise)
+
+    def _expert_run(self, task: str, folder: Path) -> Path:
+        """Return where the expert of one of Gymnasium's tasks is, or will be: kept from before, or below ``folder``."""
+        kept = Path(self.experts) / task if self.experts else None
+        return kept if kept is not None and (kept / "policy").is_dir() else folder / EXPERTS / task
 
     def _expert(self, task: str, folder: Path, progress: bool) -> EvaluationResult:
         """Train the expert of a task where there is none, and judge it."""
-        if task in self.outside:
+        if task in self.outside and self._expert_run(task, folder).parent == folder / EXPERTS:
             env = self.environment(task)
             try:
-                self.expert.train(None, self.policy, env=env, run=folder / "experts" / task, progress=progress)
+                self.expert.train(None, self.policy, env=env, run=folder / EXPERTS / task, progress=progress)
             finally:
                 env.close()
         return self._judged(task, self.pilot(task, folder), folder / "evaluations" / task / EXPERT, EXPERT, progress)
@@ -391,7 +399,7 @@ def _peer_targets(rows: list[Row]) -> Iterator[Target]:
 
 def _seconds(folder: Path, evaluations: list[EvaluationResult], points: Mapping[Point, EvaluationResult]) -> float:
     """Return how long training and judging took, whenever it was done."""
-    runs = [folder / "training" / point.place for point in points] + list((folder / "experts").glob("*"))
+    runs = [folder / "training" / point.place for point in points] + list((folder / EXPERTS).glob("*"))
     return sum(read_metrics(run)[-1]["elapsed_s"] for run in runs) + sum(
         result.provenance["wall_time_s"] for result in evaluations
     )

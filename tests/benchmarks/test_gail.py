@@ -47,6 +47,14 @@ def test_a_learner_is_told_its_task_and_its_control() -> None:
     assert (outside.subsample, outside.bounds, outside.control) == (20, "environment", "none")
 
 
+def test_experts_that_were_kept_are_taken(tmp_path: Path) -> None:
+    study = Gail(experts=str(tmp_path / "kept"))
+    assert study._expert_run("Hopper-v5", tmp_path) == tmp_path / "experts" / "Hopper-v5"
+    (tmp_path / "kept" / "Hopper-v5" / "policy").mkdir(parents=True)
+    assert study._expert_run("Hopper-v5", tmp_path) == tmp_path / "kept" / "Hopper-v5"
+    assert Gail(experts=None)._expert_run("Hopper-v5", tmp_path) == tmp_path / "experts" / "Hopper-v5"
+
+
 def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_path: Path) -> None:
     expert = result(100.0, 100.0)
     row = gail._row("Hopper-v5", "dac", "none", [result(90.0, 110.0)], expert, [], tmp_path)
