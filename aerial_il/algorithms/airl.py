@@ -24,12 +24,12 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.parts.discriminator import Reward, Scorer, discriminator_loss, gradient_penalty
+from aerial_il.algorithms.parts.discriminator import Reward, Scorer, discriminator_loss
 from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
 from aerial_il.algorithms.parts.replay import Batch
 from aerial_il.algorithms.parts.settings import require_choice
 from aerial_il.algorithms.parts.snapshot import Trained, adam
-from aerial_il.policies.squashed_gaussian import EDGE, SquashedGaussian, log_density
+from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density, unsquashed
 
 RewardOn = Literal["state", "state_action"]
 
@@ -93,12 +93,7 @@ class ShapedReward(LearnedReward):
             assert norm is not None
             norm.add(torch.cat(inputs))
         loss, metrics = discriminator_loss(self._logit(expert, shown), self._logit(agent, flown))
-        if penalty:
-            sides = self.network.standardised(shown), self.network.standardised(flown)
-            steep = gradient_penalty(self.network.score, *sides, torch.rand(len(shown), 1))
-            loss, metrics = loss + penalty * steep, {**metrics, "reward/steep": steep.item()}
-        self._trained.descend(loss)
-        return metrics
+        return metrics | self._descend(loss, shown, flown, penalty)
 
     def _logit(self, batch: Batch, inputs: Tensor) -> Tensor:
         shaping = self._gamma * batch.going * self._height(batch.next_obs) - self._height(batch.obs)
@@ -107,6 +102,6 @@ class ShapedReward(LearnedReward):
     @torch.no_grad()
     def _density(self, obs: Tensor, actions: Tensor) -> Tensor:
         """Return ``log pi(a | s)`` (B,), 0 in the absorbing state, where there is nothing to choose."""
-        raw = torch.atanh(actions.clamp(-EDGE, EDGE))
+        raw = unsquashed(actions)
         found = log_density(raw, *self._actor.gaussian(obs[:, None, :-1])).sum(-1)
         return found * (1.0 - obs[:, -1])

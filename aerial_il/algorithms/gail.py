@@ -48,7 +48,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import EDGE, SquashedGaussian
+from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,5 +180,5 @@ def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:
 def blurred(shown: Batch, actor: SquashedGaussian) -> Batch:
     """Return ``shown`` with the noise on its actions that ``actor`` would have added to them."""
     _, log_std = actor.gaussian(shown.obs[:, None, :-1])
-    raw = torch.atanh(shown.actions.clamp(-EDGE, EDGE))
+    raw = unsquashed(shown.actions)
     return shown._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))

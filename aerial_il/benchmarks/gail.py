@@ -27,28 +27,25 @@ from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.benchmarks.parts.claim import claim
 from aerial_il.benchmarks.parts.figures import reward_lines
 from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
+from aerial_il.benchmarks.parts.ratios import peer_rows, peer_targets, row, targets
+from aerial_il.benchmarks.parts.report import Report
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
-from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
-from aerial_il.evaluation.statistics import bootstrap_mean, wilson
 from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
 EVALUATION_SEED = 10_000
-RATIOS = {"Hopper-v5": 0.95, "HalfCheetah-v5": 0.87}
-SUCCESS_PERCENT = {"reach": 90.0}
-PEER_SPEED = 3.0  # times the environment steps in a minute
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
 EXPERT, EXPERTS = "expert", "experts"
 CLONE = "clone alone"
 NOTES = (
-    "Experts of Gymnasium's tasks: soft actor-critic, trained here; recorded and judged is their mean action.",
+    "Experts of Gymnasium's tasks: soft actor-critic, trained here, now or before; recorded and judged is their mean "
+    "action.",
     "Learners never see a reward. The final policy of each training is judged on the expert's own fixed seeds.",
     "Ratio: mean return of the learner over that of the expert; its interval is a bootstrap (95 %) over episodes of "
     "all seeds, and covers neither the spread between trainings, which the table of single trainings shows, "
@@ -130,12 +127,15 @@ class Gail:
         for method in self.methods:
             if method not in ("dac", "gail"):
                 raise InvalidValueError(f"{method!r} is no method of this study; it has dac and gail.")
+        for task, numbers in self.apart.items():
+            if unknown := set(numbers) - {"steps", "seeds", "controls"}:
+                raise InvalidValueError(f"apart.{task} names {sorted(unknown)}; valid: steps, seeds, controls.")
         if not self.methods or min(self.seeds, self.trajectories, self.suite_demos, self.episodes, self.num_envs) < 1:
             raise InvalidValueError("methods, seeds, demonstrations, episodes and num_envs start at 1.")
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Train, record and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "experts", "peer")
+        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "peer")
         claim(folder, self._plain(), free=free)
         experts = {task: self._expert(task, folder, progress) for task in (*self.outside, *self.suite)}
         results = {point: self._result(point, folder, progress) for point in bar(self.points(), self.name, progress)}
@@ -181,12 +181,15 @@ class Gail:
 
     def _expert_run(self, task: str, folder: Path) -> Path:
         """Return where the expert of one of Gymnasium's tasks is, or will be: kept from before, or below ``folder``."""
+        return self._kept(task) or folder / EXPERTS / task
+
+    def _kept(self, task: str) -> Path | None:
         kept = Path(self.experts) / task if self.experts else None
-        return kept if kept is not None and (kept / "policy").is_dir() else folder / EXPERTS / task
+        return kept if kept is not None and (kept / "policy").is_dir() else None
 
     def _expert(self, task: str, folder: Path, progress: bool) -> EvaluationResult:
         """Train the expert of a task where there is none, and judge it."""
-        if task in self.outside and self._expert_run(task, folder).parent == folder / EXPERTS:
+        if task in self.outside and self._kept(task) is None:
             env = self.environment(task)
             try:
                 self.expert.train(None, self.policy, env=env, run=folder / EXPERTS / task, progress=progress)
@@ -261,19 +264,23 @@ class Gail:
         self, folder: Path, experts: Mapping[str, EvaluationResult], results: Mapping[Point, EvaluationResult]
     ) -> Report:
         arms = dict.fromkeys((p.task, p.method, p.control) for p in results)
-        rows = [_row(task, EXPERT, "none", [result], result, [], folder) for task, result in experts.items()]
+        rows = [row(task, EXPERT, "none", [result], result, []) for task, result in experts.items()]
         for arm in arms:
             points = [point for point in results if (point.task, point.method, point.control) == arm]
-            rows.append(_row(*arm, [results[point] for point in points], experts[arm[0]], points, folder))
-        rows += _peer_rows(Path(self.peer), experts)
-        singles = [_row(p.task, p.method, p.control, [r], experts[p.task], [p], folder) for p, r in results.items()]
+            runs = [folder / "training" / point.place for point in points]
+            rows.append(row(*arm, [results[point] for point in points], experts[arm[0]], runs))
+        rows += peer_rows(Path(self.peer), experts)
+        singles = [
+            row(p.task, p.method, p.control, [r], experts[p.task], [folder / "training" / p.place])
+            for p, r in results.items()
+        ]
         return Report(
             name=self.name,
             question=self.question,
             settings=self._plain(),
             targets=(
-                *_targets([row for row in rows if row["method"] in self._methods(row["task"])[:1]]),
-                *_peer_targets(rows),
+                *targets([found for found in rows if found["method"] == self._methods(found["task"])[0]]),
+                *peer_targets(rows),
             ),
             tables={"Learners, controls and experts": rows, "Single trainings": singles},
             notes=NOTES,
@@ -298,103 +305,6 @@ class Gail:
 
 def _successes(dataset: Path) -> Iterator[Episode]:
     return (episode for episode in aerial_il.open_dataset(str(dataset)) if episode.success)
-
-
-def _row(
-    task: str,
-    method: str,
-    control: str,
-    results: list[EvaluationResult],
-    expert: EvaluationResult,
-    points: list[Point],
-    folder: Path,
-) -> Row:
-    """Return success, return and ratio to the expert over all episodes of some evaluations."""
-    solved = [episode.success for result in results for episode in result.episodes]
-    returns = np.array([episode.return_ for result in results for episode in result.episodes])
-    best = float(np.mean([episode.return_ for episode in expert.episodes]))
-    low, high = bootstrap_mean(returns, rng=named_rng(0, "gail ratio"))
-    success_low, success_high = (round(100 * share, 1) for share in wilson(sum(solved), len(solved)))
-    trained = [read_metrics(folder / "training" / point.place)[-1] for point in points]
-    return {
-        "task": task,
-        "method": method,
-        "control": control,
-        "seeds": len(points) or None,
-        "steps": int(trained[0]["step"]) if trained else None,
-        "return": round(float(returns.mean()), 1),
-        "ratio": round(float(returns.mean()) / best, 3),
-        "ratio_low": round(low / best, 3),
-        "ratio_high": round(high / best, 3),
-        "percent": round(100 * float(np.mean(solved)), 1),
-        "ci95_low": success_low,
-        "ci95_high": success_high,
-        "episodes": len(solved),
-        "train_min": round(float(np.mean([row["elapsed_s"] for row in trained])) / 60, 1) if trained else None,
-    }
-
-
-def _peer_rows(folder: Path, experts: Mapping[str, EvaluationResult]) -> list[Row]:
-    """Return what another library reached from the same demonstrations, where it was measured."""
-    rows = []
-    for file in sorted(folder.glob("*.json")):
-        found = json.loads(file.read_text())
-        if found["task"] not in experts:
-            continue
-        best = float(np.mean([episode.return_ for episode in experts[found["task"]].episodes]))
-        returns = np.array(found["returns"])
-        low, high = bootstrap_mean(returns, rng=named_rng(0, "gail ratio"))
-        rows.append(
-            {
-                "task": found["task"],
-                "method": found["library"],
-                "control": "none",
-                "seeds": found["seeds"],
-                "steps": found["steps"],
-                "return": round(float(returns.mean()), 1),
-                "ratio": round(float(returns.mean()) / best, 3),
-                "ratio_low": round(low / best, 3),
-                "ratio_high": round(high / best, 3),
-                "percent": None,
-                "ci95_low": None,
-                "ci95_high": None,
-                "episodes": len(returns),
-                "train_min": round(found["train_s"] / 60, 1),
-            }
-        )
-    return rows
-
-
-def _targets(rows: list[Row]) -> Iterator[Target]:
-    """Yield what was asked for, of the arms that were measured."""
-    for row in (row for row in rows if row["control"] == "none"):
-        if row["task"] in RATIOS:
-            spread = f"95 % interval {row['ratio_low']} to {row['ratio_high']}, {row['steps']} steps"
-            yield Target(
-                f"{row['task']}: ratio to the expert", "at least", RATIOS[row["task"]], row["ratio"], "", spread
-            )
-        if row["task"] in SUCCESS_PERCENT:
-            spread = f"95 % interval {row['ci95_low']} to {row['ci95_high']} %"
-            yield Target(
-                f"{row['task']}: success", "at least", SUCCESS_PERCENT[row["task"]], row["percent"], "%", spread
-            )
-
-
-def _peer_targets(rows: list[Row]) -> Iterator[Target]:
-    """Yield what was asked for beside another library's GAIL, where both flew a task."""
-    ours = {row["task"]: row for row in rows if (row["method"], row["control"]) == ("gail", "none")}
-    for peer in rows:
-        if peer["task"] not in ours or not peer["method"].startswith("imitation"):
-            continue
-        own = ours[peer["task"]]
-        faster = (peer["train_min"] / peer["steps"]) / (own["train_min"] / own["steps"])
-        spread = (
-            f"ratios to the expert {own['ratio']} and {peer['ratio']}, {own['seeds']} and {peer['seeds']} trainings"
-        )
-        name = f"{peer['task']}, gail beside {peer['method']}"
-        yield Target(f"{name}: return", "at least", 1.0, round(own["return"] / peer["return"], 2), "times", spread)
-        spread = f"{own['train_min']} and {peer['train_min']} min for {own['steps']} and {peer['steps']} steps"
-        yield Target(f"{name}: steps in a minute", "at least", PEER_SPEED, round(faster, 2), "times", spread)
 
 
 def _seconds(folder: Path, evaluations: list[EvaluationResult], points: Mapping[Point, EvaluationResult]) -> float:

@@ -108,9 +108,14 @@ class SquashedGaussian(ChunkNetwork):
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         mean, log_std = self.gaussian(obs)
-        raw = torch.atanh(actions.clamp(-EDGE, EDGE)).flatten(1)
+        raw = unsquashed(actions).flatten(1)
         surprise = -log_density(raw, mean, log_std).unflatten(-1, self.shape)
         return masked_mean(surprise, valid), {"deviation": log_std.detach().exp().mean()}
+
+
+def unsquashed(actions: Tensor) -> Tensor:
+    """Return what a tanh made ``actions`` (...) of, those at the bounds pulled a little inside."""
+    return torch.atanh(actions.clamp(-EDGE, EDGE))
 
 
 def log_density(raw: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:

@@ -59,13 +59,10 @@ class Scenario:
         object.__setattr__(self, "image_size", tuple(self.image_size))
         if len(self.image_size) != 2 or not (0 < self.image_size[0] <= 960 and 0 < self.image_size[1] <= 1280):
             raise InvalidValueError(f"image_size is (height, width) up to (960, 1280), got {self.image_size}.")
-        if self.horizon is not None and not 1 <= self.horizon <= self._limit:
-            hint = f"{self.task_name} has a time limit of {self._limit} steps."
-            raise InvalidValueError(f"horizon is {self.horizon}; it must lie in [1, {self._limit}]: {hint}")
-
-    @property
-    def _limit(self) -> int:
-        return limit_of(self.task)
+        limit = limit_of(self.task)
+        if self.horizon is not None and not 1 <= self.horizon <= limit:
+            hint = f"{self.task_name} has a time limit of {limit} steps."
+            raise InvalidValueError(f"horizon is {self.horizon}; it must lie in [1, {limit}]: {hint}")
 
     @property
     def robot(self) -> Robot:
@@ -132,7 +129,7 @@ class Scenario:
             observation=ObservationSpec((*state, *images)),
             action=action_spec(self.level, self.robot.vehicle),
             control_dt_s=CONTROL_DT_S,
-            max_steps=self.horizon or self._limit,
+            max_steps=self.horizon or limit_of(self.task),
             instruction=self.task.instruction,
             subtasks=self.task.subtasks,
             state_size=mujoco.mj_stateSize(self.compile(), STATE),

@@ -74,8 +74,8 @@ def environment(venv: Path) -> Path:
     if not (venv / "done").exists():
         subprocess.run([sys.executable, "-m", "venv", "--clear", str(venv)], check=True)
         own = Path(".tools/bin/uv")  # what `make setup` installs with: minutes faster than pip at finding versions
-        tool = [str(own), "pip", "install", "--python"] if own.exists() else [str(python), "-m", "pip", "install"]
-        subprocess.run([*tool, *([str(python)] if own.exists() else []), "--quiet", *PACKAGES], check=True)
+        fast, slow = [own, "pip", "install", "--python", python], [python, "-m", "pip", "install"]
+        subprocess.run([*(fast if own.exists() else slow), "--quiet", *PACKAGES], check=True)
         (venv / "done").touch()
     return python
 

@@ -12,6 +12,7 @@ import pytest
 
 from aerial_il.benchmarks import gail
 from aerial_il.benchmarks.gail import Gail, Point
+from aerial_il.benchmarks.parts import ratios
 from aerial_il.core.errors import InvalidValueError
 
 
@@ -57,36 +58,38 @@ def test_experts_that_were_kept_are_taken(tmp_path: Path) -> None:
 
 def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_path: Path) -> None:
     expert = result(100.0, 100.0)
-    row = gail._row("Hopper-v5", "dac", "none", [result(90.0, 110.0)], expert, [], tmp_path)
+    row = ratios.row("Hopper-v5", "dac", "none", [result(90.0, 110.0)], expert, [])
     assert row["ratio"] == 1.0
     assert row["ratio_low"] <= 1.0 <= row["ratio_high"]
-    control = gail._row("Hopper-v5", "dac", "random_actions", [result(1.0, 2.0)], expert, [], tmp_path)
-    assert [target.met for target in gail._targets([row, control])] == [True]
-    reach = gail._row("reach", "dac", "none", [result(90.0, 10.0)], expert, [], tmp_path)
-    assert [target.met for target in gail._targets([reach])] == [False]
+    control = ratios.row("Hopper-v5", "dac", "random_actions", [result(1.0, 2.0)], expert, [])
+    assert [target.met for target in ratios.targets([row, control])] == [True]
+    reach = ratios.row("reach", "dac", "none", [result(90.0, 10.0)], expert, [])
+    assert [target.met for target in ratios.targets([reach])] == [False]
 
 
 def test_what_the_peer_reached_stands_in_the_same_table(tmp_path: Path) -> None:
     found = {"task": "Hopper-v5", "library": "peer", "seeds": 1, "steps": 10, "returns": [50.0, 50.0], "train_s": 60.0}
     (tmp_path / "Hopper-v5.json").write_text(json.dumps(found))
     expert = result(100.0, 100.0)
-    (peer,) = gail._peer_rows(tmp_path, {"Hopper-v5": expert})
-    own = gail._row("Hopper-v5", "dac", "none", [result(90.0)], expert, [], tmp_path)
+    (peer,) = ratios.peer_rows(tmp_path, {"Hopper-v5": expert})
+    own = ratios.row("Hopper-v5", "dac", "none", [result(90.0)], expert, [])
     assert list(peer) == list(own)
     assert (peer["ratio"], peer["train_min"]) == (0.5, 1.0)
-    assert not gail._peer_rows(tmp_path, {})
+    assert not ratios.peer_rows(tmp_path, {})
 
 
 def test_beside_a_peer_return_and_speed_are_judged() -> None:
     same = {"task": "Hopper-v5", "control": "none", "seeds": 1, "ratio": 0.5}
     own = {**same, "method": "gail", "return": 900.0, "steps": 1_000, "train_min": 1.0}
     peer = {**same, "method": "imitation 1.0.1 GAIL", "return": 600.0, "steps": 2_000, "train_min": 5.0}
-    assert [(target.measured, target.met) for target in gail._peer_targets([own, peer])] == [(1.5, True), (2.5, False)]
-    assert not list(gail._peer_targets([own]))
+    assert [(target.measured, target.met) for target in ratios.peer_targets([own, peer])] == [(1.5, True), (2.5, False)]
+    assert not list(ratios.peer_targets([own]))
 
 
 def test_impossible_settings_are_refused() -> None:
     with pytest.raises(InvalidValueError, match="no method of this study"):
         Gail(methods=("bc",))
+    with pytest.raises(InvalidValueError, match=r"apart.reach names \['sead'\]; valid: steps, seeds, controls"):
+        Gail(apart={"reach": {"sead": 2}})
     with pytest.raises(InvalidValueError, match="start at 1"):
         Gail(seeds=0)

@@ -70,10 +70,15 @@ class LearnedReward:
         if network.norm is not None:
             network.norm.add(both)
         loss, metrics = discriminator_loss(*network(both).split([len(shown), len(flown)]))
+        return metrics | self._descend(loss, shown, flown, penalty)
+
+    def _descend(self, loss: Tensor, shown: Tensor, flown: Tensor, penalty: float) -> dict[str, float]:
+        """Take one step, the slope between both sides' inputs held back; return how steep it was, where it is."""
+        metrics: dict[str, float] = {}
         if penalty:
-            sides = network.standardised(shown), network.standardised(flown)
-            steep = gradient_penalty(network.score, *sides, torch.rand(len(shown), 1))
-            loss, metrics = loss + penalty * steep, {**metrics, "reward/steep": steep.item()}
+            sides = self.network.standardised(shown), self.network.standardised(flown)
+            steep = gradient_penalty(self.network.score, *sides, torch.rand(len(shown), 1))
+            loss, metrics = loss + penalty * steep, {"reward/steep": steep.item()}
         self._trained.descend(loss)
         return metrics
 
