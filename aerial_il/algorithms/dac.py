@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.algorithms.parts.blur import blurred
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, decode, encode, read_lesson
@@ -59,6 +60,7 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
             random actions, and until ``warmup`` critics and discriminator alone learn from it.
         nearness: weight of the actor's squared distance from demonstrated actions beside what the critics think.
         expert_share: share of demonstrated transitions in the agent's minibatches, paid like all others.
+        blur: show the discriminator demonstrated actions with the noise that the agent explores with, see ``gail``.
         reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
         reward_hidden: its widths. reward_lr: its learning rate. reward_updates: its steps for each of the agent's.
         penalty: weight of the gradient penalty, 0 for none. spectral: normalise its matrices.
@@ -68,6 +70,7 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
     cloning: int = 0
     nearness: float = 0.0
     expert_share: float = 0.0
+    blur: bool = False
     reward: Reward = "airl"
     reward_hidden: tuple[int, ...] = (128, 128)
     reward_lr: float = 3e-4
@@ -150,7 +153,10 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
                 judges = learns and self.control != "constant_reward"
                 for _ in range(judges * session.owed(self.updates * self.reward_updates)):
                     half = self.batch_size // 2
-                    session.note(judge.learn(expert.sample(half), memory.sample(half), penalty=self.penalty))
+                    demos = expert.sample(half)
+                    demos = blurred(demos, agent.network) if self.blur else demos
+                    session.note(judge.learn(demos, memory.sample(half), penalty=self.penalty))
+                agent.learn_at(self.lr_at(session.left))
                 for _ in range(learns * session.owed(self.updates)):
                     batch = self._minibatch(expert, memory, judge)
                     near = expert.sample(self.batch_size // 2) if nearness else None

@@ -33,7 +33,7 @@ import numpy as np
 from aerial_il.algorithms.bc import Evaluate
 from aerial_il.algorithms.parts.doubt import actions_along
 from aerial_il.algorithms.parts.interactive import Interactive, Pilot, fly_and_learn
-from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace, asked
+from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace
 from aerial_il.algorithms.parts.settings import require_positive
 from aerial_il.algorithms.parts.training_set import split
 from aerial_il.core.errors import InvalidValueError
@@ -118,7 +118,7 @@ class Noise:
     def of(policy: ChunkPolicy, flights: Sequence[Episode], *, scale: float, coloured: bool) -> Noise:
         """Estimate the noise from the errors of ``policy`` along labelled flights that it did not learn from."""
         switched = np.isfinite(policy.interface.switches.low)
-        labels = np.concatenate([np.where(asked(f)[:, None], f.expert_actions, f.executed_actions) for f in flights])
+        labels = np.concatenate([flight.labels for flight in flights])
         errors = np.where(switched, 0.0, actions_along(policy, flights) - labels)
         spread = policy.interface.action.scale
         pieces = np.split(errors / spread, np.cumsum([len(f) for f in flights])[:-1])

@@ -23,13 +23,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import torch
 
+from aerial_il.algorithms.parts.blur import blurred
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
 from aerial_il.algorithms.parts.learned_reward import LearnedReward
-from aerial_il.algorithms.parts.replay import Batch, Replay, rows_of
+from aerial_il.algorithms.parts.replay import Replay, rows_of
 from aerial_il.algorithms.parts.returns import RunningMoments
 from aerial_il.algorithms.parts.rollout import Rollout, fly, learn, learner_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
@@ -48,7 +48,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,11 +174,3 @@ def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:
     """Return a rollout as rows of a replay memory."""
     names = ("obs", "actions", "rewards", "next_obs", "terminal")
     return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)
-
-
-@torch.no_grad()
-def blurred(shown: Batch, actor: SquashedGaussian) -> Batch:
-    """Return ``shown`` with the noise on its actions that ``actor`` would have added to them."""
-    _, log_std = actor.gaussian(shown.obs[:, None, :-1])
-    raw = unsquashed(shown.actions)
-    return shown._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))

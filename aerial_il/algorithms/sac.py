@@ -92,6 +92,7 @@ class SoftActorCriticLearning(OffPolicy):
                 step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
                 after = encode(interface, step.next_frames)
                 memory.add(rows_of(obs, actions, step.rewards, after, step.terminal, absorbing=False))
+                agent.learn_at(self.lr_at(session.left))
                 for _ in range(0 if warm else session.owed(self.updates)):
                     session.note(agent.update(memory.sample(self.batch_size)))
                 session.turn(flying)

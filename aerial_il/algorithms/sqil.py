@@ -78,6 +78,7 @@ class SoftQImitation(Imitating, OffPolicy):
                 step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
                 after, unpaid = encode(interface, step.next_frames), np.zeros(flight.n)
                 memory.add(rows_of(obs, actions, unpaid, after, step.terminal, absorbing=self.absorbing))
+                agent.learn_at(self.lr_at(session.left))
                 for _ in range(0 if warm else session.owed(self.updates)):
                     session.note(agent.update(self._minibatch(expert, memory)))
                 session.turn(flying)

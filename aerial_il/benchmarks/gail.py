@@ -52,8 +52,9 @@ NOTES = (
     "nor the expert's own.",
     "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: the "
     "same run paid 1 for every step before an end. What these reach is no imitation.",
-    "On the suite gail begins with a clone, and learns from flights of a fixed length, which success does not end. "
-    "clone alone: the same run without a step of reinforcement.",
+    "dac, and on the suite gail, begin with a clone; clone alone: the same run without a step of reinforcement. On "
+    "Gymnasium's tasks gail begins with nothing, like the other library's.",
+    "On the suite gail learns from flights of a fixed length, which success does not end.",
     "On the suite all are judged like any policy: an episode ends with success. The interval of its rate is Wilson's "
     "(95 %).",
 )
@@ -79,8 +80,8 @@ class Gail:
     """Settings.
 
     Attributes:
-        policy: what is trained on Gymnasium's tasks. gail_policy: what differs in it for ``gail``. expert: how their
-            experts are trained.
+        policy: what is trained on Gymnasium's tasks. differs: method -> what is different in it there. expert: how
+            their experts are trained.
         dac, gail: how learners are trained. methods: which of them on Gymnasium's tasks.
         apart: task -> what differs for it among ``steps`` of a learner, ``seeds`` and ``controls``.
         outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: keep each so manieth step of them.
@@ -100,7 +101,7 @@ class Gail:
     )
 
     policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
-    gail_policy: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    differs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict, hash=False)
     expert: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
     dac: DiscriminatorActorCritic = field(default_factory=DiscriminatorActorCritic)
     gail: AdversarialImitation = field(default_factory=AdversarialImitation)
@@ -164,7 +165,7 @@ class Gail:
 
     def _methods(self, task: str) -> tuple[str, ...]:
         """What is trained on a task, what the targets are about first."""
-        return self.methods if task in self.outside else ("gail", CLONE)
+        return (*(self.methods if task in self.outside else ("gail",)), CLONE)
 
     def environment(self, task: str, *, judged: bool = False, at_most: int | None = None) -> Any:
         """Return worlds of a task, wherever it comes from: to learn and demonstrate in, or to be ``judged`` in."""
@@ -232,12 +233,13 @@ class Gail:
 
     def _learner(self, point: Point) -> Any:
         """Return the algorithm of a training."""
-        outside = point.task in self.outside
-        if outside and point.method == "dac":
-            return self._fitted(replace(self.dac, subsample=self.subsample), point)
-        shown = {"subsample": self.subsample} if outside else dict(self.suite_gail)
-        learner = self._fitted(replace(self.gail, **shown), point)
-        return replace(learner, steps=learner.rollout, warmup=learner.rollout) if point.method == CLONE else learner
+        if point.task not in self.outside:
+            learner = self._fitted(replace(self.gail, **self.suite_gail), point)
+            return replace(learner, steps=learner.rollout, warmup=learner.rollout) if point.method == CLONE else learner
+        if point.method == "gail":
+            return self._fitted(replace(self.gail, subsample=self.subsample), point)
+        learner = self._fitted(replace(self.dac, subsample=self.subsample), point)
+        return replace(learner, steps=self.num_envs) if point.method == CLONE else learner
 
     def _fitted[Learner: Imitating](self, learner: Learner, point: Point) -> Learner:
         """Return ``learner`` with the length and the control of one training."""
@@ -246,7 +248,7 @@ class Gail:
     def _policy(self, point: Point) -> SquashedGaussianConfig:
         if point.task not in self.outside:
             return replace(self.policy, **self.suite_policy)
-        return replace(self.policy, **self.gail_policy) if point.method == "gail" else self.policy
+        return replace(self.policy, **self.differs.get("dac" if point.method == CLONE else point.method, {}))
 
     def _judged(self, task: str, policy: Policy, judged: Path, name: str, progress: bool) -> EvaluationResult:
         if (judged / FILE_NAME).exists():

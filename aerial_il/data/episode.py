@@ -64,6 +64,16 @@ class Episode:
     def total_reward(self) -> float:
         return float(self.rewards.sum())
 
+    @property
+    def asked(self) -> np.ndarray:
+        """(T,) bool, the steps in which the expert was asked."""
+        return np.asarray(~np.isnan(self.expert_actions).any(axis=1))
+
+    @property
+    def labels(self) -> np.ndarray:
+        """(T, Da) what is to be learned: what the expert would have done, and where nobody was asked what was done."""
+        return np.where(self.asked[:, None], self.expert_actions, self.executed_actions)
+
     def flat_obs(self, names: tuple[str, ...]) -> np.ndarray:
         """Concatenate fields to (T + 1, D) in the order of ``names``."""
         return self.spec.observation.flatten(self.obs, names)

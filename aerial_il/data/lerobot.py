@@ -149,7 +149,7 @@ def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, An
         for key, fields in ((STATE, spec.of_group("proprio")), (ENVIRONMENT, spec.of_group("task")))
         if fields
     }
-    labels = np.where(np.isnan(episode.expert_actions), episode.executed_actions, episode.expert_actions)
+    labels = episode.labels
     for t in range(len(episode)):
         done = t == len(episode) - 1
         yield {

@@ -136,12 +136,10 @@ def _image(episode: Episode, name: str) -> np.ndarray:
 
 
 def _target(episode: Episode, target: Target) -> np.ndarray:
-    if target != "expert_actions":
-        return getattr(episode, target)
-    return np.where(np.isnan(episode.expert_actions), episode.executed_actions, episode.expert_actions)
+    return episode.labels if target == "expert_actions" else getattr(episode, target)
 
 
 def _known(episode: Episode, target: Target) -> np.ndarray:
     """(T,) bool: the steps whose target is worth learning."""
-    asked = np.asarray(~np.isnan(episode.expert_actions).any(axis=1))
+    asked = episode.asked
     return asked if target == "expert_actions" and asked.any() else np.ones(len(episode), bool)

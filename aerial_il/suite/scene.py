@@ -16,6 +16,8 @@ PHYSICS_DT_S = 0.004
 SUBSTEPS = 5
 CONTROL_DT_S = PHYSICS_DT_S * SUBSTEPS
 ARENA_BYTES = 1 << 21  # ten times what a scene was seen to need; MuJoCo ends the process where it does not suffice
+GROUND_M = [50.0, 50.0, 10.0]  # half sizes and grid as drawn; endless, a picture takes four times as long
+EXTENT_M = 1.3  # of what is looked at: sets the nearest and farthest that cameras see, at 0.01 and 50 times as much
 SCENE_SPAN_M, SCENE_RETREAT = 1.1, 0.4  # widest robot that fits the picture, and share of the way back per m beyond
 SCENE_CAMERA, SCENE_CENTRE = np.array([1.55, -1.75, 1.40]), np.array([0.0, 0.0, 0.9])  # m
 
@@ -59,6 +61,7 @@ def _set_visuals(spec: mujoco.MjSpec) -> None:
     visual.headlight.diffuse = [0.25, 0.25, 0.25]
     visual.headlight.specular = [0.0, 0.0, 0.0]
     visual.map.znear = 0.01
+    spec.stat.extent = EXTENT_M
 
 
 def _add_arena(spec: mujoco.MjSpec) -> None:
@@ -74,7 +77,7 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
     material = spec.add_material(name="grid", texrepeat=[4, 4], texuniform=True, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     plane = mujoco.mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(name="ground", type=plane, size=[0, 0, 0.1], material="grid", **WORLD)
+    spec.worldbody.add_geom(name="ground", type=plane, size=GROUND_M, material="grid", **WORLD)
     sun = spec.worldbody.add_light(name="sun", pos=[1, -2, 4], dir=[-0.3, 0.5, -1], castshadow=False)
     sun.type, sun.diffuse, sun.specular = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, [0.45] * 3, [0.1] * 3
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.gail import blurred
+from aerial_il.algorithms.parts.blur import blurred
 from aerial_il.algorithms.parts.discriminator import REWARDS, RunningNorm, Scorer, gradient_penalty
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import (
@@ -24,6 +24,7 @@ from aerial_il.algorithms.parts.expert_data import (
 from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
 from aerial_il.algorithms.parts.replay import Batch, Replay, rows_of, split
 from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments, advantages
+from aerial_il.algorithms.sac import SoftActorCriticLearning, agent_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.layout import Layout
@@ -318,3 +319,21 @@ def test_demonstrations_are_blurred_as_the_agent_explores() -> None:
     raw = torch.atanh(blurred(shown, actor).actions)
     assert abs(float(raw.mean()) - np.arctanh(0.3)) < 0.01
     assert abs(float(raw.std()) - np.exp(-2.0)) < 0.01
+
+
+def test_an_agent_learns_at_the_rate_that_is_left() -> None:
+    settings = SoftActorCriticLearning(lr=1e-3, lr_floor=0.2, critic_hidden=(8,))
+    assert [settings.lr_at(left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-3, 6e-4, 2e-4])
+    torch.manual_seed(0)
+    agent = agent_of(settings, POLICY.build(1, 1), (1, 1))
+    batch = Batch(torch.zeros(16, 2), torch.rand(16, 1), torch.zeros(16, 2), torch.ones(16), torch.ones(16))
+
+    def moved_at(rate: float) -> bool:
+        before = [weights.clone() for weights in agent.network.parameters()]
+        agent.learn_at(rate)
+        for _ in range(settings.actor_every):
+            agent.update(batch)
+        return any(not torch.equal(a, b) for a, b in zip(before, agent.network.parameters(), strict=True))
+
+    assert moved_at(1e-3)
+    assert not moved_at(0.0)

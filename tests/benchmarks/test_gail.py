@@ -25,6 +25,7 @@ def test_every_task_has_learners_and_both_controls() -> None:
     study = Gail(outside=("Hopper-v5",), suite={"reach": 250}, seeds=2, methods=("dac", "gail"))
     points = study.points()
     assert Point("Hopper-v5", "gail", "none", 1) in points
+    assert {p.method for p in points if p.task == "Hopper-v5"} == {"dac", "gail", gail.CLONE}
     assert {p.method for p in points if p.task == "reach"} == {"gail", gail.CLONE}
     assert {p.control for p in points if p.task == "reach"} == {"none", "random_actions", "constant_reward"}
     assert len({p.place for p in points}) == len(points)
@@ -46,6 +47,8 @@ def test_a_learner_is_told_its_task_and_its_control() -> None:
     assert (clone.steps, clone.warmup, clone.cloning) == (64, 64, 9), "reinforcement never moves it"
     outside = study._learner(Point("Hopper-v5", "dac", "none", 0))
     assert (outside.subsample, outside.bounds, outside.control) == (20, "environment", "none")
+    clone = study._learner(Point("Hopper-v5", gail.CLONE, "none", 0))
+    assert clone.steps < clone.warmup, "nor here"
 
 
 def test_experts_that_were_kept_are_taken(tmp_path: Path) -> None:

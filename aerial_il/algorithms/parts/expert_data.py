@@ -215,8 +215,7 @@ def _transitions_of(episode: Episode, layout: Layout, labels: Labels) -> Transit
     frames = layout.flatten(episode.obs)
     terminal = np.asarray(episode.terminated, bool).copy()
     terminal[-1] |= episode.success and not episode.truncated[-1]
-    executed, meant = episode.executed_actions, episode.expert_actions
-    actions = np.where(np.isfinite(meant), meant, executed) if labels == "expert" else executed
+    actions = episode.labels if labels == "expert" else episode.executed_actions
     return Transitions(frames[:-1], actions, frames[1:], terminal)
 
 

@@ -257,10 +257,8 @@ GateSettings = CoinGate | ThriftyGate | HumanGate
 
 def _mean_discrepancy(learner: ChunkPolicy, lessons: Sequence[Episode], scale: Scale) -> float:
     """Mean distance between the learner's actions and the labels along the lessons."""
-    labels = np.concatenate([lesson.expert_actions for lesson in lessons])
-    flown = np.concatenate([lesson.executed_actions for lesson in lessons])
-    answers = np.where(np.isnan(labels), flown, labels)
-    labelled = ~np.isnan(labels).any(axis=1)
+    labels = np.concatenate([lesson.labels for lesson in lessons])
+    labelled = np.concatenate([lesson.asked for lesson in lessons])
     labelled = labelled if labelled.any() else np.ones_like(labelled)
-    distance = scale.distance(actions_along(learner, lessons), answers)
+    distance = scale.distance(actions_along(learner, lessons), labels)
     return float(distance[labelled].mean())

@@ -102,7 +102,7 @@ class Tally:
             flights=len(episodes),
             successes=sum(e.success for e in episodes),
             steps=sum(map(len, episodes)),
-            queries=sum(int(asked(e).sum()) for e in episodes),
+            queries=sum(int(e.asked.sum()) for e in episodes),
             interventions=sum(
                 int((np.diff(e.is_intervention, prepend=False) & e.is_intervention).sum()) for e in episodes
             ),
@@ -275,7 +275,7 @@ class Rounds:
     def _take_in(self, flights: Sequence[Episode]) -> None:
         """Count the flights of a round and learn from those with labels that are as long as a chunk."""
         self.tallies.append(Tally.of(flights))
-        self.lessons += [f for f in flights if asked(f).any() and len(f) >= self._training.policy.chunk]
+        self.lessons += [f for f in flights if f.asked.any() and len(f) >= self._training.policy.chunk]
 
     def _aggregate(self, number: int) -> None:
         dataset, spec = DatasetFolder(self._folder.path / DATASET), self._at.env.spec
@@ -324,11 +324,6 @@ class Training:
             "settings": plain(self.settings),
             "policy": policy,
         }
-
-
-def asked(episode: Episode) -> np.ndarray:
-    """Return the steps (T,) bool that the expert labelled."""
-    return np.asarray(~np.isnan(episode.expert_actions).any(axis=1))
 
 
 def plain(settings: Any) -> Any:

@@ -55,7 +55,8 @@ class OffPolicy(Flying):
         actor_every: of these, how many for each one of actor and temperature.
         batch_size: transitions in a minibatch.
         memory: transitions kept.
-        lr: learning rate of actor, critics and temperature.
+        lr: learning rate of actor, critics and temperature, at the start; it changes linearly.
+        lr_floor: what is left of it at the end, as a share; 1 for all. Below that the final policy swings less.
         tau: share by which target critics follow at each update.
         critic_hidden: widths of the critics.
         alpha: temperature at the start.
@@ -68,6 +69,7 @@ class OffPolicy(Flying):
     batch_size: int = 256
     memory: int = 1_000_000
     lr: float = 3e-4
+    lr_floor: float = 1.0
     tau: float = 0.005
     critic_hidden: tuple[int, ...] = (256, 256)
     alpha: float = 0.1
@@ -76,7 +78,12 @@ class OffPolicy(Flying):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "warmup", "updates", "actor_every", "batch_size", "memory", "lr", "tau", "alpha")
+        require_share(self, "lr_floor")
         require_widths(self, "critic_hidden")
+
+    def lr_at(self, left: float) -> float:
+        """Return the learning rate when the share ``left`` of the training is left."""
+        return self.lr * (self.lr_floor + (1.0 - self.lr_floor) * left)
 
 
 @dataclass(frozen=True, kw_only=True)

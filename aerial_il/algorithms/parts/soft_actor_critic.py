@@ -54,7 +54,7 @@ class SoftActorCritic:
         actor: the policy's network.
         obs_size, action_size: Do and Da.
         hidden: widths of the critics.
-        lr: learning rate of all.
+        lr: learning rate of all, until :meth:`learn_at` is called.
         gamma: discount. tau: share by which the targets follow at each update.
         entropy: wanted entropy for each action element, of the squashed distribution.
         alpha: temperature at the start.
@@ -89,6 +89,11 @@ class SoftActorCritic:
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Draw actions (n, Da) for encoded observations (n, Do)."""
         return self.network.sample(tensor(obs)[:, None])[0].numpy()
+
+    def learn_at(self, lr: float) -> None:
+        """Let all that follows be learned at the rate ``lr``."""
+        for part in (self._actor, self._critics):
+            part.optimizer.param_groups[0]["lr"] = lr
 
     def clone(self, shown: Replay, steps: int, batch_size: int) -> None:
         """Move the actor's centre towards demonstrated actions in ``steps`` minibatches: another place to begin."""

@@ -128,10 +128,11 @@ class OutsideBatch:
         each = given + np.arange(self.num_envs) if given.ndim == 0 else given
         if each.shape != (self.num_envs,):
             raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {each.shape}.")
-        for i in self._chosen(mask):
-            outcome = self._worlds[i].reset(int(each[i]))
+        worlds = self._chosen(mask)
+        for i in worlds:
             self.seeds[i], self._steps[i], self._counts[i], self._returns[i] = each[i], 0, 0, 0.0
-            self._show(i, outcome)
+            self._show(i, self._worlds[i].reset(int(each[i])))
+        self._check(worlds)
         return self.observe()
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
@@ -147,7 +148,8 @@ class OutsideBatch:
         reward, terminated, truncated = before.reward.copy(), before.terminated.copy(), before.truncated.copy()
         info = {name: values.copy() for name, values in before.info.items()}
         clipped = self.spec.action.clip(np.asarray(actions, float))
-        for i in self._chosen(mask):
+        worlds = self._chosen(mask)
+        for i in worlds:
             world = self._worlds[i]
             executed = world.executed(clipped[i])
             outcome = world.step(executed)
@@ -161,6 +163,7 @@ class OutsideBatch:
             info["success"][i] = self.rule.holds(
                 count=int(self._counts[i]), total_reward=float(self._returns[i]), survived=bool(truncated[i])
             )
+        self._check(worlds, reward)
         self._last = StepResult(self._obs, reward, terminated, truncated, info)
         return StepResult(self.observe(), reward, terminated, truncated, self._info(info, terminated))
 
@@ -183,13 +186,15 @@ class OutsideBatch:
         """
         if self._states is None:
             raise InvalidValueError(f"{self.spec.robot}:{self.spec.task} is no MuJoCo environment: it has no state.")
-        for i in self._chosen(mask):
+        worlds = self._chosen(mask)
+        for i in worlds:
             physics = self._worlds[i].physics()
             assert physics is not None
             self._states.set(*physics, states[i, : self._states.size])
             self._steps[i], self._counts[i] = np.round(states[i, -COUNTERS:-1]).astype(int)
             self._returns[i] = states[i, -1]
             self._show(i, Outcome(self._worlds[i].observe()))
+        self._check(worlds)
         return self.observe()
 
     def close(self) -> None:
@@ -212,13 +217,17 @@ class OutsideBatch:
 
     def _show(self, i: int, outcome: Outcome) -> None:
         for name, value in outcome.obs.items():
-            if not np.isfinite(value).all():
-                what = f"Observation {name!r} of {self.spec.task} became non-finite"
-                raise SimulationDivergedError(what, seed=int(self.seeds[i]), step=int(self._steps[i]))
             self._obs[name][i] = value
-        if not np.isfinite(outcome.reward):
-            what = f"The reward of {self.spec.task} became non-finite"
-            raise SimulationDivergedError(what, seed=int(self.seeds[i]), step=int(self._steps[i]))
+
+    def _check(self, worlds: list[int], reward: np.ndarray | None = None) -> None:
+        """Refuse what ``worlds`` show, and are paid, where it is not finite."""
+        answers = {f"Observation {name!r}": values for name, values in self._obs.items()}
+        for what, values in (answers | ({} if reward is None else {"The reward": reward})).items():
+            if not np.isfinite(values[worlds]).all():
+                i = next(i for i in worlds if not np.isfinite(values[i]).all())
+                raise SimulationDivergedError(
+                    f"{what} of {self.spec.task} became non-finite", seed=int(self.seeds[i]), step=int(self._steps[i])
+                )
 
     def _chosen(self, mask: np.ndarray | None) -> list[int]:
         return list(range(self.num_envs)) if mask is None else np.flatnonzero(mask).tolist()

@@ -1,0 +1,16 @@
+"""Demonstrated actions with the noise of an agent, so that a discriminator cannot tell one from the other by it."""
+
+from __future__ import annotations
+
+import torch
+
+from aerial_il.algorithms.parts.replay import Batch
+from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
+
+
+@torch.no_grad()
+def blurred(shown: Batch, actor: SquashedGaussian) -> Batch:
+    """Return ``shown`` with the noise on its actions that ``actor`` would have added to them."""
+    _, log_std = actor.gaussian(shown.obs[:, None, :-1])
+    raw = unsquashed(shown.actions)
+    return shown._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))
