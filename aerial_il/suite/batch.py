@@ -53,6 +53,10 @@ class BatchEnvironment:
         self.model = scenario.compile()
         self.simulation = Simulation(scenario, Worlds.many(self.model, num_envs), gains, num_threads)
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
+        height, width = scenario.image_size
+        self._images = {
+            r.key: np.zeros((num_envs, height, width, *r.channels), r.dtype) for r in scenario.camera_requests
+        }
 
     @property
     def spec(self) -> EnvSpec:
@@ -100,7 +104,7 @@ class BatchEnvironment:
         if each.shape != (self.num_envs,):
             raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {each.shape}.")
         self.simulation.reset(each, mask)
-        return self.observe()
+        return self._seen(mask)
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
         """Fly one control step of 20 ms; worlds outside ``mask`` (n,) bool stand still.
@@ -111,7 +115,7 @@ class BatchEnvironment:
         executed = self.simulation.advance(actions, mask)
         judgement = self.simulation.judge()
         return StepResult(
-            obs=self.observe(),
+            obs=self._seen(mask),
             reward=judgement.reward,
             terminated=judgement.crash,
             truncated=judgement.truncated,
@@ -120,12 +124,7 @@ class BatchEnvironment:
 
     def observe(self) -> dict[str, np.ndarray]:
         """Observations of all worlds as they stand, ``name -> (n, ...)``."""
-        obs = self.simulation.observe()
-        requests, (height, width) = self.scenario.camera_requests, self.scenario.image_size
-        if requests:
-            frames = [[self.shoot(i, r, height, width) for r in requests] for i in range(self.num_envs)]
-            obs.update({r.key: np.stack([world[k] for world in frames]) for k, r in enumerate(requests)})
-        return obs
+        return self._seen(None)
 
     def get_state(self) -> np.ndarray:
         """(n, S) copies of the full states: physics, controllers, gusts, timers."""
@@ -134,7 +133,15 @@ class BatchEnvironment:
     def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Continue from states (n, S) that :meth:`get_state` returned; return the observations."""
         self.simulation.set_state(states, mask)
-        return self.observe()
+        return self._seen(mask)
+
+    def _seen(self, mask: np.ndarray | None) -> dict[str, np.ndarray]:
+        """Observations of all worlds, of which those of ``mask`` (n,) have moved: none but these are rendered anew."""
+        height, width = self.scenario.image_size
+        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
+            for request in self.scenario.camera_requests:
+                self._images[request.key][i] = self.shoot(int(i), request, height, width)
+        return {**self.simulation.observe(), **{key: images.copy() for key, images in self._images.items()}}
 
     def render(
         self, world: int = 0, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb"

@@ -1,0 +1,38 @@
+"""What cameras of a batch show is each world as it stands, whichever of them moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.suite.batch import BatchEnvironment
+from tests.contract.registered import CELLS
+
+pytestmark = pytest.mark.render
+
+
+def same(shown: dict[str, np.ndarray], env: BatchEnvironment) -> None:
+    """Compare images with those of a look at all worlds."""
+    anew = env.observe()
+    for key in ("wrist_rgb", "base_depth"):
+        np.testing.assert_array_equal(shown[key], anew[key])
+
+
+def test_images_are_of_the_worlds_as_they_stand_after_some_of_them_moved() -> None:
+    env = aerial_il.load_batch(*CELLS[0], num_envs=3, cameras=("wrist", "base:depth"), image_size=(24, 32))
+    try:
+        first = env.reset(0)
+        same(first, env)
+        some = np.array([True, False, True])
+        action = np.tile(env.spec.action.clip(np.full(env.spec.action.size, 0.4)), (3, 1))
+        for _ in range(10):
+            moved = env.step(action, some).obs
+        same(moved, env)
+        changed = [not np.array_equal(a, b) for a, b in zip(first["wrist_rgb"], moved["wrist_rgb"], strict=True)]
+        assert changed == some.tolist()
+        same(env.reset(7, ~some), env)
+        same(env.set_state(np.roll(env.get_state(), 1, axis=0), some), env)
+        assert (first["wrist_rgb"] != env.observe()["wrist_rgb"]).any(), "what was handed out is not written again"
+    finally:
+        env.close()
