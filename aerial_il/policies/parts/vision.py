@@ -77,7 +77,8 @@ class VisionNetwork(ChunkNetwork):
         images = pixels.reshape(windows, history, *shape)
         part = random_part if self.training else middle_part
         images = part(images, *_cropped(shape, self.crop)).flatten(0, 1)
-        return eye(images.permute(0, 3, 1, 2)).unflatten(0, (windows, history))
+        planes = images.permute(0, 3, 1, 2).contiguous()  # as a view, two and a half times as long on a processor
+        return eye(planes).unflatten(0, (windows, history))
 
 
 def middle_part(images: Tensor, height: int, width: int) -> Tensor:
