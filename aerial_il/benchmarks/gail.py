@@ -89,7 +89,8 @@ class Gail:
             learns, which success does not end. suite_policy, suite_gail: what differs on these, which ``gail`` learns.
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
         seeds: trainings of each arm. controls: trainings of each control run of a task's first method.
-        episodes: flown to judge one. num_envs, suite_envs: worlds flown at once.
+        episodes: flown to judge one. num_envs: worlds flown at once of Gymnasium's tasks; gail_envs, suite_envs: by
+            ``gail`` there, and of the suite's.
         experts: folder with experts of Gymnasium's tasks that were trained here before, one run for each, which are
             taken rather than trained anew. None to train all.
         peer: folder with results of another library, see ``experiments/gail/peer.py``; left out where it is missing.
@@ -120,6 +121,7 @@ class Gail:
     controls: int = 1
     episodes: int = 100
     num_envs: int = 8
+    gail_envs: int = 32
     suite_envs: int = 64
     experts: str | None = "experiments/gail/experts"
     peer: str = "experiments/gail/peer"
@@ -167,10 +169,11 @@ class Gail:
         """What is trained on a task, what the targets are about first."""
         return (*(self.methods if task in self.outside else ("gail",)), CLONE)
 
-    def environment(self, task: str, *, judged: bool = False, at_most: int | None = None) -> Any:
-        """Return worlds of a task, wherever it comes from: to learn and demonstrate in, or to be ``judged`` in."""
+    def environment(self, task: str, *, learner: str = "", judged: bool = False, at_most: int | None = None) -> Any:
+        """Return worlds of a task, wherever it comes from: to demonstrate, to learn by a method or be ``judged`` in."""
         if task in self.outside:
-            return aerial_il.load_gymnasium(task, num_envs=min(self.num_envs, at_most or self.num_envs))
+            num_envs = self.gail_envs if learner == "gail" else self.num_envs
+            return aerial_il.load_gymnasium(task, num_envs=min(num_envs, at_most or num_envs))
         num_envs, horizon = min(self.suite_envs, at_most or self.suite_envs), None if judged else self.suite[task]
         return aerial_il.load_batch(self.robot, task, num_envs=num_envs, horizon=horizon)
 
@@ -217,7 +220,7 @@ class Gail:
         judged = folder / "evaluations" / point.place
         if (judged / FILE_NAME).exists():
             return load_result(judged)
-        env = self.environment(point.task)
+        env = self.environment(point.task, learner=point.method)
         try:
             policy = self._learner(point).train(
                 self.demonstrations(point.task, folder, progress),
