@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from aerial_il.core.rendering import can_render
+from aerial_il.suite.rendering import Renderer
 from aerial_il.suite.worlds import STATE
 
 SUPERSAMPLING = 2  # every pixel is the mean of 2 x 2
@@ -24,7 +25,7 @@ def obstacle() -> str:
     if not can_render():
         return "no rendering back end works on this machine; `aerial-il doctor` says what is missing."
     try:
-        mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16).close()
+        Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16).close()
     except Exception as error:  # the renderer, its bindings and the driver each raise their own kind
         return f"this machine cannot render ({type(error).__name__}: {error}). `aerial-il doctor` says what is missing."
     return ""
@@ -68,7 +69,7 @@ class Studio:
     def __init__(self, model_xml: str) -> None:
         self.model = mujoco.MjModel.from_xml_string(model_xml)
         self.data = mujoco.MjData(self.model)
-        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._renderers: dict[tuple[int, int], Renderer] = {}
 
     def __enter__(self) -> Studio:
         return self
@@ -132,10 +133,10 @@ class Studio:
             renderer.close()
         self._renderers.clear()
 
-    def _renderer(self, height: int, width: int) -> mujoco.Renderer:
+    def _renderer(self, height: int, width: int) -> Renderer:
         if (height, width) not in self._renderers:
             size = SUPERSAMPLING * height, SUPERSAMPLING * width
-            self._renderers[height, width] = mujoco.Renderer(self.model, *size)
+            self._renderers[height, width] = Renderer(self.model, *size)
         return self._renderers[height, width]
 
     def _azimuth(self) -> float:

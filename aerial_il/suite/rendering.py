@@ -59,6 +59,19 @@ def parse_cameras(cameras: Sequence[str]) -> tuple[CameraRequest, ...]:
     return requests
 
 
+class Renderer(mujoco.Renderer):
+    """MuJoCo's renderer, which spoils no other's pictures when it is freed.
+
+    MuJoCo frees what a renderer holds on the graphics card in whatever context is current, and contexts count alike:
+    an environment that was forgotten, and collected later, took textures and buffers of one still in use with it.
+    """
+
+    def close(self) -> None:
+        if self._gl_context is not None:
+            self._gl_context.make_current()
+        super().close()
+
+
 class Cameraman:
     """Renders worlds of one model off screen, on the thread that made it.
 
@@ -70,8 +83,8 @@ class Cameraman:
         self._model, self._size = model, (height, width)
 
     @cached_property
-    def _renderer(self) -> mujoco.Renderer:
-        renderer = mujoco.Renderer(self._model, *self._size)
+    def _renderer(self) -> Renderer:
+        renderer = Renderer(self._model, *self._size)
         _open.add(self)
         _close_all_at_exit()
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False

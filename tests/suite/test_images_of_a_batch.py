@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 import pytest
 
@@ -34,5 +36,21 @@ def test_images_are_of_the_worlds_as_they_stand_after_some_of_them_moved() -> No
         same(env.reset(7, ~some), env)
         same(env.set_state(np.roll(env.get_state(), 1, axis=0), some), env)
         assert (first["wrist_rgb"] != env.observe()["wrist_rgb"]).any(), "what was handed out is not written again"
+    finally:
+        env.close()
+
+
+def test_an_environment_that_is_forgotten_spoils_no_other_ones_images() -> None:
+    def shown() -> tuple[BatchEnvironment, np.ndarray]:
+        env = aerial_il.load_batch(*CELLS[0], num_envs=2, cameras=("wrist",), image_size=(24, 32))
+        return env, env.reset(0)["wrist_rgb"]
+
+    forgotten, first = shown()
+    env, again = shown()
+    try:
+        np.testing.assert_array_equal(first, again)
+        del forgotten
+        gc.collect()
+        np.testing.assert_array_equal(first, env.reset(0)["wrist_rgb"])
     finally:
         env.close()
