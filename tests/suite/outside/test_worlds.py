@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -243,3 +244,15 @@ def test_a_dm_env_of_ones_own_is_flown_by_the_function_that_makes_it() -> None:
     assert [e.steps for e in result.episodes] == [5, 5, 5]
     with pytest.raises(InvalidValueError, match="made by a caller"):
         outside.load_again(env.spec)
+
+
+@pytest.mark.parametrize("spoilt", ["reward", "observation"])
+def test_what_is_not_finite_is_refused_by_name_seed_and_step(spoilt: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = pendulum(3)
+    env.reset(5)
+    env.step(np.zeros((3, 1)))
+    world, nothing = env._worlds[1], {"reward": np.nan} if spoilt == "reward" else {"obs": {"observation": np.nan}}
+    honest = world.step
+    monkeypatch.setattr(world, "step", lambda action: replace(honest(action), **nothing))
+    with pytest.raises(SimulationDivergedError, match=f"(?i){spoilt}.* of Pendulum-v1 .* step 2 .* seed 6"):
+        env.step(np.zeros((3, 1)))
