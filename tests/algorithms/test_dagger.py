@@ -20,7 +20,7 @@ from aerial_il.algorithms.dart import Disturbed, Noise
 from aerial_il.algorithms.parts.doubt import Scale, disagreement
 from aerial_il.algorithms.parts.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
 from aerial_il.algorithms.parts.mixture import IGNORED_STEPS, Choice, Mixture, Sight
-from aerial_il.algorithms.parts.rounds import Tally, asked
+from aerial_il.algorithms.parts.rounds import Tally
 from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.algorithms.parts.supervisors import Corrector
 from aerial_il.collection.collect import collect
@@ -333,10 +333,10 @@ def test_thrifty_asks_less_counts_what_it_asks_and_learns(tmp_path: Path, demos:
     rows = read_metrics(run)[1:]
     for number, row in enumerate(rows, start=1):
         flights = flights_of(run, number)
-        assert row["queries"] == sum(int(asked(f).sum()) for f in flights) < row["flight_steps"]
+        assert row["queries"] == sum(int(f.asked.sum()) for f in flights) < row["flight_steps"]
         for flight in flights:
-            np.testing.assert_array_equal(asked(flight), flight.is_intervention)
-            np.testing.assert_array_equal(flight.actions[asked(flight)], flight.expert_actions[asked(flight)])
+            np.testing.assert_array_equal(flight.asked, flight.is_intervention)
+            np.testing.assert_array_equal(flight.actions[flight.asked], flight.expert_actions[flight.asked])
         starts = sum(int((np.diff(f.is_intervention, prepend=False) & f.is_intervention).sum()) for f in flights)
         assert row["interventions"] == starts
     probes = list(open_dataset(run / "rounds" / "001" / "alone", failures=True))
@@ -390,6 +390,6 @@ def test_dart_labels_a_disturbed_expert(demos: list[Episode], tmp_path: Path) ->
     rows = read_metrics(tmp_path / "run")
     assert rows[1]["noise"] > 0.0
     for flight in flights_of(tmp_path / "run", 1):
-        assert asked(flight).all()
+        assert flight.asked.all()
         assert np.abs(flight.actions - flight.expert_actions).max() > 1e-3
     assert rows[-1]["evaluate/success"] >= rows[0]["evaluate/success"]
