@@ -60,7 +60,7 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
             random actions, and until ``warmup`` critics and discriminator alone learn from it.
         nearness: weight of the actor's squared distance from demonstrated actions beside what the critics think.
         expert_share: share of demonstrated transitions in the agent's minibatches, paid like all others.
-        blur: show the discriminator demonstrated actions with the noise that the agent explores with, see ``gail``.
+        blur: show the discriminator demonstrated actions with the noise that the agent explores with; see ``gail``.
         reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
         reward_hidden: its widths. reward_lr: its learning rate. reward_updates: its steps for each of the agent's.
         penalty: weight of the gradient penalty, 0 for none. spectral: normalise its matrices.

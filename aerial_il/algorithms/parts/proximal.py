@@ -98,7 +98,7 @@ class Proximal:
             improve: whether the actor moves at all; the critic alone learns what it is worth.
         """
         for part in (self._actor, self._critic):
-            part.optimizer.param_groups[0]["lr"] = self.lr * left
+            part.learn_at(self.lr * left)
         seen, drawn, gains, wanted = (tensor(np.asarray(a, np.float32)) for a in (obs, raw, advantages, values))
         with torch.no_grad():
             before = self._log_density(seen, drawn)

@@ -78,6 +78,11 @@ class Trained:
         self.network, self.optimizer = network, optimizer
         self._weights = list(network.parameters())
 
+    def learn_at(self, lr: float) -> None:
+        """Let all steps that follow be taken at the learning rate ``lr``."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = lr
+
     def descend(self, loss: torch.Tensor, clip_norm: float | None = None) -> None:
         """Take one step against the gradient of ``loss``, which reaches this network alone."""
         for weight in self._weights:

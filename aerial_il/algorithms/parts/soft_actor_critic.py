@@ -93,7 +93,7 @@ class SoftActorCritic:
     def learn_at(self, lr: float) -> None:
         """Let all that follows be learned at the rate ``lr``."""
         for part in (self._actor, self._critics):
-            part.optimizer.param_groups[0]["lr"] = lr
+            part.learn_at(lr)
 
     def clone(self, shown: Replay, steps: int, batch_size: int) -> None:
         """Move the actor's centre towards demonstrated actions in ``steps`` minibatches: another place to begin."""
