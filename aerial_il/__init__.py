@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.suite.environment import AerialEnvironment
     from aerial_il.suite.outside.batch import OutsideBatch
+    from aerial_il.suite.outside.processes import SharedBatch
 
 __version__ = "0.1.0"
 
@@ -88,15 +89,18 @@ def load_gymnasium(
     name: str,
     *,
     num_envs: int = 1,
+    processes: int = 1,
     success: str | None = None,
     max_steps: int | None = None,
     ends_at_success: bool = False,
     **settings: Any,
-) -> OutsideBatch:
+) -> OutsideBatch | SharedBatch:
     """Return ``num_envs`` worlds of a Gymnasium environment behind the interface of :func:`load_batch`.
 
     Args:
-        name: Gymnasium id, e.g. ``AdroitHandDoor-v1``. num_envs: worlds, stepped one after the other.
+        name: Gymnasium id, e.g. ``AdroitHandDoor-v1``. num_envs: worlds.
+        processes: among which the worlds are shared, this one included; in each they are stepped one after the other.
+            A script that asks for more than one does so below ``if __name__ == "__main__":``.
         success: when an episode succeeded: ``KEY:N`` (``info[KEY]`` was true in more than N steps), ``return:R`` (at
             least R) or ``survived`` (flew to the time limit); None for what the environment reports, and ``survived``
             where it reports nothing.
@@ -109,7 +113,13 @@ def load_gymnasium(
     from aerial_il.suite import outside
 
     return outside.load_gymnasium(
-        name, num_envs=num_envs, success=success, max_steps=max_steps, ends_at_success=ends_at_success, **settings
+        name,
+        num_envs=num_envs,
+        processes=processes,
+        success=success,
+        max_steps=max_steps,
+        ends_at_success=ends_at_success,
+        **settings,
     )
 
 
@@ -117,21 +127,29 @@ def load_dm_env(
     make: Callable[[int], Any],
     *,
     num_envs: int = 1,
+    processes: int = 1,
     name: str = "environment",
     success: str | None = None,
     max_steps: int | None = None,
     ends_at_success: bool = False,
-) -> OutsideBatch:
+) -> OutsideBatch | SharedBatch:
     """Return ``num_envs`` worlds of a dm_env environment behind the interface of :func:`load_batch`.
 
     Args:
-        make: ``seed -> dm_env.Environment``; called for every episode, so that nothing outlives it.
+        make: ``seed -> dm_env.Environment``; called for every episode, so that nothing outlives it; a
+            function of a module where there are several ``processes``.
         name: what recordings call it. The rest: see :func:`load_gymnasium`.
     """
     from aerial_il.suite import outside
 
     return outside.load_dm_env(
-        make, num_envs=num_envs, name=name, success=success, max_steps=max_steps, ends_at_success=ends_at_success
+        make,
+        num_envs=num_envs,
+        processes=processes,
+        name=name,
+        success=success,
+        max_steps=max_steps,
+        ends_at_success=ends_at_success,
     )
 
 

@@ -24,12 +24,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from aerial_il.algorithms.parts.blur import blurred
+from aerial_il.algorithms.parts.blur import drawn
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, decode, encode, read_lesson
+from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
 from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
 from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
@@ -43,6 +41,7 @@ from aerial_il.algorithms.parts.settings import (
     require_widths,
 )
 from aerial_il.algorithms.parts.snapshot import Generator
+from aerial_il.algorithms.parts.transitions import fly_step
 from aerial_il.algorithms.sac import agent_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
@@ -142,19 +141,15 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
 
             while session.goes_on(flying):
                 warm = flight.steps < self.warmup
-                obs = encode(interface, flight.frames)
                 blind = warm and not cloning
-                actions = noise.rng.uniform(-1, 1, (flight.n, sizes[1])) if blind else agent.explore(obs)
-                step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
-                after = encode(interface, step.next_frames)
-                memory.add(rows_of(obs, actions, step.rewards, after, step.terminal, absorbing=self.absorbing))
+                flown = fly_step(flight, agent, interface, blind=noise if blind else None)
+                memory.add(rows_of(*flown, absorbing=self.absorbing))
 
                 learns = not blind and len(memory) >= self.batch_size
                 judges = learns and self.control != "constant_reward"
                 for _ in range(judges * session.owed(self.updates * self.reward_updates)):
                     half = self.batch_size // 2
-                    demos = expert.sample(half)
-                    demos = blurred(demos, agent.network) if self.blur else demos
+                    demos = drawn(expert, half, agent.network, blur=self.blur)
                     session.note(judge.learn(demos, memory.sample(half), penalty=self.penalty))
                 agent.learn_at(self.lr_at(session.left))
                 for _ in range(learns * session.owed(self.updates)):

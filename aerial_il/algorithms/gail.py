@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.parts.blur import blurred
+from aerial_il.algorithms.parts.blur import drawn
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
@@ -129,8 +129,7 @@ class AdversarialImitation(Imitating, OnPolicy):
                 memory.add(rows_of_rollout(rollout, absorbing=self.absorbing))
                 for _ in range(0 if self.control == "constant_reward" else self.reward_updates):
                     half = self.reward_batch // 2
-                    demos = expert.sample(half)
-                    demos = blurred(demos, agent.network) if self.blur else demos
+                    demos = drawn(expert, half, agent.network, blur=self.blur)
                     session.note(judge.learn(demos, memory.sample(half), penalty=self.penalty))
                 rewards, end_values = self._pay(rollout, judge, paid)
                 session.note({"reward/mean": float(rewards.mean())})

@@ -17,15 +17,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, decode, encode, plain_interface
+from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
 from aerial_il.algorithms.parts.replay import Replay, rows_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
 from aerial_il.algorithms.parts.settings import OffPolicy
 from aerial_il.algorithms.parts.snapshot import Generator
 from aerial_il.algorithms.parts.soft_actor_critic import SoftActorCritic
+from aerial_il.algorithms.parts.transitions import fly_step
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -87,11 +86,8 @@ class SoftActorCriticLearning(OffPolicy):
 
             while session.goes_on(flying):
                 warm = flight.steps < self.warmup
-                obs = encode(interface, flight.frames)
-                actions = noise.rng.uniform(-1, 1, (flight.n, sizes[1])) if warm else agent.explore(obs)
-                step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
-                after = encode(interface, step.next_frames)
-                memory.add(rows_of(obs, actions, step.rewards, after, step.terminal, absorbing=False))
+                flown = fly_step(flight, agent, interface, blind=noise if warm else None)
+                memory.add(rows_of(*flown, absorbing=False))
                 agent.learn_at(self.lr_at(session.left))
                 for _ in range(0 if warm else session.owed(self.updates)):
                     session.note(agent.update(memory.sample(self.batch_size)))

@@ -22,11 +22,12 @@ from typing import Any
 import numpy as np
 
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, decode, encode, read_lesson
+from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
 from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
 from aerial_il.algorithms.parts.settings import Imitating, OffPolicy
 from aerial_il.algorithms.parts.snapshot import Generator
+from aerial_il.algorithms.parts.transitions import fly_step
 from aerial_il.algorithms.sac import agent_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
@@ -73,11 +74,9 @@ class SoftQImitation(Imitating, OffPolicy):
 
             while session.goes_on(flying):
                 warm = flight.steps < self.warmup
-                obs = encode(interface, flight.frames)
-                actions = noise.rng.uniform(-1, 1, (flight.n, sizes[1])) if warm else agent.explore(obs)
-                step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
-                after, unpaid = encode(interface, step.next_frames), np.zeros(flight.n)
-                memory.add(rows_of(obs, actions, unpaid, after, step.terminal, absorbing=self.absorbing))
+                flown = fly_step(flight, agent, interface, blind=noise if warm else None)
+                unpaid = flown._replace(rewards=np.zeros(flight.n))
+                memory.add(rows_of(*unpaid, absorbing=self.absorbing))
                 agent.learn_at(self.lr_at(session.left))
                 for _ in range(0 if warm else session.owed(self.updates)):
                     session.note(agent.update(self._minibatch(expert, memory)))

@@ -38,6 +38,7 @@ from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.suite.outside.processes import processes_for
 
 EVALUATION_SEED = 10_000
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
@@ -90,7 +91,8 @@ class Gail:
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
         seeds: trainings of each arm. controls: trainings of each control run of a task's first method.
         episodes: flown to judge one. num_envs: worlds flown at once of Gymnasium's tasks; gail_envs, suite_envs: by
-            ``gail`` there, and of the suite's.
+            ``gail`` there, and of the suite's. threads: of the suite's simulation, processes of Gymnasium's; 0 for all
+            cores.
         experts: folder with experts of Gymnasium's tasks that were trained here before, one run for each, which are
             taken rather than trained anew. None to train all.
         peer: folder with results of another library, see ``experiments/gail/peer.py``; left out where it is missing.
@@ -123,6 +125,7 @@ class Gail:
     num_envs: int = 8
     gail_envs: int = 32
     suite_envs: int = 64
+    threads: int = 0
     experts: str | None = "experiments/gail/experts"
     peer: str = "experiments/gail/peer"
 
@@ -138,7 +141,7 @@ class Gail:
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Train, record and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "peer")
+        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "peer", "threads")
         claim(folder, self._plain(), free=free)
         experts = {task: self._expert(task, folder, progress) for task in (*self.outside, *self.suite)}
         results = {point: self._result(point, folder, progress) for point in bar(self.points(), self.name, progress)}
@@ -173,9 +176,11 @@ class Gail:
         """Return worlds of a task, wherever it comes from: to demonstrate, to learn by a method or be ``judged`` in."""
         if task in self.outside:
             num_envs = self.gail_envs if learner == "gail" else self.num_envs
-            return aerial_il.load_gymnasium(task, num_envs=min(num_envs, at_most or num_envs))
+            num_envs = min(num_envs, at_most or num_envs)
+            processes = processes_for(self.threads, num_envs)
+            return aerial_il.load_gymnasium(task, num_envs=num_envs, processes=processes)
         num_envs, horizon = min(self.suite_envs, at_most or self.suite_envs), None if judged else self.suite[task]
-        return aerial_il.load_batch(self.robot, task, num_envs=num_envs, horizon=horizon)
+        return aerial_il.load_batch(self.robot, task, num_envs=num_envs, horizon=horizon, num_threads=self.threads)
 
     def pilot(self, task: str, folder: Path) -> Policy:
         """Return the expert of a task: trained here, or scripted."""

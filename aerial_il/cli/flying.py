@@ -22,6 +22,7 @@ from aerial_il.experts.outside import load_expert
 from aerial_il.policies import find_lerobot, load_policy
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
+from aerial_il.suite.outside.processes import processes_for
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -47,9 +48,10 @@ class Pilot:
     image_size: tuple[int, int] = IMAGE_SIZE
 
     def environment(self, tier: str, *, num_envs: int, threads: int, controller: str = DEFAULT_CONTROLLER) -> Any:
-        """Return a batch environment for it; one from outside knows no tier, threads or flight law."""
+        """Return its batch environment; one from outside knows no tier or flight law, and processes for threads."""
         if self.env is not None:
-            return outside.load(self.env, num_envs=num_envs, **self.options)
+            processes = processes_for(threads, num_envs)
+            return outside.load(self.env, num_envs=num_envs, processes=processes, **self.options)
         return aerial_il.load_batch(
             self.robot,
             self.task,

@@ -58,10 +58,12 @@ def workplace(
 def _environment(spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_envs: int, threads: int) -> Any:
     import aerial_il
     from aerial_il.suite import outside
+    from aerial_il.suite.outside.processes import processes_for
     from aerial_il.suite.scenario import horizon_of
 
     if spec.is_outside:
-        return outside.load(_key(spec), num_envs=num_envs, **spec.options)
+        processes = processes_for(threads, num_envs)
+        return outside.load(_key(spec), num_envs=num_envs, processes=processes, **spec.options)
     sizes = {spec.observation[name].shape[:2] for name in images}
     seen = {"cameras": tuple(name.removesuffix("_rgb") for name in images), "image_size": sizes.pop()} if images else {}
     return aerial_il.load_batch(

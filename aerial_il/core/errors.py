@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 
 class AerialError(Exception):
@@ -11,6 +12,15 @@ class AerialError(Exception):
 
     The command line prints its message without a traceback and exits with status 2.
     """
+
+    def __reduce__(self) -> tuple[Any, ...]:  # an error of a process that flies worlds reaches who asked it
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(kind: type[AerialError], args: tuple[Any, ...], attributes: dict[str, Any]) -> AerialError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(attributes)
+    return error
 
 
 class UnknownNameError(AerialError, KeyError):

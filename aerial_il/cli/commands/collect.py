@@ -46,7 +46,7 @@ class Config:
     image_size: list[int] = key([240, 320], "height and width of their pictures")
     lerobot: bool = key(False, "derive a LeRobot dataset too, in derived/lerobot of the folder")
     num_envs: int = key(64, "worlds flown at once")
-    threads: int = key(0, "simulation threads; 0 for all cores")
+    threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:

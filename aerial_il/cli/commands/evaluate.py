@@ -30,7 +30,7 @@ class Config:
     episodes: int = key(200, "how many seeds are flown")
     seed: int = key(10000, "the first of them")
     num_envs: int = key(64, "worlds flown at once")
-    threads: int = key(0, "simulation threads; 0 for all cores")
+    threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
     videos: int = key(2, "films of successes, and as many of failures")
     progress: bool = key(True, "show a progress bar")
 

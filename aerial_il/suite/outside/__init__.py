@@ -8,11 +8,13 @@ finds the environment it was trained in.
 from __future__ import annotations
 
 import json
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.outside.batch import OutsideBatch
+from aerial_il.suite.outside.processes import MakeBatch, SharedBatch
 
 if TYPE_CHECKING:
     from aerial_il.suite.outside.dm_env_world import MakeEnv
@@ -25,52 +27,34 @@ def load_gymnasium(
     name: str,
     *,
     num_envs: int = 1,
+    processes: int = 1,
     success: str | None = None,
     max_steps: int | None = None,
     ends_at_success: bool = False,
     **settings: Any,
-) -> OutsideBatch:
+) -> OutsideBatch | SharedBatch:
     """Return ``num_envs`` worlds of a Gymnasium environment; see :func:`aerial_il.load_gymnasium`."""
-    from aerial_il.suite.outside.gymnasium_world import GymnasiumWorld
-
-    return OutsideBatch(
-        lambda: GymnasiumWorld(name, settings),
-        num_envs,
-        source=GYMNASIUM,
-        name=name,
-        success=success,
-        max_steps=max_steps,
-        ends_at_success=ends_at_success,
-        options={"max_steps": max_steps, **_storable(settings)},
-    )
+    judged = {"success": success, "max_steps": max_steps, "ends_at_success": ends_at_success}
+    return _shared(partial(_gymnasium_batch, name, settings, judged), num_envs, processes)
 
 
 def load_dm_env(
     make: MakeEnv,
     *,
     num_envs: int = 1,
+    processes: int = 1,
     name: str = "environment",
     source: str = DM_ENV,
     success: str | None = None,
     max_steps: int | None = None,
     ends_at_success: bool = False,
-) -> OutsideBatch:
+) -> OutsideBatch | SharedBatch:
     """Return ``num_envs`` worlds of a dm_env environment; see :func:`aerial_il.load_dm_env`."""
-    from aerial_il.suite.outside.dm_env_world import DmEnvWorld
-
-    return OutsideBatch(
-        lambda: DmEnvWorld(make),
-        num_envs,
-        source=source,
-        name=name,
-        success=success,
-        max_steps=max_steps,
-        ends_at_success=ends_at_success,
-        options={"max_steps": max_steps},
-    )
+    judged = {"success": success, "max_steps": max_steps, "ends_at_success": ends_at_success}
+    return _shared(partial(_dm_env_batch, make, source, name, judged), num_envs, processes)
 
 
-def load_dm_control(name: str, *, num_envs: int = 1, **options: Any) -> OutsideBatch:
+def load_dm_control(name: str, *, num_envs: int = 1, processes: int = 1, **options: Any) -> OutsideBatch | SharedBatch:
     """Return worlds of dm_control's suite, named ``domain-task``; options as for :func:`load_dm_env`."""
     from dm_control import suite
 
@@ -78,14 +62,11 @@ def load_dm_control(name: str, *, num_envs: int = 1, **options: Any) -> OutsideB
     known = [f"{d}-{t}" for d, t in suite.ALL_TASKS]
     if name not in known:
         raise UnknownNameError("dm_control task", name, known)
-
-    def make(seed: int) -> Any:
-        return suite.load(domain, task, task_kwargs={"random": seed})
-
-    return load_dm_env(make, num_envs=num_envs, name=name, source=DM_CONTROL, **options)
+    make = partial(_dm_control_env, domain, task)
+    return load_dm_env(make, num_envs=num_envs, processes=processes, name=name, source=DM_CONTROL, **options)
 
 
-def load(key: str, *, num_envs: int = 1, **options: Any) -> OutsideBatch:
+def load(key: str, *, num_envs: int = 1, processes: int = 1, **options: Any) -> OutsideBatch | SharedBatch:
     """Return worlds of the environment that ``key`` names, e.g. ``gymnasium:Pendulum-v1``.
 
     Raises:
@@ -97,7 +78,7 @@ def load(key: str, *, num_envs: int = 1, **options: Any) -> OutsideBatch:
     if source not in SOURCES:
         raise UnknownNameError("source of environments", source, SOURCES)
     loader = load_gymnasium if source == GYMNASIUM else load_dm_control
-    return loader(name, num_envs=num_envs, **options)
+    return loader(name, num_envs=num_envs, processes=processes, **options)
 
 
 def key_of(spec: EnvSpec) -> str | None:
@@ -105,12 +86,37 @@ def key_of(spec: EnvSpec) -> str | None:
     return f"{spec.robot}:{spec.task}" if spec.robot in SOURCES else None
 
 
-def load_again(spec: EnvSpec, *, num_envs: int = 1, **changed: Any) -> OutsideBatch:
+def load_again(spec: EnvSpec, *, num_envs: int = 1, **changed: Any) -> OutsideBatch | SharedBatch:
     """Return worlds of the environment that ``spec`` describes, with the same options but those ``changed``."""
     key = key_of(spec)
     if key is None:
         raise InvalidValueError(f"{spec.robot}:{spec.task} was made by a caller; only who made it can make it again.")
     return load(key, num_envs=num_envs, **{**spec.options, **changed})
+
+
+def _shared(make: MakeBatch, num_envs: int, processes: int) -> OutsideBatch | SharedBatch:
+    return make(num_envs) if processes == 1 else SharedBatch(make, num_envs, processes)
+
+
+def _gymnasium_batch(name: str, settings: dict[str, Any], judged: dict[str, Any], num_envs: int) -> OutsideBatch:
+    from aerial_il.suite.outside.gymnasium_world import GymnasiumWorld
+
+    options = {"max_steps": judged["max_steps"], **_storable(settings)}
+    make = partial(GymnasiumWorld, name, settings)
+    return OutsideBatch(make, num_envs, source=GYMNASIUM, name=name, options=options, **judged)
+
+
+def _dm_env_batch(make: MakeEnv, source: str, name: str, judged: dict[str, Any], num_envs: int) -> OutsideBatch:
+    from aerial_il.suite.outside.dm_env_world import DmEnvWorld
+
+    options = {"max_steps": judged["max_steps"]}
+    return OutsideBatch(partial(DmEnvWorld, make), num_envs, source=source, name=name, options=options, **judged)
+
+
+def _dm_control_env(domain: str, task: str, seed: int) -> Any:
+    from dm_control import suite
+
+    return suite.load(domain, task, task_kwargs={"random": seed})
 
 
 def _storable(settings: dict[str, Any]) -> dict[str, Any]:

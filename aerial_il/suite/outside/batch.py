@@ -124,10 +124,7 @@ class OutsideBatch:
         Args:
             seeds: (n,) integers, or one integer s for s, s + 1, …; entries outside ``mask`` are ignored.
         """
-        given = np.asarray(seeds)
-        each = given + np.arange(self.num_envs) if given.ndim == 0 else given
-        if each.shape != (self.num_envs,):
-            raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {each.shape}.")
+        each = seeds_of(seeds, self.num_envs)
         worlds = self._chosen(mask)
         for i in worlds:
             self.seeds[i], self._steps[i], self._counts[i], self._returns[i] = each[i], 0, 0, 0.0
@@ -231,6 +228,15 @@ class OutsideBatch:
 
     def _chosen(self, mask: np.ndarray | None) -> list[int]:
         return list(range(self.num_envs)) if mask is None else np.flatnonzero(mask).tolist()
+
+
+def seeds_of(seeds: np.ndarray | int, n: int) -> np.ndarray:
+    """Return the seeds (n,) of n worlds; one integer s stands for s, s + 1, …"""
+    given = np.asarray(seeds)
+    each = given + np.arange(n) if given.ndim == 0 else given
+    if each.shape != (n,):
+        raise InvalidValueError(f"seeds has one entry per world, ({n},), got {each.shape}.")
+    return each
 
 
 def _rule_of(world: World) -> SuccessRule:

@@ -1,0 +1,197 @@
+"""Worlds of an environment from outside shared among processes, for Python steps one of them at a time.
+
+The process that asks flies the first share itself; the others wait for their turn in a process each. What a world does
+depends on its seed and its actions alone, so that the number of processes changes nothing but the time.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+import signal
+import traceback
+from collections.abc import Callable
+from dataclasses import fields
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.suite.batch import StepResult
+from aerial_il.suite.crew import available_cores
+from aerial_il.suite.outside.batch import OutsideBatch, seeds_of
+
+LEAST_WORLDS = 8  # in a process: fewer do not pay for its start and its messages
+PATIENCE_S = 5.0  # for a process to end by itself
+ENDED = (
+    "A process that flies worlds has ended. In a script, what starts processes stands below "
+    "`if __name__ == '__main__':`; or use processes=1."
+)
+NOT_PICKLED = (
+    "What makes the environment cannot be pickled for another process: {}. Use a module's function, or processes=1."
+)
+
+MakeBatch = Callable[[int], OutsideBatch]
+
+
+class SharedBatch:
+    """n worlds in several processes; what it answers is what one :class:`OutsideBatch` of n worlds would.
+
+    Attributes:
+        num_envs, spec, rule, model, model_xml, camera_names, ends_at_success: see :class:`OutsideBatch`.
+
+    Args:
+        make: ``worlds -> batch`` of that many; it is pickled. num_envs: worlds. processes: among which they are shared,
+            this one included.
+
+    Raises:
+        InvalidValueError: fewer worlds than processes, or a process cannot start.
+    """
+
+    camera_names: tuple[str, ...] = ()
+
+    def __init__(self, make: MakeBatch, num_envs: int, processes: int) -> None:
+        if not 1 <= processes <= num_envs:
+            raise InvalidValueError(f"processes must be from 1 to num_envs={num_envs}, got {processes}.")
+        shares = [len(share) for share in np.array_split(np.arange(num_envs), processes)]
+        self._bounds = np.cumsum(shares)[:-1]
+        self._own = make(shares[0])
+        self._others = [_Elsewhere(make, share) for share in shares[1:]]
+        self.num_envs, self.ends_at_success = num_envs, self._own.ends_at_success
+        self.spec, self.rule = self._own.spec, self._own.rule
+        self.model, self.model_xml = self._own.model, self._own.model_xml
+
+    @property
+    def seeds(self) -> np.ndarray:
+        """(n,) of the running episodes."""
+        return self._all("seeds")
+
+    @property
+    def ctrl(self) -> np.ndarray:
+        """(n, nu) actuator controls, where the environment is MuJoCo's."""
+        return self._all("ctrl")
+
+    @property
+    def sim_time(self) -> np.ndarray:
+        """(n,) seconds since the start of each episode."""
+        return self._all("sim_time")
+
+    def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Start episodes in all worlds, or in those of ``mask``; see :meth:`OutsideBatch.reset`."""
+        return self._all("reset", seeds_of(seeds, self.num_envs), mask)
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        """Take one step with actions (n, Da); see :meth:`OutsideBatch.step`."""
+        return self._all("step", np.asarray(actions, float), mask)
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """What all worlds last showed, ``name -> (n, ...)``."""
+        return self._all("observe")
+
+    def get_state(self) -> np.ndarray:
+        """(n, S); see :meth:`OutsideBatch.get_state`."""
+        return self._all("get_state")
+
+    def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Continue from states (n, S); see :meth:`OutsideBatch.set_state`."""
+        return self._all("set_state", states, mask)
+
+    def close(self) -> None:
+        """Close all environments and end the processes."""
+        self._own.close()
+        for other in self._others:
+            other.close()
+
+    def _all(self, name: str, *rows: np.ndarray | None) -> Any:
+        """Ask every share for an attribute, or for what a method answers to its part of ``rows``; join the answers."""
+        parts = [self._parts(values) for values in rows]
+        shares = list(zip(*parts, strict=True)) if rows else [()] * (len(self._others) + 1)
+        for other, share in zip(self._others, shares[1:], strict=True):
+            other.ask(name, share)
+        return joined([answer(self._own, name, shares[0]), *(other.answer() for other in self._others)])
+
+    def _parts(self, values: np.ndarray | None) -> list[np.ndarray | None]:
+        return [None] * (len(self._others) + 1) if values is None else [*np.split(values, self._bounds)]
+
+
+class _Elsewhere:
+    """A batch in a process of its own."""
+
+    def __init__(self, make: MakeBatch, worlds: int) -> None:
+        context = multiprocessing.get_context("spawn")  # a fork would inherit locks of torch's and MuJoCo's threads
+        self._asked = 0
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=serve, args=(theirs, make, worlds), daemon=True)
+        try:
+            self._process.start()
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise InvalidValueError(NOT_PICKLED.format(error)) from error
+        theirs.close()
+
+    def ask(self, name: str, rows: tuple[np.ndarray | None, ...]) -> None:
+        self._asked += 1
+        try:
+            self._pipe.send((self._asked, name, rows))
+        except OSError as error:
+            raise InvalidValueError(ENDED) from error
+
+    def answer(self) -> Any:
+        """Return what was last asked for, or raise the error that it met."""
+        try:
+            while (answered := self._pipe.recv())[0] != self._asked:
+                pass  # the answer to a question whose asker was interrupted
+        except (EOFError, OSError) as error:
+            raise InvalidValueError(ENDED) from error
+        if isinstance(found := answered[1], Exception):
+            raise found
+        return found
+
+    def close(self) -> None:
+        self._pipe.close()
+        self._process.join(PATIENCE_S)
+        if self._process.is_alive():
+            self._process.kill()
+
+
+def serve(pipe: Connection, make: MakeBatch, worlds: int) -> None:
+    """Answer what is asked through ``pipe`` until its other end is closed: by its owner, or because that was killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who asks
+    batch = attempt(make, worlds)
+    try:
+        while True:
+            question, name, rows = pipe.recv()
+            pipe.send((question, batch if isinstance(batch, Exception) else attempt(answer, batch, name, rows)))
+    except (EOFError, OSError):
+        pass
+
+
+def answer(batch: OutsideBatch, name: str, rows: tuple[Any, ...]) -> Any:
+    """Return an attribute of ``batch``, or what its method answers to ``rows``."""
+    found = getattr(batch, name)
+    return found(*rows) if callable(found) else found
+
+
+def attempt(call: Callable[..., Any], *args: Any) -> Any:
+    """Return what a call returns, or its error in a form that another process can be sent."""
+    try:
+        return call(*args)
+    except AerialError as error:
+        return error
+    except Exception:
+        return RuntimeError(traceback.format_exc())
+
+
+def joined(answers: list[Any]) -> Any:
+    """Return the answers of all shares as those of one batch: arrays one below the other, wherever they are kept."""
+    first = answers[0]
+    if isinstance(first, StepResult):
+        return StepResult(*(joined([getattr(each, field.name) for each in answers]) for field in fields(first)))
+    if isinstance(first, dict):
+        return {name: joined([each[name] for each in answers]) for name in first}
+    return np.concatenate(answers)
+
+
+def processes_for(threads: int, num_envs: int) -> int:
+    """Return among how many processes ``num_envs`` worlds are worth sharing; ``threads``: at most, 0 for all cores."""
+    return max(1, min(threads or available_cores(), num_envs // LEAST_WORLDS))

@@ -1,0 +1,143 @@
+"""Worlds shared among processes answer what those of one process do, and say so when a process is lost."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import dm_env
+import numpy as np
+import pytest
+from dm_env import specs
+
+import aerial_il
+from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
+from aerial_il.evaluation.baselines import Random
+from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.suite import outside
+from aerial_il.suite.outside.processes import SharedBatch, processes_for
+
+
+class Counting(dm_env.Environment):
+    """Shows seed and steps so far; an action above 0.5 spoils the next observation, one below -0.5 is an error."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed, self._steps = seed, 0
+
+    def reset(self) -> dm_env.TimeStep:
+        return dm_env.restart(np.array([self._seed, 0.0]))
+
+    def step(self, action: np.ndarray) -> dm_env.TimeStep:
+        if action[0] < -0.5:
+            raise ZeroDivisionError("as it was told")
+        self._steps += 1
+        shown = np.nan if action[0] > 0.5 else self._steps
+        return dm_env.transition(1.0, np.array([self._seed, shown]))
+
+    def action_spec(self) -> specs.BoundedArray:
+        return specs.BoundedArray((1,), float, -1.0, 1.0)
+
+    def observation_spec(self) -> specs.Array:
+        return specs.Array((2,), float)
+
+
+def hopper(n: int, processes: int = 1) -> Any:
+    return aerial_il.load_gymnasium("Hopper-v5", num_envs=n, processes=processes, max_steps=30)
+
+
+def swinging(n: int, processes: int = 1) -> Any:
+    return outside.load_dm_control("cartpole-balance", num_envs=n, processes=processes, max_steps=20)
+
+
+@pytest.fixture(scope="module")
+def counting() -> Iterator[Any]:
+    env = aerial_il.load_dm_env(Counting, num_envs=3, processes=2, max_steps=9)
+    yield env
+    env.close()
+
+
+def story(env: Any) -> list[Any]:
+    """Return all that an environment says while it is asked everything."""
+    rng, n = np.random.default_rng(0), env.num_envs
+    some, told = np.arange(n) % 2 == 0, [env.reset(7), env.spec, env.rule, env.model, env.model_xml]
+    for mask in (None, some, None, ~some):
+        actions = rng.uniform(env.spec.action.low, env.spec.action.high, (n, env.spec.action.size))
+        step = env.step(actions, mask)
+        told += [step.obs, step.reward, step.terminated, step.truncated, step.info]
+    told += [state := env.get_state(), env.ctrl, env.sim_time, env.seeds.copy(), env.reset(np.arange(n) + 40, some)]
+    return [*told, env.seeds, env.set_state(state, ~some), env.set_state(state), env.observe()]
+
+
+@pytest.mark.parametrize("make", [hopper, swinging])
+def test_several_processes_answer_as_one(make: Any) -> None:
+    one, shared = make(5), make(5, processes=2)
+    assert isinstance(shared, SharedBatch)
+    for a, b in zip(story(one), story(shared), strict=True):
+        np.testing.assert_equal(b, a)
+    shared.close()
+
+
+def test_an_evaluation_does_not_depend_on_the_number_of_processes() -> None:
+    flown = []
+    for env in (hopper(4), hopper(4, processes=2)):
+        flown.append(evaluate(env, Random(), range(9), policy_name="random", progress=False).episodes)
+        env.close()
+    assert flown[0] == flown[1]
+
+
+def test_what_is_not_finite_elsewhere_is_refused_by_seed_and_step(counting: Any) -> None:
+    counting.reset(11)
+    counting.step(np.zeros((3, 1)))
+    with pytest.raises(SimulationDivergedError, match="step 2 of the episode with seed 13") as caught:
+        counting.step(np.array([[0.0], [0.0], [1.0]]))
+    assert (caught.value.seed, caught.value.step) == (13, 2)
+
+
+def test_an_environments_own_error_brings_its_traceback(counting: Any) -> None:
+    counting.reset(0)
+    with pytest.raises(RuntimeError, match="ZeroDivisionError: as it was told"):
+        counting.step(np.array([[0.0], [0.0], [-1.0]]))
+    assert counting.reset(5)["observation"][:, 0].tolist() == [5, 6, 7], "the processes live on"
+
+
+def test_an_answer_that_nobody_waited_for_is_not_taken_for_the_next(counting: Any) -> None:
+    counting.reset(0)
+    counting._others[0].ask("reset", (np.array([99]), None))  # whoever asked was interrupted
+    assert counting.observe()["observation"][:, 0].tolist() == [0, 1, 99]
+
+
+def test_a_process_that_is_lost_is_named_and_none_is_left_behind() -> None:
+    env: Any = aerial_il.load_dm_env(Counting, num_envs=3, processes=3, max_steps=9)
+    env.reset(0)
+    env._others[0]._process.kill()
+    env._others[0]._process.join()
+    with pytest.raises(InvalidValueError, match=r"process that flies worlds has ended.*processes=1"):
+        env.step(np.zeros((3, 1)))
+    env.close()
+    assert not any(other._process.is_alive() for other in env._others)
+
+
+@pytest.mark.parametrize("processes", [0, 4])
+def test_more_processes_than_worlds_are_refused(processes: int) -> None:
+    with pytest.raises(InvalidValueError, match=rf"from 1 to num_envs=3, got {processes}"):
+        aerial_il.load_dm_env(Counting, num_envs=3, processes=processes, max_steps=9)
+
+
+def test_what_cannot_be_pickled_is_refused_before_anything_flies() -> None:
+    with pytest.raises(InvalidValueError, match="pickled"):
+        aerial_il.load_dm_env(lambda seed: Counting(seed), num_envs=2, processes=2, max_steps=9)
+
+
+@pytest.mark.parametrize(("threads", "worlds", "processes"), [(4, 64, 4), (4, 20, 2), (4, 7, 1), (1, 64, 1)])
+def test_few_worlds_are_not_worth_a_process(threads: int, worlds: int, processes: int) -> None:
+    assert processes_for(threads, worlds) == processes
+    assert processes_for(0, 8) == 1
+
+
+def test_a_script_without_its_guard_is_told(tmp_path: Any) -> None:
+    script = tmp_path / "script.py"
+    script.write_text("import aerial_il\naerial_il.load_gymnasium('Pendulum-v1', num_envs=2, processes=2).reset(0)\n")
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
+    assert "InvalidValueError: A process that flies worlds has ended" in done.stderr
