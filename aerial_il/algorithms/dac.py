@@ -14,7 +14,9 @@ Metrics: those of ``sac``; ``reward/loss``, ``reward/told_expert``, ``reward/tol
 sees.
 
 Source: I. Kostrikov et al., "Discriminator-Actor-Critic: Addressing Sample Inefficiency and Reward Bias in Adversarial
-Imitation Learning", 2019; defaults after M. Orsini et al., "What Matters for Adversarial Imitation Learning?", 2021.
+Imitation Learning", 2019; the discriminator's defaults after M. Orsini et al., "What Matters for Adversarial Imitation
+Learning?", 2021. That it begins with a clone, stays near it and slows down to nothing is ours: ``docs/adversarial.md``
+says what each is worth.
 """
 
 from __future__ import annotations
@@ -66,10 +68,11 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
         dropout: of its inputs and hidden units.
     """
 
-    cloning: int = 0
-    nearness: float = 0.0
+    lr_floor: float = 0.0
+    cloning: int = 5000
+    nearness: float = 30.0
     expert_share: float = 0.0
-    blur: bool = False
+    blur: bool = True
     reward: Reward = "airl"
     reward_hidden: tuple[int, ...] = (128, 128)
     reward_lr: float = 3e-4

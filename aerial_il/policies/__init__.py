@@ -5,12 +5,13 @@ from __future__ import annotations
 import importlib
 import os
 import pkgutil
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint, log
-from aerial_il.core.errors import AerialError, CheckpointError, UnknownNameError
+from aerial_il.core.errors import AerialError, CheckpointError, InvalidValueError, UnknownNameError
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -49,8 +50,10 @@ def load_policy(path: str | os.PathLike[str]) -> ChunkPolicy:
 
     folder, saved = _find(Path(path))
     try:
-        config = policy_config(saved.config["policy"])(**saved.config["settings"])
-        return ChunkPolicy.from_checkpoint(saved, config)
+        kind, settings = policy_config(saved.config["policy"]), saved.config["settings"]
+        if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
+            raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")
+        return ChunkPolicy.from_checkpoint(saved, kind(**settings))
     except (AerialError, KeyError, TypeError, RuntimeError) as error:
         raise CheckpointError(folder, f"is no policy that this release can rebuild ({error}).") from error
 

@@ -38,6 +38,7 @@ OFF: dict[str, Any] = {
     "actor_every": 1,
 }
 JUDGE: dict[str, Any] = {"reward_hidden": (32,), "reward_lr": 2e-3, "reward_updates": 1.0, "penalty": 1.0}
+ALONE: dict[str, Any] = {"cloning": 0, "nearness": 0.0, "blur": False, "lr_floor": 1.0}  # the discriminator teaches
 ON: dict[str, Any] = {
     "rollout": 512,
     "lr": 3e-3,
@@ -60,7 +61,7 @@ def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
 
 
 def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
-    settings = DiscriminatorActorCritic(steps=2_500, updates=0.5, **JUDGE, **OFF)
+    settings = DiscriminatorActorCritic(steps=2_500, updates=0.5, **JUDGE, **OFF, **ALONE)
     demos = demonstrations(10)
     assert learn(settings, tmp_path / "dac", demos) > 0.9
     assert learn(replace(settings, control="random_actions"), tmp_path / "control", demos) < 0.85
@@ -71,7 +72,7 @@ def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Pa
 def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
     """Arriving ends the episode; a reward that is positive everywhere must not make it linger."""
     settings = DiscriminatorActorCritic(
-        steps=3_000, updates=0.5, reward_hidden=(32,), penalty=1.0, reward=reward, log_every=1_000, **OFF
+        steps=3_000, updates=0.5, reward_hidden=(32,), penalty=1.0, reward=reward, log_every=1_000, **OFF, **ALONE
     )
     learn(settings, tmp_path / "dac", demonstrations(10, ends_at_success=True), ends=True)
     assert read_metrics(tmp_path / "dac")[-1]["episode/success"] > 0.8
@@ -107,7 +108,7 @@ def test_sqil_learns(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> None:
     demos = demonstrations(10)
-    settings = DiscriminatorActorCritic(steps=1_500, updates=0.5, **JUDGE, **OFF)
+    settings = DiscriminatorActorCritic(steps=1_500, updates=0.5, **JUDGE, **OFF, **ALONE)
     settings.train(demos, POLICY, env=Drift(8), run=tmp_path, progress=False)
     shown = reward_along(tmp_path, demos[0])
     assert shown.shape == (len(demos[0]),)

@@ -136,6 +136,14 @@ def test_it_flies_across_tiers_and_added_cameras_only() -> None:
         attach(policy, env)
 
 
+def test_a_setting_that_an_older_release_did_not_know_is_not_made_up(tmp_path: Path) -> None:
+    saved = fresh_policy("diffusion").to_checkpoint()
+    known = {name: value for name, value in saved.config["settings"].items() if name != "predict"}
+    folder = checkpoint.save(tmp_path / "policy", replace(saved, config={**saved.config, "settings": known}))
+    with pytest.raises(CheckpointError, match="does not say predict; train it again"):
+        load_policy(folder)
+
+
 def test_a_policy_of_another_make_is_refused(tmp_path: Path) -> None:
     saved = fresh_policy("mlp").to_checkpoint()
     for change in ({"policy": "gpt"}, {"settings": {"width": 3}}, {"spec": {}}, {"settings": {"hidden": [7]}}):
