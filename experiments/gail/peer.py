@@ -34,6 +34,7 @@ def main() -> None:
     python = environment(Path(options.venv))
     command = [str(python), "-E", __file__, "--inside", "--task", options.task, "--demos", str(demos)]
     numbers = {"--steps": options.steps, "--seeds": options.seeds, "--envs": options.envs}
+    command += ["--parallel"] if options.parallel else []
     blind = {**os.environ, "MUJOCO_GL": "disabled"}  # torch and an EGL context do not get on in that environment
     subprocess.run([*command, *(str(word) for pair in numbers.items() for word in pair)], check=True, env=blind)
 
@@ -45,6 +46,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--steps", type=int, default=1_000_000)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--envs", type=int, default=8)
+    parser.add_argument("--parallel", action="store_true", help="each of its environments in a process of its own")
     parser.add_argument("--venv", default="runs/peer/venv")
     parser.add_argument("--demos")
     parser.add_argument("--inside", action="store_true")
@@ -118,7 +120,10 @@ def one_seed(options: argparse.Namespace, seed: int, kept: Path) -> dict:
         Trajectory(data[f"obs_{i}"], data[f"acts_{i}"], None, terminal=bool(end)) for i, end in enumerate(data["ends"])
     ]
     rng = np.random.default_rng(seed)
-    venv = make_vec_env(name, rng=rng, n_envs=options.envs, post_wrappers=[lambda env, _: RolloutInfoWrapper(env)])
+    venv = make_vec_env(
+        name, rng=rng, n_envs=options.envs, parallel=options.parallel,
+        post_wrappers=[lambda env, _: RolloutInfoWrapper(env)],
+    )  # fmt: skip
     # Learner and discriminator as in the library's own GAIL example, with its normalisation.
     learner = PPO(
         "MlpPolicy", venv, batch_size=64, ent_coef=0.0, learning_rate=4e-4, gamma=0.95, n_epochs=5, seed=seed,
