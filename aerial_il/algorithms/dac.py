@@ -26,10 +26,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from aerial_il.algorithms.parts.blur import drawn
+from aerial_il.algorithms.parts.blur import sample_shown
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
+from aerial_il.algorithms.parts.flown import fly_step
 from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
 from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
@@ -43,7 +44,6 @@ from aerial_il.algorithms.parts.settings import (
     require_widths,
 )
 from aerial_il.algorithms.parts.snapshot import Generator
-from aerial_il.algorithms.parts.transitions import fly_step
 from aerial_il.algorithms.sac import agent_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
@@ -152,7 +152,7 @@ class DiscriminatorActorCritic(Imitating, OffPolicy):
                 judges = learns and self.control != "constant_reward"
                 for _ in range(judges * session.owed(self.updates * self.reward_updates)):
                     half = self.batch_size // 2
-                    demos = drawn(expert, half, agent.network, blur=self.blur)
+                    demos = sample_shown(expert, half, agent.network, blur=self.blur)
                     session.note(judge.learn(demos, memory.sample(half), penalty=self.penalty))
                 agent.learn_at(self.lr_at(session.left))
                 for _ in range(learns * session.owed(self.updates)):

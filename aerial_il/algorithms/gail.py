@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.parts.blur import drawn
+from aerial_il.algorithms.parts.blur import sample_shown
 from aerial_il.algorithms.parts.discriminator import Reward
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
@@ -129,7 +129,7 @@ class AdversarialImitation(Imitating, OnPolicy):
                 memory.add(rows_of_rollout(rollout, absorbing=self.absorbing))
                 for _ in range(0 if self.control == "constant_reward" else self.reward_updates):
                     half = self.reward_batch // 2
-                    demos = drawn(expert, half, agent.network, blur=self.blur)
+                    demos = sample_shown(expert, half, agent.network, blur=self.blur)
                     session.note(judge.learn(demos, memory.sample(half), penalty=self.penalty))
                 rewards, end_values = self._pay(rollout, judge, paid)
                 session.note({"reward/mean": float(rewards.mean())})

@@ -19,12 +19,12 @@ from typing import Any
 
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
+from aerial_il.algorithms.parts.flown import fly_step
 from aerial_il.algorithms.parts.replay import Replay, rows_of
 from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
 from aerial_il.algorithms.parts.settings import OffPolicy
 from aerial_il.algorithms.parts.snapshot import Generator
 from aerial_il.algorithms.parts.soft_actor_critic import SoftActorCritic
-from aerial_il.algorithms.parts.transitions import fly_step
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy

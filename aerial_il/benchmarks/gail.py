@@ -1,6 +1,6 @@
 """Imitation without reward: adversarial learners against the experts that they were shown, and against no one.
 
-On Gymnasium's MuJoCo tasks experts are trained here by soft actor-critic and their flights recorded; on the suite the
+On Gymnasium's MuJoCo tasks experts are trained here, or were before, and their flights recorded; on the suite the
 scripted experts demonstrate. Every learner is then given the first few of them, and no reward. Beside each stands the
 same run without a demonstration: with flights of random actions in their place, and paid for being alive. Every stage
 leaves its result in the folder of the benchmark: killed at any moment, the same call continues.
@@ -45,8 +45,8 @@ CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
 EXPERT, EXPERTS = "expert", "experts"
 CLONE = "clone alone"
 NOTES = (
-    "Experts of Gymnasium's tasks: soft actor-critic, trained here, now or before; recorded and judged is their mean "
-    "action.",
+    "Experts of Gymnasium's tasks: soft actor-critic (of Walker2d: proximal policy optimisation, "
+    "`experiments/gail/expert.py`), trained here, now or before; recorded and judged is their mean action.",
     "Learners never see a reward. The final policy of each training is judged on the expert's own fixed seeds.",
     "Ratio: mean return of the learner over that of the expert; its interval is a bootstrap (95 %) over episodes of "
     "all seeds, and covers neither the spread between trainings, which the table of single trainings shows, "
@@ -54,7 +54,8 @@ NOTES = (
     "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: the "
     "same run paid 1 for every step before an end. What these reach is no imitation.",
     "dac, and on the suite gail, begin with a clone; clone alone: the same run without a step of reinforcement. On "
-    "Gymnasium's tasks gail begins with nothing, like the other library's.",
+    "Gymnasium's tasks gail begins with nothing, like the other library's; its worlds are shared among as many "
+    "processes as there are cores, which changes its time and nothing else.",
     "On the suite gail learns from flights of a fixed length, which success does not end.",
     "On the suite all are judged like any policy: an episode ends with success. The interval of its rate is Wilson's "
     "(95 %).",

@@ -21,7 +21,8 @@ class Trials:
 
     Attributes:
         episodes, seed: how many seeds, and the first of them. tier: how rough the air is; None for the dataset's.
-        num_envs: worlds flown at once. threads: of the simulation; 0 for all cores.
+        num_envs: worlds flown at once. threads: of the simulation, or processes of worlds from outside; 0 for all
+            cores.
     """
 
     episodes: int

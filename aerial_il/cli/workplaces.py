@@ -33,7 +33,7 @@ def workplace(
         expert: file of an expert from outside; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
         num_envs: worlds flown at once; None as the algorithm likes best (its ``worlds``).
-        threads: of the simulation; 0 for all cores.
+        threads: of the simulation, or processes of worlds from outside; 0 for all cores.
 
     Raises:
         UnknownNameError: the task has no expert. InvalidValueError: an environment from outside without one.

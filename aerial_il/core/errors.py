@@ -14,13 +14,7 @@ class AerialError(Exception):
     """
 
     def __reduce__(self) -> tuple[Any, ...]:  # an error of a process that flies worlds reaches who asked it
-        return _restored, (type(self), self.args, self.__dict__)
-
-
-def _restored(kind: type[AerialError], args: tuple[Any, ...], attributes: dict[str, Any]) -> AerialError:
-    error = kind.__new__(kind, *args)
-    error.__dict__.update(attributes)
-    return error
+        return type(self).__new__, (type(self), *self.args), self.__dict__
 
 
 class UnknownNameError(AerialError, KeyError):

@@ -86,10 +86,12 @@ def measure(options: argparse.Namespace) -> None:
     """Train and judge each seed that is missing, then sum up."""
     folder = Path(options.demos).parent / options.task
     folder.mkdir(parents=True, exist_ok=True)
-    done = [one_seed(options, seed, folder / f"{options.steps}-{seed}.json") for seed in range(options.seeds)]
+    worlds = f"{options.envs} environments, each in a process" if options.parallel else f"{options.envs} environments"
+    place = f"{options.steps}-{worlds.replace(', ', '-').replace(' ', '_')}"
+    done = [one_seed(options, seed, folder / f"{place}-{seed}.json") for seed in range(options.seeds)]
     found = {
         "task": options.task,
-        "library": "imitation 1.0.1 GAIL",
+        "library": f"imitation 1.0.1 GAIL ({worlds})",
         "seeds": len(done),
         "steps": options.steps,
         "returns": [value for one in done for value in one["returns"]],
@@ -138,6 +140,7 @@ def one_seed(options: argparse.Namespace, seed: int, kept: Path) -> dict:
     started = time.perf_counter()
     trainer.train(options.steps)
     train_s = time.perf_counter() - started
+    venv.close()
     env, returns = gymnasium.make(name), []
     for episode in range(EPISODES):
         obs, _ = env.reset(seed=EVALUATION_SEED + episode)

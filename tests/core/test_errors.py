@@ -34,7 +34,7 @@ def test_an_error_survives_the_way_to_another_process(error: AerialError) -> Non
     arrived = pickle.loads(pickle.dumps(error))
     assert type(arrived) is type(error)
     assert str(arrived) == str(error)
-    assert set(vars(arrived)) == set(vars(error))
+    assert {name: str(value) for name, value in vars(arrived).items()} == {k: str(v) for k, v in vars(error).items()}
 
 
 def test_no_kind_of_error_is_left_out() -> None:

@@ -146,7 +146,14 @@ def test_a_setting_that_an_older_release_did_not_know_is_not_made_up(tmp_path: P
 
 def test_a_policy_of_another_make_is_refused(tmp_path: Path) -> None:
     saved = fresh_policy("mlp").to_checkpoint()
-    for change in ({"policy": "gpt"}, {"settings": {"width": 3}}, {"spec": {}}, {"settings": {"hidden": [7]}}):
+    settings = saved.config["settings"]
+    for change, why in (
+        ({"policy": "gpt"}, "Unknown policy 'gpt'"),
+        ({"settings": {**settings, "width": 3}}, "unexpected keyword argument 'width'"),
+        ({"spec": {}}, "Not an environment specification"),
+        ({"settings": {**settings, "hidden": [7]}}, "layers.2.weight"),
+    ):
         folder = checkpoint.save(tmp_path / "policy", replace(saved, config={**saved.config, **change}))
-        with pytest.raises(CheckpointError, match="no policy that this release can rebuild"):
+        with pytest.raises(CheckpointError, match="no policy that this release can rebuild") as refused:
             load_policy(folder)
+        assert why in str(refused.value)

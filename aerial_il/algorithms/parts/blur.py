@@ -8,7 +8,7 @@ from aerial_il.algorithms.parts.replay import Batch, Replay
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
 
 
-def drawn(expert: Replay, count: int, actor: SquashedGaussian, *, blur: bool) -> Batch:
+def sample_shown(expert: Replay, count: int, actor: SquashedGaussian, *, blur: bool) -> Batch:
     """Draw ``count`` demonstrated transitions for a discriminator, with the noise of ``actor`` if ``blur``."""
     shown = expert.sample(count)
     return blurred(shown, actor) if blur else shown

@@ -2,6 +2,9 @@
 
 The process that asks flies the first share itself; the others wait for their turn in a process each. What a world does
 depends on its seed and its actions alone, so that the number of processes changes nothing but the time.
+
+Whoever asks decides when to stop: its processes ignore the signals that are sent to all of a group, and end when their
+pipe is closed, whether by :meth:`SharedBatch.close`, at exit, or because the asker was killed.
 """
 
 from __future__ import annotations
@@ -10,9 +13,12 @@ import multiprocessing
 import pickle
 import signal
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from multiprocessing.connection import Connection
+from multiprocessing.resource_tracker import ensure_running
+from multiprocessing.util import Finalize
 from typing import Any
 
 import numpy as np
@@ -24,9 +30,10 @@ from aerial_il.suite.outside.batch import OutsideBatch, seeds_of
 
 LEAST_WORLDS = 8  # in a process: fewer do not pay for its start and its messages
 PATIENCE_S = 5.0  # for a process to end by itself
+POLITE = (signal.SIGINT, signal.SIGTERM)  # answered by who asks: it saves, and closes the pipes
 ENDED = (
     "A process that flies worlds has ended. In a script, what starts processes stands below "
-    "`if __name__ == '__main__':`; or use processes=1."
+    "`if __name__ == '__main__':`; in a notebook, what makes the environment comes from a module; or use processes=1."
 )
 NOT_PICKLED = (
     "What makes the environment cannot be pickled for another process: {}. Use a module's function, or processes=1."
@@ -38,15 +45,17 @@ MakeBatch = Callable[[int], OutsideBatch]
 class SharedBatch:
     """n worlds in several processes; what it answers is what one :class:`OutsideBatch` of n worlds would.
 
+    An environment's own error arrives as a ``RuntimeError`` with its traceback where its world is in another process.
+
     Attributes:
-        num_envs, spec, rule, model, model_xml, camera_names, ends_at_success: see :class:`OutsideBatch`.
+        num_envs, spec, rule, model, model_xml, camera_names, ends_at_success, seeds: see :class:`OutsideBatch`.
 
     Args:
         make: ``worlds -> batch`` of that many; it is pickled. num_envs: worlds. processes: among which they are shared,
             this one included.
 
     Raises:
-        InvalidValueError: fewer worlds than processes, or a process cannot start.
+        InvalidValueError: fewer worlds than processes, ``make`` cannot be pickled, or a process has ended at its start.
     """
 
     camera_names: tuple[str, ...] = ()
@@ -56,16 +65,12 @@ class SharedBatch:
             raise InvalidValueError(f"processes must be from 1 to num_envs={num_envs}, got {processes}.")
         shares = [len(share) for share in np.array_split(np.arange(num_envs), processes)]
         self._bounds = np.cumsum(shares)[:-1]
-        self._own = make(shares[0])
         self._others = [_Elsewhere(make, share) for share in shares[1:]]
+        self._own = make(shares[0])
         self.num_envs, self.ends_at_success = num_envs, self._own.ends_at_success
         self.spec, self.rule = self._own.spec, self._own.rule
         self.model, self.model_xml = self._own.model, self._own.model_xml
-
-    @property
-    def seeds(self) -> np.ndarray:
-        """(n,) of the running episodes."""
-        return self._all("seeds")
+        self.seeds = self._all("seeds")
 
     @property
     def ctrl(self) -> np.ndarray:
@@ -79,7 +84,9 @@ class SharedBatch:
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Start episodes in all worlds, or in those of ``mask``; see :meth:`OutsideBatch.reset`."""
-        return self._all("reset", seeds_of(seeds, self.num_envs), mask)
+        each = seeds_of(seeds, self.num_envs)
+        self.seeds = each.copy() if mask is None else np.where(mask, each, self.seeds)
+        return self._all("reset", each, mask)
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
         """Take one step with actions (n, Da); see :meth:`OutsideBatch.step`."""
@@ -99,9 +106,13 @@ class SharedBatch:
 
     def close(self) -> None:
         """Close all environments and end the processes."""
-        self._own.close()
-        for other in self._others:
-            other.close()
+        try:
+            self._own.close()
+        finally:
+            for other in self._others:
+                other.hang_up()
+            for other in self._others:
+                other.wait()
 
     def _all(self, name: str, *rows: np.ndarray | None) -> Any:
         """Ask every share for an attribute, or for what a method answers to its part of ``rows``; join the answers."""
@@ -124,10 +135,12 @@ class _Elsewhere:
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, make, worlds), daemon=True)
         try:
-            self._process.start()
+            with deaf():
+                self._process.start()
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise InvalidValueError(NOT_PICKLED.format(error)) from error
         theirs.close()
+        self.hang_up = Finalize(self, self._pipe.close, exitpriority=1)  # at exit too, before processes are waited for
 
     def ask(self, name: str, rows: tuple[np.ndarray | None, ...]) -> None:
         self._asked += 1
@@ -140,30 +153,44 @@ class _Elsewhere:
         """Return what was last asked for, or raise the error that it met."""
         try:
             while (answered := self._pipe.recv())[0] != self._asked:
-                pass  # the answer to a question whose asker was interrupted
+                pass  # the answer to a question whose asker was interrupted before it listened
         except (EOFError, OSError) as error:
             raise InvalidValueError(ENDED) from error
         if isinstance(found := answered[1], Exception):
             raise found
         return found
 
-    def close(self) -> None:
-        self._pipe.close()
+    def wait(self) -> None:
+        """Wait until the process has ended; kill it where it does not."""
         self._process.join(PATIENCE_S)
         if self._process.is_alive():
             self._process.kill()
+            self._process.join()
+
+
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Hold back polite signals, from a process that is started meanwhile too."""
+    ensure_running()  # what it starts when it is first needed would let them through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, POLITE)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def serve(pipe: Connection, make: MakeBatch, worlds: int) -> None:
     """Answer what is asked through ``pipe`` until its other end is closed: by its owner, or because that was killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who asks
+    for number in POLITE:
+        signal.signal(number, signal.SIG_IGN)
     batch = attempt(make, worlds)
     try:
         while True:
             question, name, rows = pipe.recv()
             pipe.send((question, batch if isinstance(batch, Exception) else attempt(answer, batch, name, rows)))
     except (EOFError, OSError):
-        pass
+        if not isinstance(batch, Exception):
+            batch.close()
 
 
 def answer(batch: OutsideBatch, name: str, rows: tuple[Any, ...]) -> Any:

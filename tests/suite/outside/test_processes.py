@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import dm_env
@@ -104,8 +108,8 @@ def test_an_environments_own_error_brings_its_traceback(counting: Any) -> None:
 
 def test_an_answer_that_nobody_waited_for_is_not_taken_for_the_next(counting: Any) -> None:
     counting.reset(0)
-    counting._others[0].ask("reset", (np.array([99]), None))  # whoever asked was interrupted
-    assert counting.observe()["observation"][:, 0].tolist() == [0, 1, 99]
+    counting._others[0].ask("sim_time", ())  # whoever asked was interrupted
+    assert counting.observe()["observation"][:, 0].tolist() == [0, 1, 2]
 
 
 def test_a_process_that_is_lost_is_named_and_none_is_left_behind() -> None:
@@ -136,8 +140,62 @@ def test_few_worlds_are_not_worth_a_process(threads: int, worlds: int, processes
     assert processes_for(0, 8) == 1
 
 
-def test_a_script_without_its_guard_is_told(tmp_path: Any) -> None:
+SCRIPT = """
+import signal
+import numpy as np
+import aerial_il
+
+if __name__ == "__main__":
+    heard = []
+    signal.signal(signal.SIGTERM, lambda *_: heard.append("SIGTERM"))
+    env = aerial_il.load_gymnasium("Pendulum-v1", num_envs=2, processes=2)
+    env.reset(0)
+    print(env._others[0]._process.pid, flush=True)
+    while not heard:
+        env.step(np.zeros((2, 1)))
+    env.step(np.zeros((2, 1)))
+    print("went on and ended", flush=True)
+"""
+
+
+@pytest.fixture
+def flying(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A script in a process group of its own, and the process that it has started."""
+    (tmp_path / "script.py").write_text(SCRIPT)
+    words = [sys.executable, str(tmp_path / "script.py")]
+    script = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    assert script.stdout is not None
+    yield script, int(script.stdout.readline())
+    script.kill()
+    script.wait()
+
+
+def ended(pid: int) -> bool:
+    """Wait until a process is gone, or has ended and nobody has asked how."""
+    for _ in range(300):
+        status = Path(f"/proc/{pid}/stat")
+        if not status.exists() or status.read_text().rpartition(")")[2].split()[0] == "Z":
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_a_signal_to_the_whole_group_is_answered_by_who_asks(flying: tuple[subprocess.Popen[str], int]) -> None:
+    script, other = flying
+    os.killpg(script.pid, signal.SIGTERM)
+    said, _ = script.communicate(timeout=60)
+    assert (said, script.returncode) == ("went on and ended\n", 0)
+    assert ended(other), "without a word to close it"
+
+
+def test_a_process_does_not_outlive_who_asks(flying: tuple[subprocess.Popen[str], int]) -> None:
+    script, other = flying
+    script.kill()
+    assert ended(other)
+
+
+def test_a_script_without_its_guard_is_told(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
-    script.write_text("import aerial_il\naerial_il.load_gymnasium('Pendulum-v1', num_envs=2, processes=2).reset(0)\n")
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
+    script.write_text("import aerial_il\naerial_il.load_gymnasium('Pendulum-v1', num_envs=2, processes=2)\n")
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120, check=False)
     assert "InvalidValueError: A process that flies worlds has ended" in done.stderr

@@ -13,7 +13,7 @@ from aerial_il.algorithms.parts.soft_actor_critic import SoftActorCritic
 from aerial_il.policies.parts.layout import Interface
 
 
-class Transitions(NamedTuple):
+class Flown(NamedTuple):
     """One step of n worlds, in the order that :func:`aerial_il.algorithms.parts.replay.rows_of` takes.
 
     Attributes:
@@ -32,10 +32,10 @@ class Transitions(NamedTuple):
 
 def fly_step(
     flight: EndlessFlight, agent: SoftActorCritic, interface: Interface, *, blind: Generator | None = None
-) -> Transitions:
+) -> Flown:
     """Fly one step of all worlds with actions drawn by ``agent``, or uniformly at random by ``blind``."""
     obs = encode(interface, flight.frames)
     size = (flight.n, flight.env.spec.action.size)
     actions = blind.rng.uniform(-1, 1, size) if blind else agent.explore(obs)
     step = flight.step(decode(interface, np.asarray(actions, np.float32), flight.frames))
-    return Transitions(obs, actions, step.rewards, encode(interface, step.next_frames), step.terminal)
+    return Flown(obs, actions, step.rewards, encode(interface, step.next_frames), step.terminal)
