@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import multiprocessing
 import pickle
+import select
 import signal
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,6 +31,7 @@ from aerial_il.suite.crew import available_cores
 from aerial_il.suite.outside.batch import OutsideBatch, seeds_of
 
 LEAST_WORLDS = 8  # in a process: fewer do not pay for its start and its messages
+WATCH_S = 0.002  # that a process looks for what it is told before it sleeps
 PATIENCE_S = 5.0  # for a process to end by itself
 POLITE = (signal.SIGINT, signal.SIGTERM)  # answered by who asks: it saves, and closes the pipes
 ENDED = (
@@ -152,7 +155,7 @@ class _Elsewhere:
     def answer(self) -> Any:
         """Return what was last asked for, or raise the error that it met."""
         try:
-            while (answered := self._pipe.recv())[0] != self._asked:
+            while (answered := told(self._pipe))[0] != self._asked:
                 pass  # the answer to a question whose asker was interrupted before it listened
         except (EOFError, OSError) as error:
             raise InvalidValueError(ENDED) from error
@@ -186,11 +189,21 @@ def serve(pipe: Connection, make: MakeBatch, worlds: int) -> None:
     batch = attempt(make, worlds)
     try:
         while True:
-            question, name, rows = pipe.recv()
+            question, name, rows = told(pipe)
             pipe.send((question, batch if isinstance(batch, Exception) else attempt(answer, batch, name, rows)))
     except (EOFError, OSError):
         if not isinstance(batch, Exception):
             batch.close()
+
+
+def told(pipe: Connection) -> Any:
+    """Return what is said next through ``pipe``, watching it for a while: to be woken takes longer than to look."""
+    watched = select.poll()
+    watched.register(pipe, select.POLLIN)
+    patience = time.perf_counter() + WATCH_S
+    while not watched.poll(0) and time.perf_counter() < patience:
+        pass
+    return pipe.recv()
 
 
 def answer(batch: OutsideBatch, name: str, rows: tuple[Any, ...]) -> Any:
