@@ -196,8 +196,8 @@ def serve(pipe: Connection, make: MakeBatch, worlds: int) -> None:
             batch.close()
 
 
-def told(pipe: Connection) -> Any:
-    """Return what is said next through ``pipe``, watching it for a while: to be woken takes longer than to look."""
+def told(pipe: Any) -> Any:
+    """Return what is said next through a connection, watching it for a while: to be woken takes longer than to look."""
     watched = select.poll()
     watched.register(pipe, select.POLLIN)
     patience = time.perf_counter() + WATCH_S
