@@ -99,9 +99,10 @@ class Adroit:
         data: folder of ``dapg_policies.npz``. policies: policy class -> its settings; classes that are not registered
             are left out, and the report says so. algorithm: how they are trained. training: class -> what differs.
         tasks: cloned from 100 demonstrations by the perceptron. few: smaller numbers of demonstrations of relocate, for
-            all classes. clean: numbers of noise-free ones, for the perceptron. interactive: name -> algorithm that
-            flies and asks the expert, with as many labelled flights in all as ``clean`` says. first: of them, flown by
-            the expert. seeds: trainings of each arm.
+            all classes. seeds: trainings of each of these arms.
+        clean: number of noise-free ones, for the perceptron -> ``bc`` or a name in ``interactive`` -> trainings. Ways
+            that are near to each other are told apart by many trainings only. interactive: name -> algorithm that flies
+            and asks the expert, with as many flights in all as ``clean`` says. first: of them, flown by the expert.
         episodes: flown to judge one. num_envs: worlds flown at once.
     """
 
@@ -114,7 +115,7 @@ class Adroit:
     training: Mapping[str, Mapping[str, Any]] = field(default_factory=dict, hash=False)
     tasks: tuple[str, ...] = ("door", "relocate")
     few: tuple[int, ...] = (10, 25)
-    clean: tuple[int, ...] = (15, 30)
+    clean: Mapping[int, Mapping[str, int]] = field(default_factory=lambda: {15: {CLONED: 3}}, hash=False)
     interactive: Mapping[str, Any] = field(default_factory=dict, hash=False)
     first: int = 5
     seeds: int = 3
@@ -125,8 +126,10 @@ class Adroit:
         for task in self.tasks:
             if task not in TASKS:
                 raise InvalidValueError(f"{task!r} is no task of this study; it has {', '.join(TASKS)}.")
-        if min(self.seeds, self.episodes, self.num_envs, *self.few, *self.clean, 1) < 1:
+        if min(self.seeds, self.episodes, self.num_envs, *self.few, *self.clean) < 1:
             raise InvalidValueError("seeds, episodes, num_envs and numbers of demonstrations start at 1.")
+        for name in {name for ways in self.clean.values() for name in ways} - {CLONED, *self.interactive}:
+            raise InvalidValueError(f"clean names {name!r}; valid: {', '.join((CLONED, *self.interactive))}.")
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Record, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
@@ -144,13 +147,14 @@ class Adroit:
     def points(self) -> list[Point]:
         """Return all trainings, those that the targets ask for first."""
         classes = [name for name in self.policies if name in policies.list_policies()]
-        arms = [(task, MANY, False, "mlp", CLONED) for task in self.tasks]
+        noisy = [(task, MANY, "mlp") for task in self.tasks]
+        clean: list[tuple[int, str, int]] = []
         if "relocate" in self.tasks:
-            arms += [("relocate", demos, False, name, CLONED) for demos in self.few for name in classes]
-            arms += [
-                ("relocate", demos, True, "mlp", way) for demos in self.clean for way in (CLONED, *self.interactive)
-            ]
-        return [Point(*arm[:4], seed, arm[4]) for seed in range(self.seeds) for arm in arms]
+            noisy += [("relocate", demos, name) for demos in self.few for name in classes]
+            clean = [(demos, way, count) for demos, ways in self.clean.items() for way, count in ways.items()]
+        points = [Point(*arm[:2], False, arm[2], seed) for arm in noisy for seed in range(self.seeds)]
+        points += [Point("relocate", n, True, "mlp", seed, way) for n, way, count in clean for seed in range(count)]
+        return sorted(points, key=lambda point: point.seed)
 
     def demonstrations(self, point: Point, folder: Path, progress: bool) -> list[Episode]:
         """Return the first successful flights of the expert, recording what is missing."""

@@ -184,6 +184,7 @@ def test_what_does_not_fit_together_is_refused(whole: Path, demos: list[Episode]
         (CoinGate, {"over": 0}),
         (ThriftyGate, {"ensemble": 1}),
         (ThriftyGate, {"alarms": 0.0}),
+        (ThriftyGate, {"agreement": 0.0}),
         (ThriftyGate, {"novelty": False, "risk": False}),
         (Corrector, {"take": 0.1, "give": 0.2}),
         (type(DAGGER), {"rounds": 0}),
@@ -342,6 +343,21 @@ def test_thrifty_asks_less_counts_what_it_asks_and_learns(tmp_path: Path, demos:
     probes = list(open_dataset(run / "rounds" / "001" / "alone", failures=True))
     assert Tally.of(probes).queries == 0
     assert len(probes) == 5
+
+
+def test_the_expert_hands_back_within_some_mean_discrepancies_on_the_lessons(
+    demos: list[Episode], tmp_path: Path
+) -> None:
+    """A policy that always says 0 is away from the labels by their own size."""
+    policy = BC.train(demos, POLICY, run=tmp_path / "bc", progress=False)
+    policy.act = lambda obs: np.zeros((len(obs["error"]), 1))  # type: ignore[method-assign]
+    labels = np.concatenate([demo.labels for demo in demos])
+    of = Round(1, 0, [policy, policy], demos, [])
+    for agreement in (1.0, 3.0):
+        gate = ThriftyGate(ensemble=2, agreement=agreement, risk=False).open(of)
+        assert isinstance(gate, _Thrifty)
+        mean = gate.scale.distance(np.zeros_like(labels), labels).mean()
+        assert gate.thresholds.discrepancy == pytest.approx(agreement * mean, rel=1e-5)
 
 
 def test_a_supervisor_takes_the_sticks_late_and_gives_them_back_when_content(

@@ -66,4 +66,12 @@ def test_the_trainings_that_targets_ask_for_come_first_and_unknown_classes_are_l
     points = study.points()
     assert {(p.task, p.demos) for p in points[:2]} == {("door", 100), ("relocate", 100)}
     assert {p.policy for p in points} == {"mlp"}
-    assert len(points) == len(set(points)) == 2 * (2 + 2 + 2)
+    assert len(points) == len(set(points)) == 2 * (2 + 2) + 3
+
+
+def test_ways_that_are_near_to_each_other_get_as_many_trainings_as_is_said() -> None:
+    study = Adroit(clean={15: {"bc": 4, "ask": 2}}, interactive={"ask": None}, seeds=1)
+    trained = [(p.method, p.seed) for p in study.points() if p.clean]
+    assert trained == [("bc", 0), ("ask", 0), ("bc", 1), ("ask", 1), ("bc", 2), ("bc", 3)]
+    with pytest.raises(InvalidValueError, match="clean names 'asks'; valid: bc"):
+        Adroit(clean={15: {"asks": 1}})

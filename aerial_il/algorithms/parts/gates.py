@@ -111,17 +111,21 @@ class ThriftyGate:
     It takes over where ``novelty > n`` or ``risk > r``, and hands back where the learner's action is near to its own,
     ``discrepancy < d``, and ``risk <= m``. Only the steps that it flies are queries. The thresholds come from data: n
     and r are the ``1 - alarms`` quantiles of novelty and risk over the states of the learner's own successful flights
-    (over all lessons where there is none), d is the mean discrepancy on the lessons, m the median risk.
+    (over all lessons where there is none), d is ``agreement`` times the mean discrepancy on the lessons, m the median
+    risk.
 
-    Two things differ from the paper. Risk is not learned by bootstrapping from demonstrations, but as the frequency of
-    failure in flights that the learner makes alone and nobody labels (``alone``). And the quantiles are taken over
-    flights that went well: over all of them, a learner that is often stuck would find being stuck ordinary.
+    Three things differ from the paper. Risk is not learned by bootstrapping from demonstrations, but as the frequency
+    of failure in flights that the learner makes alone and nobody labels (``alone``). The quantiles are taken over
+    flights that went well: over all of them, a learner that is often stuck would find being stuck ordinary. And the
+    mean discrepancy is multiplied: it is an error in training, on lessons that a learner may know by heart, and one
+    that is asked to be as near elsewhere is hardly ever trusted again.
 
     Attributes:
         ensemble: policies whose disagreement is novelty.
         alone: flights per round of the learner alone.
         alarms: share of the states of a good flight at which the expert is called, by novelty and by risk each.
         least: steps that it flies at least: a chunk of actions is learned from a run of them.
+        agreement: how many mean discrepancies on the lessons the learner may be away from it when it hands back.
         patience: steps in a row that must be alarming before it is called.
         novelty, risk: which of the two alarms there are; novelty alone is EnsembleDAgger's doubt rule.
     """
@@ -130,6 +134,7 @@ class ThriftyGate:
     alone: int = 10
     alarms: float = 0.02
     least: int = 10
+    agreement: float = 1.0
     patience: int = 1
     novelty: bool = True
     risk: bool = True
@@ -142,6 +147,8 @@ class ThriftyGate:
         for name in ("alone", "least", "patience"):
             if getattr(self, name) < 1:
                 raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
+        if not self.agreement > 0:
+            raise InvalidValueError(f"agreement is {self.agreement}; the expert hands back at more than 0 only.")
         if not (self.novelty or self.risk):
             raise InvalidValueError("novelty and risk are both off: the expert would never be called.")
 
@@ -159,7 +166,7 @@ class ThriftyGate:
             Thresholds(
                 novelty=float(np.quantile(novelty, 1 - self.alarms)) if self.novelty else np.inf,
                 risk=float(np.quantile(risky, 1 - self.alarms)) if self.risk else np.inf,
-                discrepancy=_mean_discrepancy(learner, of.lessons, scale),
+                discrepancy=self.agreement * _mean_discrepancy(learner, of.lessons, scale),
                 calm=float(np.median(risky)) if self.risk else np.inf,
             ),
             least=self.least,
