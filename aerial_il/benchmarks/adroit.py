@@ -100,9 +100,10 @@ class Adroit:
             are left out, and the report says so. algorithm: how they are trained. training: class -> what differs.
         tasks: cloned from 100 demonstrations by the perceptron. few: smaller numbers of demonstrations of relocate, for
             all classes. seeds: trainings of each of these arms.
-        clean: number of noise-free ones, for the perceptron -> ``bc`` or a name in ``interactive`` -> trainings. Ways
-            that are near to each other are told apart by many trainings only. interactive: name -> algorithm that flies
-            and asks the expert, with as many flights in all as ``clean`` says. first: of them, flown by the expert.
+        clean: for the perceptron, ``{demos: N, WAY: TRAININGS}`` for each number of noise-free ones, where a way is
+            ``bc`` or a name in ``interactive``. Ways that are near to each other are told apart by many trainings only.
+        interactive: name -> algorithm that flies and asks the expert, with as many flights in all as ``clean`` says.
+            first: of them, flown by the expert.
         episodes: flown to judge one. num_envs: worlds flown at once.
     """
 
@@ -115,7 +116,7 @@ class Adroit:
     training: Mapping[str, Mapping[str, Any]] = field(default_factory=dict, hash=False)
     tasks: tuple[str, ...] = ("door", "relocate")
     few: tuple[int, ...] = (10, 25)
-    clean: Mapping[int, Mapping[str, int]] = field(default_factory=lambda: {15: {CLONED: 3}}, hash=False)
+    clean: tuple[Mapping[str, int], ...] = field(default=({"demos": 15, CLONED: 3},), hash=False)
     interactive: Mapping[str, Any] = field(default_factory=dict, hash=False)
     first: int = 5
     seeds: int = 3
@@ -126,10 +127,12 @@ class Adroit:
         for task in self.tasks:
             if task not in TASKS:
                 raise InvalidValueError(f"{task!r} is no task of this study; it has {', '.join(TASKS)}.")
-        if min(self.seeds, self.episodes, self.num_envs, *self.few, *self.clean) < 1:
+        if min(self.seeds, self.episodes, self.num_envs, *self.few) < 1:
             raise InvalidValueError("seeds, episodes, num_envs and numbers of demonstrations start at 1.")
-        for name in {name for ways in self.clean.values() for name in ways} - {CLONED, *self.interactive}:
-            raise InvalidValueError(f"clean names {name!r}; valid: {', '.join((CLONED, *self.interactive))}.")
+        ways = ("demos", CLONED, *self.interactive)
+        for wanted in self.clean:
+            if "demos" not in wanted or not set(wanted) <= set(ways):
+                raise InvalidValueError(f"clean says {dict(wanted)}; it names demos and any of {', '.join(ways[1:])}.")
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Record, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
@@ -151,7 +154,7 @@ class Adroit:
         clean: list[tuple[int, str, int]] = []
         if "relocate" in self.tasks:
             noisy += [("relocate", demos, name) for demos in self.few for name in classes]
-            clean = [(demos, way, count) for demos, ways in self.clean.items() for way, count in ways.items()]
+            clean = [(wanted["demos"], *way) for wanted in self.clean for way in wanted.items() if way[0] != "demos"]
         points = [Point(*arm[:2], False, arm[2], seed) for arm in noisy for seed in range(self.seeds)]
         points += [Point("relocate", n, True, "mlp", seed, way) for n, way, count in clean for seed in range(count)]
         return sorted(points, key=lambda point: point.seed)

@@ -70,8 +70,9 @@ def test_the_trainings_that_targets_ask_for_come_first_and_unknown_classes_are_l
 
 
 def test_ways_that_are_near_to_each_other_get_as_many_trainings_as_is_said() -> None:
-    study = Adroit(clean={15: {"bc": 4, "ask": 2}}, interactive={"ask": None}, seeds=1)
+    study = Adroit(clean=({"demos": 15, "bc": 4, "ask": 2},), interactive={"ask": None}, seeds=1)
     trained = [(p.method, p.seed) for p in study.points() if p.clean]
     assert trained == [("bc", 0), ("ask", 0), ("bc", 1), ("ask", 1), ("bc", 2), ("bc", 3)]
-    with pytest.raises(InvalidValueError, match="clean names 'asks'; valid: bc"):
-        Adroit(clean={15: {"asks": 1}})
+    for wrong in ({"demos": 15, "asks": 1}, {"bc": 3}):
+        with pytest.raises(InvalidValueError, match="it names demos and any of bc"):
+            Adroit(clean=(wrong,))
