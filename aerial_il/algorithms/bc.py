@@ -176,7 +176,7 @@ class BehaviourCloning:
         config = {**origin, "settings": asdict(self), "policy": {"name": policy.name, **policy.to_dict()}}
 
         with ExitStack() as stack:
-            folder = stack.enter_context(RunFolder.open(run, config, cadence=CADENCE, resume=resume))
+            folder = stack.enter_context(RunFolder.open(run, config, cadence=self._cadence, resume=resume))
             if folder.finished:
                 return load_policy(folder.path)
             require_device(self.device)
@@ -256,9 +256,14 @@ class BehaviourCloning:
 
     def _gives_up(self, standing: Standing | None) -> bool:
         """Whether the rollouts have not become better for too long."""
-        if self.patience and standing is None:
-            raise InvalidValueError(f"The rollouts tell no {self.best_by!r}, by which patience judges. See best_by.")
+        if standing is None and (self.patience or self.best_by != BehaviourCloning.best_by):
+            raise InvalidValueError(f"The rollouts tell no {self.best_by!r}, by which they are judged. See best_by.")
         return bool(self.patience and standing and standing.stale >= self.patience)
+
+    @property
+    def _cadence(self) -> tuple[str, ...]:
+        """Settings that no weight depends on; with patience the rollouts decide where training ends."""
+        return tuple(name for name in CADENCE if not (self.patience and name == "evaluate_every"))
 
     def _precision(self) -> torch.autocast:
         """Return the context in which the loss is computed."""
@@ -272,9 +277,16 @@ class BehaviourCloning:
 
 
 def require_device(name: str) -> None:
-    """Refuse a torch device that is not there."""
-    if name.startswith("cuda") and not torch.cuda.is_available():
+    """Refuse a torch device that is not there, or that there cannot be."""
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise InvalidValueError(f"device={name} is none that torch knows. Use cpu, cuda or cuda:1.") from error
+    found = torch.cuda.device_count()
+    if device.type == "cuda" and not found:
         raise InvalidValueError(f"device={name} needs a GPU that torch can use; there is none here. Use device=cpu.")
+    if device.type == "cuda" and (device.index or 0) >= found:
+        raise InvalidValueError(f"device={name}: there are {found} GPUs here, counted from 0.")
 
 
 def due(every: int, step: int) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.parts.blur import blurred
 from aerial_il.algorithms.parts.discriminator import REWARDS, RunningNorm, Scorer, gradient_penalty
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
@@ -22,8 +23,10 @@ from aerial_il.algorithms.parts.expert_data import (
     read_transitions,
 )
 from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
+from aerial_il.algorithms.parts.proximal import shuffled
 from aerial_il.algorithms.parts.replay import Batch, Replay, rows_of, split
 from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments, advantages
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
 from aerial_il.algorithms.sac import SoftActorCriticLearning, agent_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.policies.mlp import MlpConfig
@@ -274,7 +277,20 @@ def test_demonstrations_become_transitions() -> None:
     np.testing.assert_allclose(encode(interface, found.frames).std(0), 1.0, atol=1e-3)
 
 
+def test_no_minibatch_has_a_single_row() -> None:
+    """Its advantages have no deviation to be divided by."""
+    assert [len(part) for part in shuffled(2049, 1024)] == [1024, 1025]
+    assert [len(part) for part in shuffled(2050, 1024)] == [1024, 1024, 2]
+    assert torch.cat(shuffled(129, 64)).sort().values.tolist() == list(range(129))
+    for wrong in ({"batch_size": 1}, {"rollout": 1}):
+        with pytest.raises(InvalidValueError, match="so at least 2"):
+            ProximalPolicyOptimisation(**wrong)
+
+
 def test_what_cannot_be_imitated_is_refused() -> None:
+    for wrong in (0, -1):
+        with pytest.raises(InvalidValueError, match=f"trajectories is {wrong}; it must be positive"):
+            DiscriminatorActorCritic(trajectories=wrong)
     demos = drift.demonstrations(2)
     with pytest.raises(InvalidValueError, match="trajectories is 3; the dataset has 2"):
         read_transitions(demos, POLICY, trajectories=3, subsample=1, seed=0)

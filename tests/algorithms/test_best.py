@@ -99,6 +99,8 @@ def test_rollouts_without_the_number_to_judge_by(demos: list[Episode], tmp_path:
     assert load_policy(tmp_path / "b" / "best").origin["step"] == 60
     with pytest.raises(InvalidValueError, match=r"'success'.*best_by"):
         learn(demos, tmp_path / "c", told, replace(SETTINGS, patience=1))
+    with pytest.raises(InvalidValueError, match=r"'sucess'.*best_by"):
+        learn(demos, tmp_path / "d", told, replace(SETTINGS, best_by="sucess"))
 
 
 def test_starting_over_forgets_the_best(demos: list[Episode], tmp_path: Path) -> None:
@@ -125,8 +127,18 @@ def test_mixed_precision_learns_on_a_gpu(demos: list[Episode], tmp_path: Path) -
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_missing_gpu_is_named(demos: list[Episode], tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"device=gpu is none that torch knows\. Use cpu, cuda"):
+        replace(SETTINGS, device="gpu").train(demos, POLICY, run=tmp_path / "gpu", progress=False)
     with pytest.raises(InvalidValueError, match=r"device=cuda needs a GPU.*device=cpu"):
         replace(SETTINGS, device="cuda").train(demos, POLICY, run=tmp_path, progress=False)
+
+
+def test_how_often_a_patient_run_is_judged_is_part_of_it(demos: list[Episode], tmp_path: Path) -> None:
+    patient, rates = replace(SETTINGS, patience=4), [0.1] * 12
+    with pytest.raises(KeyboardInterrupt):
+        learn(demos, tmp_path, Judge(rates, stop_at=20), patient)
+    with pytest.raises(InvalidValueError, match="evaluate_every"):
+        learn(demos, tmp_path, Judge(rates), replace(patient, evaluate_every=20))
 
 
 def test_patience_needs_rollouts_and_cameras_can_be_asked_for(demos: list[Episode], tmp_path: Path) -> None:
@@ -156,3 +168,10 @@ def test_where_the_rollouts_stand(values: list[float], step: int, stale: int) ->
     assert standing is not None
     assert (standing.step, standing.stale, standing.best) == (step, stale, max(values))
     assert Standing.of([{"step": 1.0}], "evaluate/success") is None
+
+
+def test_few_crashes_and_little_time_are_better_and_no_time_at_all_is_worst() -> None:
+    told = [{"step": 10.0, "time_to_success_s": float("nan")}, {"step": 20.0, "time_to_success_s": 9.0}]
+    assert Standing.of(told, "time_to_success_s") == Standing(9.0, 20, 0, 2)
+    told = [{"step": 10.0, "evaluate/crashes": 1.0}, {"step": 20.0, "evaluate/crashes": 7.0}]
+    assert Standing.of(told, "evaluate/crashes") == Standing(1.0, 10, 1, 2)

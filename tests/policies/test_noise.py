@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from aerial_il.policies.parts.noise import EpisodeNoise, fingerprints, normal_numbers
+from aerial_il.policies.parts.noise import EpisodeNoise, fingerprints, glimpses, normal_numbers
 
 ALL = np.ones(4, bool)
 
@@ -42,6 +42,16 @@ def test_an_episode_keeps_its_numbers_whatever_it_sees_later(frames: np.ndarray)
     first = noise.take(frames, ALL)
     np.testing.assert_array_equal(noise.take(frames + 1, ALL), first)
     np.testing.assert_array_equal(noise.take(frames + 1, np.array([True, False, True, False])), first[[0, 2]])
+
+
+def test_a_glimpse_is_told_by_every_pixel_and_by_its_own_world() -> None:
+    images = np.random.default_rng(0).integers(0, 256, (5, 8, 9, 3), dtype=np.uint8)
+    seen = glimpses([images, images])
+    assert seen.shape == (5, 2)
+    assert len(np.unique(seen[:, 0])) == 5
+    np.testing.assert_array_equal(glimpses([images[3:4]])[0, 0], seen[3, 0])
+    images[1, 7, 8, 2] ^= 1
+    np.testing.assert_array_equal(glimpses([images])[:, 0] != seen[:, 0], np.arange(5) == 1)
 
 
 def test_redrawing_gives_new_numbers_to_those_that_predict(frames: np.ndarray) -> None:

@@ -11,8 +11,11 @@ import pytest
 import torch
 import yaml
 
+from aerial_il.algorithms.parts.selection import Selection
+from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.core.errors import CheckpointError, InvalidValueError, UnknownNameError
 from aerial_il.policies import list_policies, load_policy, policy_config
+from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
@@ -84,6 +87,14 @@ def test_settings_survive_yaml(name: str) -> None:
 def test_impossible_settings_are_refused(name: str, settings: dict[str, int]) -> None:
     with pytest.raises(InvalidValueError, match=next(iter(settings))):
         policy_config(name)(**{**SIZES, **settings})
+
+
+def test_a_single_name_or_width_stands_for_a_list_of_it() -> None:
+    """A command line writes ``policy.blind_to=target_*``, which must not be read letter by letter."""
+    config = MlpConfig(blind_to="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
+    assert (config.blind_to, config.hidden, config.images) == (("target_*",), (256,), ("wrist_rgb",))
+    assert Selection(operators="expert").operators == ("expert",)  # type: ignore[arg-type]
+    assert SoftActorCriticLearning(critic_hidden=64).critic_hidden == (64,)  # type: ignore[arg-type]
 
 
 def test_names_come_without_importing_torch() -> None:

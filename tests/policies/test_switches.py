@@ -36,6 +36,14 @@ def test_they_snap_to_the_nearer_value_and_others_are_left_alone(fitted: Switche
     np.testing.assert_array_equal(snapped[:, [0, 2]], actions[:, [0, 2]])
 
 
+def test_a_choice_among_several_is_left_to_its_scores() -> None:
+    scores = np.array([[0.2, 0.45, 0.35]])
+    for shown in (np.eye(3, dtype=np.float32)[[0, 1, 2, 1]], np.eye(3, dtype=np.float32)[[0, 1, 0, 1]]):
+        np.testing.assert_array_equal(Switches.fit(shown).snap(scores), scores)
+    both = np.array([[0, 0], [1, 1], [1, 0]], np.float32)
+    assert not np.isnan(Switches.fit(both).low).any(), "two grippers that close together are no choice"
+
+
 def test_arrays_bring_them_back(fitted: Switches) -> None:
     again = Switches.from_arrays(fitted.arrays())
     np.testing.assert_array_equal([again.low, again.high], [fitted.low, fitted.high])

@@ -24,7 +24,7 @@ class Sight:
     Attributes:
         obs: ``name -> (n, ...)``.
         proposed: (n, Da) what the learner would do.
-        wished: (n, Da) what the expert would do. A gate that reads a row of it counts as having asked: see
+        wished: (n, Da) what the expert would do. A gate whose answer depends on a row of it has asked: see
             :meth:`Gate.choose`.
         flew: (n,) bool, the expert held the sticks in the step before.
     """
@@ -56,7 +56,11 @@ class Gate(Protocol):
         ...
 
     def choose(self, sight: Sight) -> Choice:
-        """Say who flies now; ``sight.wished`` may be read in the rows that are answered with ``asked`` only."""
+        """Say who flies now.
+
+        Only in rows that are answered with ``asked`` may the answer depend on ``sight.wished``, or it would be a query
+        that nobody counts. A supervisor's gate is free to: who holds the sticks watches all the time.
+        """
         ...
 
 

@@ -105,7 +105,7 @@ class Proximal:
         passes: list[np.ndarray] = []
         moving = improve
         for _ in range(self.epochs):
-            order = torch.randperm(len(before)).split(self.batch_size)
+            order = shuffled(len(before), self.batch_size)
             rows = [self._descend(seen[i], drawn[i], gains[i], wanted[i], before[i], moving) for i in order]
             passes.append(np.mean(rows, axis=0))
             moving = moving and not (self.target_kl and passes[-1][2] > 1.5 * self.target_kl)
@@ -140,3 +140,11 @@ class Proximal:
     def restore(self, saved: Snapshot) -> None:
         for name, part in {"actor": self._actor, "critic": self._critic}.items():
             part.restore(Snapshot(below(f"{name}.", saved.arrays)))
+
+
+def shuffled(count: int, batch_size: int) -> list[Tensor]:
+    """Return minibatches of row numbers in random order; a last row left alone, which has no spread, joins others."""
+    parts = list(torch.randperm(count).split(batch_size))
+    if len(parts) > 1 and len(parts[-1]) == 1:
+        parts[-2:] = [torch.cat(parts[-2:])]
+    return parts

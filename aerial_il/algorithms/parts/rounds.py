@@ -196,15 +196,17 @@ class Rounds:
         """Learn from all lessons, at length in the first and the last round."""
         going_on = self._training.warm and self.learner is not None
         settings = self._training.between if number and not last else self._training.bc
-        self.learner = settings.train(
+        place = self.place(number) / TRAINING
+        settings.train(
             self.lessons,
             self._training.policy,
-            run=self.place(number) / TRAINING,
+            run=place,
             seed=self._training.seed,
             progress=progress,
             failures=True,
             initial=self.learner if going_on else None,
         )
+        self.learner = load_policy(place)  # as a resumed run has it, on the processor, wherever it was trained
         return self.learner
 
     def auxiliary(

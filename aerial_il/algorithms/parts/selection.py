@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.settings import make_tuples
 from aerial_il.data.episode import Episode
 
 Quality = Literal["duration", "smoothness", "reward"]
@@ -35,7 +36,7 @@ class Selection:
     operator_weights: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "operators", tuple(self.operators))
+        make_tuples(self)
         if self.quality not in get_args(Quality):
             raise InvalidValueError(f"Unknown quality {self.quality!r}. Valid: {', '.join(get_args(Quality))}.")
         if not 0 < self.keep <= 1:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.settings import make_tuples
 
 Control = Literal["none", "random_actions", "constant_reward"]
 Bounds = Literal["environment", "demonstrations"]
@@ -37,9 +38,7 @@ class Flying:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        for f in fields(self):  # YAML knows lists only
-            if isinstance(value := getattr(self, f.name), list):
-                object.__setattr__(self, f.name, tuple(value))
+        make_tuples(self)
         require_positive(self, "steps", "keep_checkpoints", "threads")
         require_share(self, "gamma", below_one=True)
         require_not_negative(self, "log_every", "evaluate_every", "checkpoint_every")
@@ -114,7 +113,10 @@ class OnPolicy(Flying):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "rollout", "epochs", "batch_size", "lr", "clip", "clip_norm")
+        require_positive(self, "epochs", "lr", "clip", "clip_norm")
+        for name in ("rollout", "batch_size"):
+            if getattr(self, name) < 2:
+                raise InvalidValueError(f"{name} is {getattr(self, name)}; advantages are compared, so at least 2.")
         require_share(self, "decay")
         require_widths(self, "critic_hidden")
 
@@ -141,7 +143,7 @@ class Imitating(Flying):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "subsample")
+        require_positive(self, "subsample", *(("trajectories",) if self.trajectories is not None else ()))
         require_choice(self, "bounds", Bounds)
         require_choice(self, "labels", Labels)
         require_choice(self, "control", Control)

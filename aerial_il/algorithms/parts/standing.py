@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+
+LOWER_IS_BETTER = ("crashes", "time_to_success_s")
 
 
 @dataclass(frozen=True)
@@ -11,7 +14,7 @@ class Standing:
     """The evaluations of a run so far, told from its metrics alone, so that a resumed run decides alike.
 
     Attributes:
-        best: highest value; step: where it was reached, the last time if it was reached again.
+        best: highest value, or the lowest of what had better be low. step: where it was reached, for the last time.
         stale: evaluations since it was reached for the first time.
         evaluations: how many there were.
     """
@@ -27,7 +30,8 @@ class Standing:
         told = [(row[name], int(row["step"])) for row in rows if name in row]
         if not told:
             return None
-        values = [value for value, _ in told]
-        best = max(values)
-        step = max(step for value, step in told if value == best)
-        return Standing(best, step, len(values) - 1 - values.index(best), len(values))
+        sign = -1.0 if name.rpartition("/")[2] in LOWER_IS_BETTER else 1.0
+        merits = [-math.inf if math.isnan(value) else sign * value for value, _ in told]
+        place = merits.index(max(merits))
+        step = max(step for merit, (_, step) in zip(merits, told, strict=True) if merit == merits[place])
+        return Standing(told[place][0], step, len(told) - 1 - place, len(told))

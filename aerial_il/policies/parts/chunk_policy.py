@@ -20,7 +20,7 @@ from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
-from aerial_il.policies.parts.noise import EpisodeNoise
+from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
@@ -75,7 +75,8 @@ class ChunkPolicy:
         due = self._plan.due(len(frame))
         if due.any():
             rows, worlds = slice(None) if due.all() else due, np.flatnonzero(due)
-            noise, pictures = self._noise.take(frame, due), [images[rows] for images in seen]
+            first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(images)
+            noise, pictures = self._noise.take(first_seen, due), [stack[rows] for stack in seen]
             self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise), due)
         planned = self.interface.switches.snap(self._plan.pop())
         return self.spec.action.clip(planned.astype(np.float64))

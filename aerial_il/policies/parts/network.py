@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 import torch
 from torch import Tensor, nn
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.settings import make_tuples
 from aerial_il.policies.parts.normaliser import Scaling
 
 Encoder = Literal["cnn", "resnet18"]
@@ -88,9 +89,7 @@ class PolicyConfig(ABC):
     obs_clip: float = 10.0
 
     def __post_init__(self) -> None:
-        for f in fields(self):  # YAML and JSON know lists only
-            if isinstance(value := getattr(self, f.name), list):
-                object.__setattr__(self, f.name, tuple(value))
+        make_tuples(self)
         if self.history < 1 or self.chunk < 1:
             raise InvalidValueError(f"history is {self.history} and chunk {self.chunk}; both must be at least 1.")
         if not 1 <= self.execute <= self.chunk:

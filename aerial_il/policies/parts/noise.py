@@ -1,14 +1,17 @@
 """Random numbers for a policy that flies n worlds: decided by what each world saw first, never by its neighbours.
 
 A generator that the worlds share would make an action depend on how many of them there are, and one keyed by the
-present observation would turn a rounding error into another action. Here the bits of an episode's first observation
-are the key, and a counter gives the numbers: the same episode gets the same ones wherever and whenever it is flown.
+present observation would turn a rounding error into another action. Here the bits of an episode's first observation,
+or its pixels where a policy sees nothing else, are the key, and a counter gives the numbers: the same episode gets the
+same ones wherever and whenever it is flown.
 
 Source: G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Generators", 2014 (SplitMix64);
 G. Box, M. Muller, "A Note on the Generation of Random Normal Deviates", 1958.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -61,6 +64,16 @@ def fingerprints(frames: np.ndarray) -> np.ndarray:
     for column in bits:
         keys = _mixed((keys ^ column) + GOLDEN)
     return keys
+
+
+def glimpses(images: Sequence[np.ndarray]) -> np.ndarray:
+    """Return a number (n, C) for each of C cameras' ``images`` (n, H, W, 3) uint8, exact and told by every pixel."""
+    sums = []
+    for image in images:
+        pixels = image.reshape(len(image), -1).astype(np.uint64)
+        places = _mixed(np.arange(1, pixels.shape[1] + 1, dtype=np.uint64) * GOLDEN)
+        sums.append(((pixels * places).sum(axis=1) >> np.uint64(11)).astype(np.float64))
+    return np.stack(sums, axis=1)
 
 
 def normal_numbers(keys: np.ndarray, size: int) -> np.ndarray:

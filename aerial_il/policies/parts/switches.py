@@ -30,7 +30,13 @@ class Switches:
 
     @staticmethod
     def fit(actions: np.ndarray) -> Switches:
-        """Find the elements of demonstrated actions (N, Da) that take two values, but for few steps with others."""
+        """Find the elements of demonstrated actions (N, Da) that take two values, but for few steps with others.
+
+        A choice among several, shown as a 1 among zeros, is flown by its highest score: none of its elements is a
+        switch, or scores below a half would all become zeros.
+        """
+        if _is_choice(actions):
+            return Switches.none(actions.shape[1])
         pairs = np.full((actions.shape[1], 2), np.nan, np.float32)
         for element, column in enumerate(actions.T):
             values, counts = np.unique(column, return_counts=True)
@@ -57,3 +63,9 @@ class Switches:
     def from_arrays(arrays: Mapping[str, np.ndarray]) -> Switches:
         """Rebuild from :meth:`arrays`."""
         return Switches(arrays["switches.low"], arrays["switches.high"])
+
+
+def _is_choice(actions: np.ndarray) -> bool:
+    """Whether each of the actions (N, Da) is a 1 among zeros."""
+    several = actions.shape[1] > 1
+    return several and bool(np.isin(actions, (0, 1)).all() and (actions.sum(axis=1) == 1).all())
