@@ -16,12 +16,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import torch
+from torch import Tensor
 from tqdm import tqdm
 
 from aerial_il.algorithms.parts.learner import Learner
@@ -32,6 +33,7 @@ from aerial_il.algorithms.parts.selection import Selection
 from aerial_il.algorithms.parts.settings import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.parts.signals import SignalWatch
 from aerial_il.algorithms.parts.standing import Standing
+from aerial_il.algorithms.parts.threads import torch_threads
 from aerial_il.algorithms.parts.training_set import (
     Demonstrations,
     Shuffle,
@@ -74,7 +76,7 @@ class BehaviourCloning:
         weight_decay: AdamW's decay of matrices.
         ema: decay of the averaged weights.
         clip_norm: largest gradient norm.
-        obs_noise: deviation of the Gaussian noise added to normalised observations while training.
+        obs_noise: deviation of the Gaussian noise added to normalised state fields while training.
         selection: which demonstrations are learned from, and how much each counts.
         validation: share of the episodes held out to report the error per action element.
         best_by: number told by the rollouts by which the best policy on the way is kept.
@@ -180,7 +182,7 @@ class BehaviourCloning:
             if folder.finished:
                 return load_policy(folder.path)
             require_device(self.device)
-            stack.enter_context(_threads(self.threads))
+            stack.enter_context(torch_threads(self.threads))
             stack.enter_context(torch_rng(seed, "bc"))
             signals = stack.enter_context(SignalWatch())
             network = build_network(policy, layout).to(self.device)
@@ -210,7 +212,7 @@ class BehaviourCloning:
                 started = time.perf_counter()
                 lr = self.lr * cosine(self._share(learner), step, warmup_steps=self.warmup_steps, floor=self.lr_floor)
                 obs, actions, valid = loader.take(step)
-                obs = obs + self.obs_noise * torch.randn_like(obs) if self.obs_noise else obs
+                obs = _shaken(obs, layout.size, self.obs_noise) if self.obs_noise else obs
                 with self._precision():
                     loss, logged = learner.network.loss(obs, actions, valid)
                 learner.descend(loss, lr=lr, logged=logged)
@@ -314,14 +316,10 @@ def _check(spec: EnvSpec, expect: Mapping[str, str]) -> None:
             raise InvalidValueError(f"The dataset was recorded with {key}={found[key]}; {key}={wanted} was asked for.")
 
 
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+def _shaken(obs: Tensor, size: int, deviation: float) -> Tensor:
+    """Return ``obs`` (B, To, Do, pixels behind them) with Gaussian noise on its ``size`` state elements."""
+    state, pixels = obs[..., :size], obs[..., size:]
+    return torch.cat([state + deviation * torch.randn_like(state), pixels], dim=-1)
 
 
 def _bar(steps: int, done: int, progress: bool) -> tqdm:

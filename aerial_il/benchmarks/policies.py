@@ -10,7 +10,6 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from itertools import count
 from pathlib import Path
@@ -24,6 +23,7 @@ from torch.utils.data import DataLoader, Dataset
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.parts.learner import Learner
+from aerial_il.algorithms.parts.threads import torch_threads
 from aerial_il.algorithms.parts.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
@@ -94,7 +94,7 @@ class Policies:
         started = time.perf_counter()
         demos = self._demonstrations()
         acting, learning, details = [], [], []
-        with _threads(self.threads), torch_rng(self.seed, "policies"):
+        with torch_threads(self.threads), torch_rng(self.seed, "policies"):
             for name in bar(self.policies or list_policies(), self.name, progress):
                 config = policy_config(name)()
                 policy, training, interface = _prepared(config, demos)
@@ -271,16 +271,6 @@ def _targets(acting: list[Row], learning: list[Row], worlds: int) -> Iterator[Ta
         if row["policy"] == CHUNKED_MLP:
             what, spread = f"{CHUNKED_MLP}: learning / from a DataLoader", f"{row['range_loader']} over repetitions"
             yield Target(what, "at least", LOADER_RATIO, row["ratio_loader"], "", spread)
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 BENCHMARK = Policies

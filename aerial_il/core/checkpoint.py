@@ -118,7 +118,7 @@ def latest(run: str | os.PathLike[str]) -> tuple[Path, Checkpoint] | None:
             log.warning("Checkpoint refused, trying the one before it. %s", error)
             refused = error
     if refused:
-        hint = f"Delete {Path(run) / FOLDER} to start the run again."
+        hint = f"{refused.hint} Delete {Path(run) / FOLDER} to start the run again.".lstrip()
         raise CheckpointError(refused.path, f"{refused.problem} No other checkpoint is valid.", hint) from refused
     return None
 

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.parts.layers import check_choice, check_layers
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -50,11 +51,9 @@ class SquashedGaussianConfig(PolicyConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.hidden or min(self.hidden) < 1:
-            raise InvalidValueError(f"hidden is {self.hidden}; it must name at least one positive width.")
-        for name, choices in (("activation", get_args(Activation)), ("spread", get_args(Spread))):
-            if getattr(self, name) not in choices:
-                raise InvalidValueError(f"Unknown {name} {getattr(self, name)!r}. Valid: {', '.join(choices)}.")
+        check_layers(self.hidden, dropout=0.0)
+        check_choice("activation", self.activation, get_args(Activation))
+        check_choice("spread", self.spread, get_args(Spread))
         if not LOG_STD_LOW < self.log_std < LOG_STD_HIGH:
             raise InvalidValueError(f"log_std is {self.log_std}; it must lie in ({LOG_STD_LOW:g}, {LOG_STD_HIGH:g}).")
 

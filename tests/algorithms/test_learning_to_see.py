@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BehaviourCloning, _shaken
 from aerial_il.algorithms.parts import training_set
 from aerial_il.algorithms.parts.loader import Loader
 from aerial_il.algorithms.parts.run_folder import read_metrics
@@ -64,6 +64,12 @@ def test_minibatches_hold_each_window_s_own_frames(demos: list[Episode]) -> None
             np.testing.assert_allclose(pixels[index], seen / 127.5 - 1, atol=1e-6)
             index += 1
     assert all(np.shares_memory(f, e.obs["wrist_rgb"]) for f, e in zip(windows.frames["wrist_rgb"], demos, strict=True))
+
+
+def test_noise_shakes_the_state_and_leaves_pixels_alone() -> None:
+    shaken = _shaken(torch.zeros(2, 1, 5), 2, 1.0)
+    assert (shaken[..., :2] != 0).all()
+    assert (shaken[..., 2:] == 0).all()
 
 
 def test_it_learns_where_the_dot_is(demos: list[Episode], tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import ClassVar, NamedTuple
 from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
 from aerial_il.algorithms.parts.rounds import Rounds, Training
 from aerial_il.algorithms.parts.settings import require_not_negative, require_positive
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
@@ -42,6 +43,11 @@ class Interactive:
     def __post_init__(self) -> None:
         require_positive(self, "rounds", "episodes", "between_steps", "keep_checkpoints")
         require_not_negative(self, "evaluate_every")
+        if self.training.evaluate_every:
+            raise InvalidValueError(
+                f"training.evaluate_every is {self.training.evaluate_every}; rounds are judged when they end, every so "
+                "many of them: set evaluate_every."
+            )
 
     @property
     def worlds(self) -> int:
