@@ -18,7 +18,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 import torch
@@ -242,8 +242,9 @@ class BehaviourCloning:
         self, dataset: Iterable[Episode], policy: PolicyConfig, *, seed: int, failures: bool = False
     ) -> Demonstrations:
         """Return what :meth:`train` learns from and what it holds out with this ``seed``; refuse what it refuses."""
-        layout, demos = read_demos(dataset, policy, failures=failures)
-        demos, weights = self.selection.apply(demos)
+        selection = replace(self.selection, failures=self.selection.failures or 1.0) if failures else self.selection
+        layout, demos = read_demos(dataset, policy, failures=selection.failures > 0)
+        demos, weights = selection.apply(demos)
         kept, held_out = split(list(zip(demos, weights.tolist(), strict=True)), self.validation, seed=seed)
         shares = np.array([weight for _, weight in kept])
         return Demonstrations(layout, [demo for demo, _ in kept], shares, [demo for demo, _ in held_out])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.parts.selection import Selection, jerk
 from aerial_il.algorithms.parts.training_set import Shuffle, cut_windows, digest_of, read_demos, window_weights
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -63,9 +64,22 @@ def test_weights_fall_from_the_best_to_the_worst(demos: list[Episode]) -> None:
     np.testing.assert_allclose(weights, [1, 3] * 3)
 
 
+def test_failed_flights_count_as_much_as_is_said(demos: list[Episode]) -> None:
+    mixed = [replace(d, success=k < 4) for k, d in enumerate(demos)]
+    kept, weights = Selection(failures=0.5).apply(mixed)
+    assert uids(kept) == uids(demos)
+    np.testing.assert_array_equal(weights, [1, 1, 1, 1, 0.5, 0.5])
+    for failures, count in ((0.0, 4), (0.5, 6)):
+        cloning = BehaviourCloning(selection=Selection(failures=failures), validation=0.0)
+        divided = cloning.divide(mixed, MlpConfig(chunk=4, blind_to=()), seed=0)
+        assert len(divided.kept) == count
+    labelled = BehaviourCloning(validation=0.0).divide(mixed, MlpConfig(chunk=4, blind_to=()), seed=0, failures=True)
+    assert (labelled.weights == 1).all()
+
+
 @pytest.mark.parametrize(
     "wrong",
-    [{"keep": 0.0}, {"keep": 1.5}, {"sharpness": -1.0}, {"quality": "beauty"}, {"operator_weights": {"a": 0.0}}],
+    [{"failures": -1.0}, {"keep": 0.0}, {"keep": 1.5}, {"sharpness": -1.0}, {"quality": "beauty"}, {"operator_weights": {"a": 0.0}}],
 )
 def test_impossible_choices_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InvalidValueError):

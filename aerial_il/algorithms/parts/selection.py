@@ -27,6 +27,8 @@ class Selection:
         sharpness: how much more the better ones count: from the best to the worst the weight falls to
             ``exp(-sharpness)``, evenly over the ranks.
         operator_weights: who flew -> how much their demonstrations count, where it is not 1.
+        failures: how much a flight counts that failed; 0 leaves them out. Where an expert has labelled them, as DAgger's
+            does, they are worth as much as others.
     """
 
     operators: tuple[str, ...] = ()
@@ -34,6 +36,7 @@ class Selection:
     keep: float = 1.0
     sharpness: float = 0.0
     operator_weights: Mapping[str, float] = field(default_factory=dict)
+    failures: float = 0.0
 
     def __post_init__(self) -> None:
         make_tuples(self)
@@ -41,8 +44,9 @@ class Selection:
             raise InvalidValueError(f"Unknown quality {self.quality!r}. Valid: {', '.join(get_args(Quality))}.")
         if not 0 < self.keep <= 1:
             raise InvalidValueError(f"keep is {self.keep}; it must lie in (0, 1], the share that is kept.")
-        if self.sharpness < 0:
-            raise InvalidValueError(f"sharpness is {self.sharpness}; it must not be negative.")
+        for name in ("sharpness", "failures"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must not be negative.")
         for name, weight in self.operator_weights.items():
             if not 0 < weight < np.inf:
                 raise InvalidValueError(f"The weight of {name} is {weight}; it must be positive. See operators.")
@@ -63,7 +67,8 @@ class Selection:
         worst = max(1, len(kept) - 1)
         by_rank = np.exp(-self.sharpness * ranks[kept] / worst)
         by_operator = [self.operator_weights.get(operator_of(demos[i]), 1.0) for i in kept]
-        return [demos[i] for i in kept], by_rank * np.array(by_operator)
+        by_success = [1.0 if demos[i].success else self.failures for i in kept]
+        return [demos[i] for i in kept], by_rank * np.array(by_operator) * np.array(by_success)
 
 
 def operator_of(demo: Episode) -> str:
