@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import islice
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, zip_longest
 
 import aerial_il
 from aerial_il.core.errors import InvalidValueError
@@ -12,6 +12,8 @@ from aerial_il.data.episode import Episode
 
 def demonstrations(path: str, *, limit: int | None, images: Sequence[str] = ()) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
+
+    From a folder of several tasks they are taken by turns, one of each, as long as the task has one left.
 
     Args:
         path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
@@ -22,7 +24,8 @@ def demonstrations(path: str, *, limit: int | None, images: Sequence[str] = ()) 
     if limit is None:
         return aerial_il.open_dataset(path, cameras=tuple(images))
     dataset = aerial_il.open_dataset(path)
-    chosen = list(islice((episode for episode in dataset if episode.success), limit))
+    solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
+    chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
         raise InvalidValueError(
             f"{path} has {len(chosen)} successful demonstrations; dataset.episodes={limit} asks for more. "
@@ -31,3 +34,8 @@ def demonstrations(path: str, *, limit: int | None, images: Sequence[str] = ()) 
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
         return aerial_il.open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
     return chosen
+
+
+def _by_turns(queues: Sequence[Iterator[Episode]]) -> Iterator[Episode]:
+    """Yield one of each queue, then the next of each, until all of them are empty."""
+    return (episode for turn in zip_longest(*queues) for episode in turn if episode is not None)
