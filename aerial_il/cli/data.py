@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
 import aerial_il
@@ -34,6 +34,14 @@ def demonstrations(path: str, *, limit: int | None, images: Sequence[str] = ()) 
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
         return aerial_il.open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
     return chosen
+
+
+def check_origin(path: str, expected: Mapping[str, str]) -> None:
+    """Refuse a dataset with demonstrations of another robot, task, tier or action level than ``expected``."""
+    from aerial_il.algorithms.parts.training_set import check_recorded
+
+    for part in aerial_il.open_dataset(path).parts if expected else ():
+        check_recorded(part.spec, expected)
 
 
 def _by_turns(queues: Sequence[Iterator[Episode]]) -> Iterator[Episode]:
