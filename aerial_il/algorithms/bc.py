@@ -38,6 +38,7 @@ from aerial_il.algorithms.parts.training_set import (
     Demonstrations,
     Shuffle,
     TrainingSet,
+    check_recorded,
     cut_windows,
     digest_of,
     fit_interface,
@@ -49,7 +50,6 @@ from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng
-from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -142,7 +142,7 @@ class BehaviourCloning:
             policy: what to train.
             run: folder for configuration, metrics, checkpoints and the finished policy.
             seed: decides initial weights, validation split, minibatches and noise.
-            expect: ``robot``, ``task``, ``action`` (level) or ``cameras`` (commas between) that the dataset must have.
+            expect: what the dataset must have been recorded with; see :func:`check_recorded`.
             evaluate: ``(policy, step) -> named numbers`` to log every ``evaluate_every`` steps and at the end; the best
                 policy by the number ``best_by`` is kept in ``run/best``.
             resume: continue what ``run`` holds; a finished run returns its policy at once.
@@ -163,7 +163,7 @@ class BehaviourCloning:
         layout, kept, shares, held_out = self.divide(dataset, policy, seed=seed, failures=failures)
         if initial and (initial.config != policy or initial.interface.layout.names != layout.names):
             raise InvalidValueError("The initial policy has another configuration than the one to train.")
-        _check(layout.spec, expect or {})
+        check_recorded(layout.spec, expect or {})
         windows = cut_windows(kept, layout, policy)
         weights = window_weights(shares, windows)
         interface = initial.interface if initial else fit_interface(layout, windows, policy)
@@ -307,14 +307,6 @@ def validation_errors(network: ChunkNetwork, unseen: TrainingSet, interface: Int
     scale, labels = interface.action.scale, interface.layout.spec.action.labels
     means = [masked_mean(errors[..., i : i + 1], valid).item() * float(scale[i]) for i in range(len(labels))]
     return {"validation/loss": loss.item(), **{f"validation/{k}": v for k, v in zip(labels, means, strict=True)}}
-
-
-def _check(spec: EnvSpec, expect: Mapping[str, str]) -> None:
-    cameras = ",".join(f.name for f in spec.observation.of_group("image")) or "none"
-    found = {"robot": spec.robot, "task": spec.task, "action": spec.action.level, "cameras": cameras}
-    for key, wanted in expect.items():
-        if found[key] != wanted:
-            raise InvalidValueError(f"The dataset was recorded with {key}={found[key]}; {key}={wanted} was asked for.")
 
 
 def _shaken(obs: Tensor, size: int, deviation: float) -> Tensor:

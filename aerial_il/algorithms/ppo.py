@@ -16,7 +16,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
@@ -34,6 +34,8 @@ from aerial_il.policies.parts.network import PolicyConfig
 @dataclass(frozen=True, kw_only=True)
 class ProximalPolicyOptimisation(OnPolicy):
     """Settings of a run; see :class:`OnPolicy`."""
+
+    rewarded: ClassVar[bool] = True
 
     def train(
         self,

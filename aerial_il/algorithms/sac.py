@@ -15,7 +15,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from aerial_il.algorithms.parts.endless_flight import EndlessFlight
 from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
@@ -37,6 +37,8 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 @dataclass(frozen=True, kw_only=True)
 class SoftActorCriticLearning(OffPolicy):
     """Settings of a run; see :class:`OffPolicy`."""
+
+    rewarded: ClassVar[bool] = True
 
     def train(
         self,

@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import islice
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice, zip_longest
 
 import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 
 
-def demonstrations(path: str, *, limit: int | None, images: Sequence[str] = ()) -> Iterable[Episode]:
+def demonstrations(
+    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: object = None
+) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
+
+    From a folder of several tasks they are taken by turns, one of each, as long as the task has one left.
 
     Args:
         path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
+        algorithm: that learns from them, which may ask for failed flights too.
 
     Raises:
-        InvalidValueError: there are fewer of them than ``limit``.
+        InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
+    failures = bool(getattr(getattr(algorithm, "selection", None), "failures", 0.0))
     if limit is None:
-        return aerial_il.open_dataset(path, cameras=tuple(images))
+        from aerial_il.data.dataset import open_dataset
+
+        return open_dataset(path, cameras=tuple(images), failures=failures)
+    if failures:
+        raise InvalidValueError(f"dataset.episodes={limit} counts successes: leave it out with selection.failures.")
     dataset = aerial_il.open_dataset(path)
-    chosen = list(islice((episode for episode in dataset if episode.success), limit))
+    solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
+    chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
         raise InvalidValueError(
             f"{path} has {len(chosen)} successful demonstrations; dataset.episodes={limit} asks for more. "
@@ -31,3 +42,16 @@ def demonstrations(path: str, *, limit: int | None, images: Sequence[str] = ()) 
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
         return aerial_il.open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
     return chosen
+
+
+def check_origin(path: str, expected: Mapping[str, str]) -> None:
+    """Refuse a dataset with demonstrations of another robot, task, tier or action level than ``expected``."""
+    from aerial_il.algorithms.parts.training_set import check_recorded
+
+    for part in aerial_il.open_dataset(path).parts if expected else ():
+        check_recorded(part.spec, expected)
+
+
+def _by_turns(queues: Sequence[Iterator[Episode]]) -> Iterator[Episode]:
+    """Yield one of each queue, then the next of each, until all of them are empty."""
+    return (episode for turn in zip_longest(*queues) for episode in turn if episode is not None)

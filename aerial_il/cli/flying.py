@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
 from aerial_il.core.rendering import require_rendering
+from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.judging import subtask_flags
@@ -108,9 +109,17 @@ def pilot(
     return Pilot(policy, robot, task, action, words, cameras=cameras, image_size=size)
 
 
-def pilot_of(policy: ChunkPolicy, source: str = "a policy in training") -> Pilot:
-    """Return a policy with the environment that it was trained in; ``source`` names it in errors."""
-    spec = policy.spec
+def pilots_of(policy: ChunkPolicy, source: str = "a policy in training") -> tuple[Pilot, ...]:
+    """Return a policy with the environment that it was trained in, once for each of its tasks.
+
+    Args:
+        policy: what flies. source: its name in errors.
+    """
+    specs = (replace(policy.spec, task=task) for task in tasks_of(policy.spec))
+    return tuple(_pilot_in(spec, policy, source) for spec in specs)
+
+
+def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str) -> Pilot:
     if spec.is_outside:
         key = outside.key_of(spec)
         if key is None:

@@ -56,6 +56,11 @@ def path(
     return dataclasses.field(default_factory=kind if value is None else lambda: kind(value), metadata=metadata)
 
 
+def tier(help: str) -> Any:
+    """Declare a key that may name a tier, or none, although ``conf/`` has a group of that name."""
+    return dataclasses.field(default_factory=MaybeTier, metadata={"help": help, "composed": True})
+
+
 def output(default: Any, help: str) -> Any:
     """Declare the key that says where the results go; in a sweep each job gets a folder of its own below it."""
     return dataclasses.field(default=default, metadata={"help": help, "output": True})
@@ -81,6 +86,17 @@ class TierName(Named):
         from aerial_il.suite import tiers
 
         tiers.get(self.name)
+
+
+@dataclass
+class MaybeTier:
+    """The same, where none need be named."""
+
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.name is not None:
+            TierName(self.name)
 
 
 @dataclass
@@ -124,6 +140,8 @@ def default_text(field: Field[Any]) -> str:
     value = field.default_factory() if field.default_factory is not NO_DEFAULT else field.default
     if isinstance(value, (Located, MaybeLocated)):
         value = value.path
+    if isinstance(value, MaybeTier):
+        value = value.name
     if value == MISSING:
         return ""
     if isinstance(value, bool):

@@ -33,6 +33,8 @@ def prepare(command: Command, words: list[str]) -> list[str]:
     words = _named(command, words)
     chosen = dict(conf.default_choices(command.name))
     chosen |= {k: v for k, _, v in (w.partition("=") for w in words) if k in chosen}
+    for group in chosen.keys() - {field.name for field in fields(command.config)}:
+        _check_fits(group, chosen)
     prepared = [_prepared(command, word, chosen) for word in words]
     return _flags_first(prepared + _sweep_folders(command, prepared))
 
@@ -110,7 +112,7 @@ def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str
         return f"{sign}{plain_name}.path={value}"
     if field is not None and keys.takes_many(field) and not value.startswith("["):
         return f"{sign}{plain_name}={_list([value])}"
-    if field is not None and keys.takes_composition(field) and _COMPOSED.search(value):
+    if field is not None and keys.takes_composition(field) and (plain_name not in chosen or _COMPOSED.search(value)):
         return f"{sign}{plain_name}.name={value}"
     if plain_name in chosen and equals:
         _check_choice(plain_name, value, field)
@@ -124,6 +126,27 @@ def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> No
         return
     if name not in known and not inside_known and not any(k.startswith(f"{name}.") for k in known):
         raise UnknownNameError("key", name, _siblings(name, known), f"See: aerial-il {command.name} --help")
+
+
+def _check_fits(group: str, chosen: Mapping[str, str | None]) -> None:
+    """Refuse a set of values, e.g. ``experiment=quick``, that sets what the chosen file of a group does not have."""
+    for name in _parts(group, chosen):
+        for other, content in conf.read_option(group, name).items():
+            wanted = set(content) if isinstance(content, dict) else set()
+            lacking = {option: sorted(wanted - set(conf.read_option(other, option))) for option in conf.options(other)}
+            for option in _parts(other, chosen):
+                if lacking[option]:
+                    keys_lacking = ", ".join(f"{other}.{key}" for key in lacking[option])
+                    fitting = ", ".join(option for option, keys in lacking.items() if not keys)
+                    raise InvalidValueError(
+                        f"{group}={name} sets {keys_lacking}, which {other}={option} does not have. "
+                        f"It fits {other}={fitting}."
+                    )
+
+
+def _parts(group: str, chosen: Mapping[str, str | None]) -> list[str]:
+    """Return the files of ``group`` that were chosen, several in a sweep."""
+    return [part for part in (chosen.get(group) or "").split(",") if part in conf.options(group)]
 
 
 def _siblings(name: str, known: tuple[str, ...]) -> list[str]:

@@ -12,6 +12,7 @@ from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.evaluation.video import Footage, film
 
 if TYPE_CHECKING:
+    from aerial_il.core.specs import EnvSpec
     from aerial_il.data.episode import Episode
     from aerial_il.evaluation.predictions import Prediction
 
@@ -48,7 +49,9 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     policy = load_policy(run.path).config
     algorithm = BehaviourCloning(selection=Selection(**settings["selection"]), validation=settings["validation"])
     limit = told.get("episodes") if path == told.get("path") else None
-    divided = algorithm.divide(data.demonstrations(path, limit=limit, images=policy.images), policy, seed=run.seed)
+    divided = algorithm.divide(
+        data.demonstrations(path, limit=limit, images=policy.images, algorithm=algorithm), policy, seed=run.seed
+    )
     windows = cut_windows(divided.kept, divided.layout, policy)
     if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:
         raise InvalidValueError(f"{path} is not, or no longer, what the run learned from.")
@@ -68,18 +71,28 @@ def footage(run: TrainingRun, videos: int) -> Footage:
 
 
 def _flown(run: TrainingRun, videos: int) -> Footage:
-    from aerial_il.evaluation.rollouts import evaluate
+    """Fly each of the policy's tasks and film it there."""
     from aerial_il.policies import load_policy
 
     try:
         policy = load_policy(run.path)
-        pilot, spec = flying.pilot_of(policy, str(run.path)), policy.spec
-        env = pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)
+        pilots = flying.pilots_of(policy, str(run.path))
+        folder = run.path / results.VIDEOS
+        places = [folder / pilot.task for pilot in pilots] if len(pilots) > 1 else [folder]
+        found = [_filmed(pilot, policy.spec, place, videos) for pilot, place in zip(pilots, places, strict=True)]
     except AerialError as error:
         return Footage(note=f"No films: {error}")
+    return Footage(tuple(clip for footage in found for clip in footage.clips), found[0].note)
+
+
+def _filmed(pilot: flying.Pilot, spec: EnvSpec, folder: Path, videos: int) -> Footage:
+    """Film the first successes and failures of a few flights, ``videos`` of each."""
+    from aerial_il.evaluation.rollouts import evaluate
+
+    env = pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)
     try:
         seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
-        result = evaluate(env, policy, seeds, policy_name=str(run.path), progress=False)
-        return film(env, result, Path(run.path) / results.VIDEOS, successes=videos, failures=videos)
+        result = evaluate(env, pilot.policy, seeds, policy_name="the final policy", progress=False)
+        return film(env, result, folder, successes=videos, failures=videos)
     finally:
         env.close()

@@ -1,4 +1,7 @@
-"""Where an algorithm that flies while it learns does so, and whom it asks: the environment of its demonstrations."""
+"""Where an algorithm that flies while it learns does so, and whom it asks.
+
+That is the environment of its demonstrations; an algorithm that needs none flies where it is told.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from aerial_il.cli.places import Place
     from aerial_il.core.policy import Policy
     from aerial_il.core.specs import EnvSpec
 
@@ -16,8 +20,9 @@ WORLDS = 64
 @contextmanager
 def workplace(
     algorithm: Any,
-    dataset: str,
+    dataset: str | None,
     *,
+    place: Place | None = None,
     images: tuple[str, ...],
     expert: str | None,
     tier: str | None,
@@ -29,6 +34,7 @@ def workplace(
     Args:
         algorithm: its attribute ``needs`` names what it wants: ``env``, ``expert``, ``collect``.
         dataset: folder of the demonstrations, which say what environment they come from.
+        place: where to fly without any.
         images: camera fields that the policy sees.
         expert: file of an expert from outside; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
@@ -36,18 +42,24 @@ def workplace(
         threads: of the simulation, or processes of worlds from outside; 0 for all cores.
 
     Raises:
-        UnknownNameError: the task has no expert. InvalidValueError: an environment from outside without one.
+        UnknownNameError: the task has no expert.
+        InvalidValueError: an environment from outside without one, or nothing says where to fly.
     """
     needs = getattr(algorithm, "needs", ())
     if not needs:
         yield {}
         return
     import aerial_il
+    from aerial_il.cli.places import Place
     from aerial_il.collection.collect import collect
 
-    spec = aerial_il.open_dataset(dataset).spec
-    asked = _expert(spec, expert) if "expert" in needs else None
-    env = _environment(spec, images, tier, num_envs or getattr(algorithm, "worlds", WORLDS), threads)
+    worlds, asked = num_envs or getattr(algorithm, "worlds", WORLDS), None
+    if dataset is None:
+        env = (place or Place()).load(tier, num_envs=worlds, threads=threads)
+    else:
+        spec = aerial_il.open_dataset(dataset).spec
+        asked = _expert(spec, expert) if "expert" in needs else None
+        env = _environment(spec, images, tier, worlds, threads)
     try:
         handed = {"env": env, "expert": asked, "collect": collect}
         yield {name: handed[name] for name in needs}

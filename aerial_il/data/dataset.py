@@ -23,10 +23,12 @@ class Dataset:
     Args:
         path: where they lie.
         loaders: uid -> function that reads the episode.
+        parts: the datasets that it is put together from, if it is a folder of them.
     """
 
-    def __init__(self, path: Path, loaders: dict[str, Callable[[], Episode]]) -> None:
+    def __init__(self, path: Path, loaders: dict[str, Callable[[], Episode]], parts: Sequence[Dataset] = ()) -> None:
         self.path, self._loaders = path, loaders
+        self.parts = tuple(parts) or (self,)
 
     @property
     def uids(self) -> tuple[str, ...]:
@@ -51,6 +53,15 @@ class Dataset:
                 self.path, f"has no episode {uid!r}.", hint=f"List them with: aerial-il info path={self.path}"
             )
         return self._loaders[uid]()
+
+    def by_task(self) -> list[Dataset]:
+        """Return the datasets of its tasks, each of the folders that it is put together from being of one task."""
+        if len(self.parts) == 1:
+            return [self]
+        found: dict[str, dict[str, Callable[[], Episode]]] = {}
+        for part in self.parts:
+            found.setdefault(part.spec.task, {}).update(part._loaders)
+        return [Dataset(self.path, loaders) for loaders in found.values()]
 
     def only(self, uids: Iterable[str]) -> Dataset:
         """Return the dataset of some of the episodes, in the order of ``uids``."""
@@ -95,7 +106,7 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
         return _open_folder(DatasetFolder(path), cameras, (DEMOS, FAILURES) if failures else (DEMOS,))
     if inner := sorted(index.parent for index in path.glob(f"*/{INDEX}")):
         found = [open_dataset(folder, cameras=cameras, failures=failures) for folder in inner]
-        return Dataset(path, {uid: load for dataset in found for uid, load in dataset._loaders.items()})
+        return Dataset(path, {uid: load for dataset in found for uid, load in dataset._loaders.items()}, found)
     return _open_files(path, sorted(path.glob("*.mcap")), cameras)
 
 

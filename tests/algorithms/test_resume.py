@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.parts.run_folder import METRICS, read_metrics
+from aerial_il.algorithms.parts.run_folder import METRICS, REWARD, read_metrics
 from aerial_il.algorithms.parts.training_set import TrainingSet
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError, TrainingDivergedError
@@ -196,7 +196,9 @@ def test_another_run_in_the_same_folder_is_refused(whole: Path, demos: list[Epis
 def test_starting_over_forgets_everything(tmp_path: Path, demos: list[Episode]) -> None:
     run = str(tmp_path / "run")
     train_tiny.train(run, demos, settings=replace(train_tiny.SETTINGS, steps=20))
+    (tmp_path / "run" / REWARD).mkdir()
     policy = train_tiny.train(run, demos, settings=replace(train_tiny.SETTINGS, steps=10), resume=False)
+    assert not (tmp_path / "run" / REWARD).exists(), "a reward of another run would be taken for this one's"
     assert policy.origin["step"] == 10
     assert read_metrics(run)[-1]["step"] == 10
 

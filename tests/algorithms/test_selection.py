@@ -79,7 +79,14 @@ def test_failed_flights_count_as_much_as_is_said(demos: list[Episode]) -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"failures": -1.0}, {"keep": 0.0}, {"keep": 1.5}, {"sharpness": -1.0}, {"quality": "beauty"}, {"operator_weights": {"a": 0.0}}],
+    [
+        {"failures": -1.0},
+        {"keep": 0.0},
+        {"keep": 1.5},
+        {"sharpness": -1.0},
+        {"quality": "beauty"},
+        {"operator_weights": {"a": 0.0}},
+    ],
 )
 def test_impossible_choices_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InvalidValueError):

@@ -92,6 +92,13 @@ def test_a_tier_put_together_reaches_the_command() -> None:
     assert chosen.tier.name == "calm+wind+latency"
 
 
+@pytest.mark.parametrize(("words", "name"), [([], None), (["tier=gusts"], "gusts"), (["tier=calm+wind"], "calm+wind")])
+def test_a_tier_may_be_left_out_where_a_dataset_may_say_it(words: list[str], name: str | None) -> None:
+    assert compose(TRAIN, ["run=x", *words]).tier.name == name
+    with pytest.raises(UnknownNameError, match="Did you mean 'gusts'"):
+        compose(TRAIN, ["run=x", "tier=gust"])
+
+
 def test_an_evaluated_policy_is_always_a_path() -> None:
     assert prepare(EVALUATE, ["policy=mlp"]) == ["policy.path=mlp"]
 
@@ -122,8 +129,8 @@ def test_composition_gives_a_typed_object() -> None:
 
 
 def test_what_the_user_must_say_is_asked_for() -> None:
-    with pytest.raises(InvalidValueError, match=r"train needs dataset=\.\.\. run=\.\.\."):
-        compose(TRAIN, [])
+    with pytest.raises(InvalidValueError, match=r"evaluate needs out=\.\.\. policy=\.\.\."):
+        compose(EVALUATE, [])
 
 
 def test_values_outside_their_limits_are_refused() -> None:

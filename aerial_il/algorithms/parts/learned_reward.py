@@ -15,6 +15,7 @@ from torch import Tensor
 from aerial_il.algorithms.parts.discriminator import REWARDS, Reward, Scorer, discriminator_loss, gradient_penalty
 from aerial_il.algorithms.parts.expert_data import encode, encode_actions
 from aerial_il.algorithms.parts.replay import Batch
+from aerial_il.algorithms.parts.run_folder import REWARD
 from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
@@ -24,8 +25,6 @@ from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.layout import Interface
-
-FOLDER = "reward"  # of a run
 
 
 class Shape(TypedDict):
@@ -99,7 +98,7 @@ class LearnedReward:
         arrays = {name: value.numpy() for name, value in self.network.state_dict().items()}
         sizes = {"obs_size": self._sizes[0], "action_size": self._sizes[1]}
         shape = {**self.shape, "hidden": list(self.shape["hidden"])}
-        return checkpoint.save(Path(run) / FOLDER, Checkpoint(arrays, {}, {**sizes, "shape": shape}))
+        return checkpoint.save(Path(run) / REWARD, Checkpoint(arrays, {}, {**sizes, "shape": shape}))
 
     def snapshot(self) -> Snapshot:
         return self._trained.snapshot()
@@ -121,20 +120,31 @@ def load_reward(run: str | os.PathLike[str]) -> tuple[LearnedReward, Interface]:
     Raises:
         CheckpointError: the run has learned none, or what it kept is cut or altered.
     """
-    folder = Path(run) / FOLDER
+    reward = _kept(run)
+    return reward, load_policy(run).interface
+
+
+def reward_along(run: str | os.PathLike[str], episode: Episode) -> np.ndarray:
+    """Return what the reward learned by ``run`` pays for each step of ``episode``, (T,).
+
+    Raises:
+        CheckpointError: see :func:`load_reward`.
+        InvalidValueError: the episode comes from another environment than the run.
+    """
+    reward, policy = _kept(run), load_policy(run)
+    policy.check(episode.spec)
+    return reward.along(episode, policy.interface)
+
+
+def _kept(run: str | os.PathLike[str]) -> LearnedReward:
+    folder = Path(run) / REWARD
     if not checkpoint.is_sealed(folder):
         hint = "Only finished runs of gail, dac and airl keep one."
         raise CheckpointError(folder, "holds no learned reward.", hint)
     saved = checkpoint.load(folder)
     reward = LearnedReward(saved.config["obs_size"], saved.config["action_size"], saved.config["shape"])
     reward.load(saved)
-    return reward, load_policy(run).interface
-
-
-def reward_along(run: str | os.PathLike[str], episode: Episode) -> np.ndarray:
-    """Return what the reward learned by ``run`` pays for each step of ``episode``, (T,)."""
-    reward, interface = load_reward(run)
-    return reward.along(episode, interface)
+    return reward
 
 
 def shuffled(episode: Episode) -> Episode:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 CONFIG, PROVENANCE, METRICS, EVENTS = "config.yaml", "provenance.json", "metrics.jsonl", "tensorboard"
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
+REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
 
 class RunFolder:
@@ -178,7 +179,7 @@ def _cut(path: Path, length: int) -> None:
 
 
 def _clear(path: Path) -> None:
-    for name in (checkpoint.FOLDER, EVENTS, FINAL, BEST):
+    for name in (checkpoint.FOLDER, EVENTS, FINAL, BEST, REWARD):
         shutil.rmtree(path / name, ignore_errors=True)
     for name in (CONFIG, METRICS, PROVENANCE):
         (path / name).unlink(missing_ok=True)

@@ -27,8 +27,8 @@ class Selection:
         sharpness: how much more the better ones count: from the best to the worst the weight falls to
             ``exp(-sharpness)``, evenly over the ranks.
         operator_weights: who flew -> how much their demonstrations count, where it is not 1.
-        failures: how much a flight counts that failed; 0 leaves them out. Where an expert has labelled them, as DAgger's
-            does, they are worth as much as others.
+        failures: how much a flight counts that failed; 0 leaves them out. Those that an expert has labelled, as in
+            DAgger, are worth as much as others.
     """
 
     operators: tuple[str, ...] = ()

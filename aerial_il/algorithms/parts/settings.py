@@ -24,9 +24,11 @@ class Flying:
         keep_checkpoints: how many of the newest stay on disk.
         threads: torch threads; results repeat bit for bit at a fixed number only.
         needs, worlds: what a command hands to ``train``, and how many worlds that has.
+        rewarded: whether it learns from the environment's reward, and so without demonstrations.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("env",)
+    rewarded: ClassVar[bool] = False
     worlds: ClassVar[int] = 8
 
     steps: int = 300_000

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from torch import Tensor
 from aerial_il.core.computer import free_memory_bytes
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
+from aerial_il.core.specs import EnvSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
@@ -97,6 +98,20 @@ def _check(episode: Episode, layout: Layout, chunk: int) -> None:
     if not finite.all():
         where = f"at step {int(np.argmin(finite))}"
         raise InvalidValueError(f"Episode {episode.uid}: the action is not finite {where}. {VALIDATE}")
+
+
+def check_recorded(spec: EnvSpec, expect: Mapping[str, str]) -> None:
+    """Raise :class:`InvalidValueError` unless a dataset of ``spec`` was recorded as expected.
+
+    Args:
+        spec: of its environment.
+        expect: any of ``robot``, ``task``, ``tier``, ``action`` (level) and ``cameras`` (commas between).
+    """
+    cameras = ",".join(f.name for f in spec.observation.of_group("image")) or "none"
+    found = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level, "cameras": cameras}
+    for key, wanted in expect.items():
+        if found[key] != wanted:
+            raise InvalidValueError(f"The dataset was recorded with {key}={found[key]}; {key}={wanted} was asked for.")
 
 
 def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T], list[T]]:

@@ -4,23 +4,29 @@ The run folder holds config.yaml, metrics.jsonl, tensorboard/, checkpoints/ and 
 way also best/, the policy that flew best in them, which is never the one that is reported. Several values are a sweep,
 e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows them all together.
 
+Who flies while it learns does so in the environment of the demonstrations. sac and ppo need none, only env=..., or
+robot=... and task=...; said beside a dataset, these are what it must have been recorded with.
+
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
 Example: aerial-il train dataset=datasets/pick run=runs/pick_bc evaluate_every=1000 evaluate_episodes=50
 Example: aerial-il train algorithm=dagger dataset=datasets/pick run=runs/pick_dagger
+Example: aerial-il train algorithm=sac policy=squashed_gaussian env=gymnasium:Hopper-v5 run=runs/hopper
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli.keys import MISSING, MaybeLocated, at_least, group, key, output, path
+from aerial_il.cli.keys import MISSING, MaybeLocated, MaybeTier, Named, at_least, group, key, output, path, tier
 
 if TYPE_CHECKING:
+    from aerial_il.cli.places import Place
     from aerial_il.cli.trials import Trials
+    from aerial_il.data.episode import Episode
 
 COMMAND = "command.json"
 
@@ -29,7 +35,7 @@ COMMAND = "command.json"
 class Dataset:
     """Which demonstrations to learn from."""
 
-    path: str = MISSING
+    path: str | None = None
     episodes: int | None = None
 
 
@@ -38,7 +44,14 @@ class Config:
     dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", path=True)
     policy: dict[str, Any] = group("what is trained")
     algorithm: dict[str, Any] = group("how it is trained")
+    robot: Named | None = group("where sac and ppo fly; with a dataset, what it must be of", optional=True)
+    task: Named | None = group("the same", optional=True)
     run: str = output(MISSING, "folder of the run")
+    env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:Hopper-v5")
+    success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
+    max_steps: int | None = key(None, "time limit there (null: its own)")
+    tier: MaybeTier = tier("how rough the air is where robot= and task= are (null: calm, or any dataset's)")
+    action: str | None = key(None, "action level there (null: ee_pose, or any dataset's)")
     seed: int = key(0, "decides initial weights, validation split and minibatches")
     evaluate_every: int | None = key(None, "steps between two evaluations by rollouts (null: as the algorithm says)")
     evaluate_episodes: int = key(20, "how many seeds are flown each time")
@@ -56,6 +69,21 @@ class Config:
     def __post_init__(self) -> None:
         at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0)
 
+    @property
+    def place(self) -> Place:
+        """The environment that was named."""
+        from aerial_il.cli.flying import given
+        from aerial_il.cli.places import Place
+
+        return Place(
+            env=self.env,
+            options=given(success=self.success, max_steps=self.max_steps),
+            robot=self.robot.name if self.robot else None,
+            task=self.task.name if self.task else None,
+            tier=self.tier.name,
+            action=self.action,
+        )
+
 
 def run(config: Config) -> None:
     """Train, and say what comes next."""
@@ -65,14 +93,13 @@ def run(config: Config) -> None:
 
 def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
-    from aerial_il.cli import data
     from aerial_il.cli.build import build_all
 
     settings = dict(config.algorithm)
     if config.evaluate_every is not None:
         settings["evaluate_every"] = config.evaluate_every
     policy, algorithm = build_all(config.policy, settings)
-    episodes = data.demonstrations(config.dataset.path, limit=config.dataset.episodes, images=policy.images)
+    episodes = _demonstrations(config, algorithm, policy)
     with (
         _told(config),
         _trials(config, algorithm) as trials,
@@ -89,6 +116,24 @@ def learn(config: Config) -> None:
             **handed,
         )
     print(f"Policy: {config.run}/policy")
+
+
+def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Episode] | None:
+    """Open the demonstrations that were named, or None for an algorithm that does without."""
+    from aerial_il.cli import data
+    from aerial_il.core.errors import InvalidValueError
+
+    path, place = config.dataset.path, config.place
+    if path is not None:
+        if place.options:
+            raise InvalidValueError(f"{path} says how its environment is made: leave out {', '.join(place.options)}.")
+        data.check_origin(path, place.expected)
+        return data.demonstrations(path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm)
+    if not getattr(algorithm, "rewarded", False):
+        name = type(algorithm).__module__.rpartition(".")[2]
+        hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
+        raise InvalidValueError(f"algorithm={name} learns from demonstrations: say dataset=PATH. {hint}")
+    return None
 
 
 @contextmanager
@@ -128,13 +173,15 @@ def command(config: Config) -> str:
     plain |= {"flight_tier": None, "num_envs": None, "threads": 0}
     said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
     said += [f"expert={config.expert.path}"] if config.expert.path else []
-    limit = [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
+    learned = [] if config.dataset.path is None else [f"dataset={config.dataset.path}"]
+    learned += [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
     return " ".join(
         [
-            f"aerial-il train dataset={config.dataset.path}",
-            *limit,
+            "aerial-il train",
+            *learned,
             *words.of_group("policy", config.policy, default="mlp"),
             *words.of_group("algorithm", config.algorithm, default="bc"),
+            *config.place.words,
             *said,
             f"run={config.run}",
         ]
@@ -148,6 +195,7 @@ def _workplace(config: Config, algorithm: Any, policy: Any) -> AbstractContextMa
     return workplace(
         algorithm,
         config.dataset.path,
+        place=config.place,
         images=policy.images,
         expert=config.expert.path,
         tier=config.flight_tier,
