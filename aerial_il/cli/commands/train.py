@@ -1,8 +1,9 @@
 """Train a policy on demonstrations; killed at any moment, the same command continues.
 
-The run folder holds config.yaml, metrics.jsonl, tensorboard/, checkpoints/ and at the end policy/; with rollouts on the
-way also best/, the policy that flew best in them, which is never the one that is reported. Several values are a sweep,
-e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows them all together.
+The run folder holds config.yaml, metrics.jsonl, tensorboard/, checkpoints/ and at the end policy/; cloning with
+rollouts on the way also best/, the policy that flew best in them, which is never the one that is reported. Several
+values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows
+them all together.
 
 Who flies while it learns does so in the environment of the demonstrations. sac and ppo need none, only env=..., or
 robot=... and task=...; said beside a dataset, these are what it must have been recorded with.
