@@ -1,7 +1,8 @@
-"""What a run's report shows besides metrics: predictions along held-out demonstrations, films of the final policy."""
+"""What a run's report shows besides metrics: predictions along demonstrations, a learned reward, films of flights."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,8 @@ from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.evaluation.video import Footage, film
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from aerial_il.core.specs import EnvSpec
     from aerial_il.data.episode import Episode
     from aerial_il.evaluation.predictions import Prediction
@@ -40,8 +43,7 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     from aerial_il.policies import load_policy
 
     settings = run.config.get("settings", {})
-    told = run.command.get("dataset", {})
-    path = dataset or told.get("path")
+    told, path = run.command.get("dataset", {}), _dataset_of(run, dataset)
     if run.algorithm != "bc" or "selection" not in settings:
         raise InvalidValueError(f"which demonstrations {run.algorithm} held out is not known.")
     if path is None:
@@ -58,6 +60,34 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     if not divided.held_out:
         raise InvalidValueError("no demonstration was held out. See algorithm.validation.")
     return divided.held_out
+
+
+def _dataset_of(run: TrainingRun, dataset: str | None) -> str | None:
+    """Return what the user named, else what the run was started with."""
+    return dataset or run.command.get("dataset", {}).get("path")
+
+
+def rewarded(run: TrainingRun, dataset: str | None) -> dict[str, dict[str, np.ndarray]]:
+    """Return uid -> label -> learned reward along the first demonstration; empty without such a reward or dataset."""
+    from aerial_il.algorithms.parts.run_folder import REWARD
+    from aerial_il.data.dataset import open_dataset
+
+    path = _dataset_of(run, dataset)
+    if path is None or not (run.path / REWARD).is_dir():
+        return {}
+    try:
+        episode = open_dataset(path)[0]
+        return {episode.uid: paid_along(run.path, episode)}
+    except AerialError:
+        return {}
+
+
+def paid_along(run: str | os.PathLike[str], episode: Episode) -> dict[str, np.ndarray]:
+    """Return what the reward learned by ``run`` pays for each step, (T,), as flown and with the actions shuffled."""
+    from aerial_il.algorithms.parts.learned_reward import reward_along, shuffled
+
+    flights = {"as flown": episode, "actions shuffled": shuffled(episode)}
+    return {label: reward_along(run, flight) for label, flight in flights.items()}
 
 
 def footage(run: TrainingRun, videos: int) -> Footage:

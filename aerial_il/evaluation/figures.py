@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerial_il.evaluation.background import Curve, LearningPoint
-from aerial_il.evaluation.charts import WIDE, Figure, Plot, equal_height, histogram, tick_label
+from aerial_il.evaluation.charts import HEIGHT, WIDE, Figure, Plot, equal_height, histogram, tick_label
 from aerial_il.evaluation.metrics import EpisodeRecord, Metric, metrics_of
 from aerial_il.evaluation.result import EvaluationResult, Flight
 
@@ -97,24 +97,36 @@ def _thinned(length: int) -> np.ndarray:
     return np.unique(np.linspace(0, length - 1, min(POINTS_PER_PATH, length)).astype(int))
 
 
-def training(curves: Sequence[Curve]) -> list[Figure]:
-    """Draw the logged numbers of a training run: those that say how well it learns come first, the clock not at all."""
+def training(curves: Sequence[Curve], unit: str = "training step") -> list[Figure]:
+    """Draw the logged numbers of a training run: those that say how well it learns come first, the clock not at all.
+
+    Args:
+        curves: of the run. unit: what its steps count.
+    """
     ranked = sorted(
         (curve for curve in curves if curve.name != CLOCK),
         key=lambda c: (not any(word in c.name for word in ("success", "loss")), "/" in c.name),
     )
-    return [_training_curve(curve) for curve in ranked[:MOST_CURVES]]
+    return [logged(curve, unit) for curve in ranked[:MOST_CURVES]]
 
 
-def _training_curve(curve: Curve) -> Figure:
+def logged(curve: Curve, unit: str, *, name: str = "", height: float = HEIGHT) -> Figure:
+    """Draw one logged number over training.
+
+    Args:
+        curve: what is drawn. unit: what its steps count. name: by which it is called, instead of the curve's own.
+        height: of the drawing.
+    """
     lo, hi = float(curve.values.min()), float(curve.values.max())
     log = "loss" in curve.name and lo > 0 and hi > 20 * lo
     last = tick_label(float(curve.values[-1]))
-    alt = f"{curve.name} over {curve.steps[-1]:g} training steps; last value {last}"
+    alt = f"{curve.name} over {curve.steps[-1]:g} {unit}s; last value {last}"
     x = float(curve.steps[0]), float(curve.steps[-1])
-    plot = Plot(x=x, y=(lo if log else min(lo, 0.0), hi), x_label="training step", y_label="", alt=alt, log_y=log)
+    y = lo if log else min(lo, 0.0), hi
+    plot = Plot(x=x, y=y, x_label=unit, y_label="", alt=alt, height=height, log_y=log)
     plot.line(curve.steps, curve.values, "curve")
-    title = SPELT_OUT.get(curve.name, curve.name.replace("_", " ").replace("/", ": "))
+    called = name or curve.name
+    title = SPELT_OUT.get(called, called.replace("_", " ").replace("/", ": "))
     return Figure(title[0].upper() + title[1:], plot.svg(), f"Last value {last}")
 
 

@@ -9,9 +9,11 @@ from typing import Any
 
 from aerial_il.evaluation import figures
 from aerial_il.evaluation.background import DatasetSummary, LearningPoint, training_curves
+from aerial_il.evaluation.charts import Figure
 from aerial_il.evaluation.metrics import EpisodeRecord, metrics_of, spread
 from aerial_il.evaluation.page import END_WORDS, data_uri, flat, words, write_page
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.training_run import is_run, read_run
 from aerial_il.evaluation.video import Clip, Footage
 
 MOST_FAILURES = 200
@@ -62,7 +64,7 @@ def write_report(
         film_note=footage.note if footage else "",
         failures=_failures(result),
         hidden_failures=max(0, len(result.episodes) - result.success["count"] - MOST_FAILURES),
-        training=figures.training(training_curves(run)) if run is not None else [],
+        training=_training(run) if run is not None else [],
         run=str(run or ""),
         dataset=dataset,
         learning_curve=curve,
@@ -70,6 +72,11 @@ def write_report(
         provenance=flat(result.provenance),
         command=command,
     )
+
+
+def _training(run: str | os.PathLike[str]) -> list[Figure]:
+    curves = training_curves(run)
+    return figures.training(curves, read_run(run).unit) if is_run(run) else figures.training(curves)
 
 
 def _instruction(result: EvaluationResult) -> str:

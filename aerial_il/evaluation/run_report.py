@@ -19,6 +19,8 @@ from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.evaluation.video import Footage
 
 MOST_SETTINGS = 4  # named in a label
+OF_ONE = (run_figures.success, run_figures.mean_reward)  # what rollouts on the way show
+OVER_SEEDS = (run_figures.success_of_groups, run_figures.reward_of_groups)
 
 
 def write_run_report(
@@ -27,6 +29,7 @@ def write_run_report(
     *,
     predictions: Sequence[Prediction] = (),
     prediction_note: str = "",
+    rewarded: Mapping[str, Mapping[str, np.ndarray]] | None = None,
     footage: Footage | None = None,
 ) -> Path:
     """Write the page of one run.
@@ -36,6 +39,7 @@ def write_run_report(
         run: what is reported.
         predictions: along held-out demonstrations.
         prediction_note: why there are none.
+        rewarded: uid of a demonstration -> as what it was flown -> (T,) the learned reward of its steps.
         footage: films of the final policy.
     """
     films = footage or Footage()
@@ -45,12 +49,14 @@ def write_run_report(
         run=run,
         final=run.rollouts[-1] if run.rollouts else None,
         judged=[_judged_row(name, result) for name, result in run.judged.items()],
-        success=run_figures.success(run.rollouts) if run.rollouts else None,
+        rollouts=[drawn for draw in OF_ONE if (drawn := draw(run))],
         loss=run_figures.losses({"": [run]}),
         others=run_figures.others(run),
         validation=run_figures.validation(run),
         predictions=[(shown, run_figures.prediction(shown)) for shown in predictions],
         prediction_note=prediction_note,
+        rewarded=[run_figures.rewarded(uid, lines) for uid, lines in (rewarded or {}).items()],
+        reward_keys=[*enumerate(next(iter((rewarded or {}).values()), {}))],
         clips=[{"clip": c, "episode": c.episode, "data": data_uri(c.path)} for c in films.clips],
         film_note=films.note,
         end_words=END_WORDS,
@@ -75,7 +81,7 @@ def write_runs_report(path: str | os.PathLike[str], runs: Sequence[TrainingRun])
         "runs.html.j2",
         groups=[_group_row(label, hue % 8, members) for hue, (label, members) in enumerate(groups.items())],
         runs=[(label, run) for label, members in groups.items() for run in members],
-        success=run_figures.success_of_groups(groups),
+        rollouts=[drawn for draw in OVER_SEEDS if (drawn := draw(groups))],
         loss=run_figures.losses(groups),
     )
 
@@ -112,7 +118,8 @@ def _group_row(label: str, hue: int, runs: Sequence[TrainingRun]) -> dict[str, A
     names = set.intersection(*(set(run.judged) for run in runs))
     judged = [(name, _over_seeds([run.judged[name] for run in runs])) for name in sorted(names)]
     ends = run_figures.mean_success(runs)
-    return {"label": label, "hue": hue, "runs": runs, "end": ends[-1] if ends else None, "judged": judged}
+    end = ends[-1] if ends else None
+    return {"label": label, "hue": hue, "runs": runs, "unit": runs[0].unit, "end": end, "judged": judged}
 
 
 def _over_seeds(results: Sequence[EvaluationResult]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from aerial_il.core.errors import InvalidValueError
@@ -19,7 +20,8 @@ from aerial_il.evaluation.statistics import wilson
 
 CONFIG, METRICS, FINAL = "config.yaml", "metrics.jsonl", "policy"
 PROVENANCE, COMMAND = "provenance.json", "command.json"
-BY_CHANCE = ("seed", "dataset.digest", "dataset.frames")  # what differs between runs that only have other seeds
+SUCCESS, EPISODES, REWARD = "evaluate/success", "evaluate/episodes", "evaluate/mean_reward"
+BY_CHANCE = ("seed", "dataset.digest", "dataset.frames", "dataset.transitions")  # what a seed changes
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Rollouts:
     """One evaluation on the way.
 
     Attributes:
-        step: training step. rate: success. episodes: how many were flown; 0 where it was not told.
+        step: where, in the run's unit. rate: success. episodes: how many were flown; 0 where it was not told.
     """
 
     step: int
@@ -75,14 +77,27 @@ class TrainingRun:
         return str(self.config.get("algorithm", "training"))
 
     @property
+    def unit(self) -> str:
+        """What its steps count: rounds, steps flown in the environment, or steps of the optimiser."""
+        if "rounds" in self.config.get("settings", {}):
+            return "round"
+        return "environment step" if "environment" in self.config else "training step"
+
+    @property
     def steps(self) -> int:
         return int(self.rows[-1]["step"]) if self.rows else 0
 
     @cached_property
     def rollouts(self) -> list[Rollouts]:
         """Evaluations on the way, in the order of the steps."""
-        told = (row for row in self.rows if "evaluate/success" in row)
-        return [Rollouts(int(r["step"]), r["evaluate/success"], int(r.get("evaluate/episodes", 0))) for r in told]
+        told = (row for row in self.rows if SUCCESS in row)
+        return [Rollouts(int(row["step"]), row[SUCCESS], int(row.get(EPISODES, 0))) for row in told]
+
+    @cached_property
+    def rewards(self) -> list[tuple[int, float]]:
+        """Steps, and the mean reward of the rollouts there."""
+        told = ((int(row["step"]), row.get(REWARD)) for row in self.rows)
+        return [(step, float(reward)) for step, reward in told if reward is not None and np.isfinite(reward)]
 
     @cached_property
     def settings(self) -> dict[str, Any]:

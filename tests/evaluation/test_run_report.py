@@ -13,6 +13,7 @@ import yaml
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation import run_figures
 from aerial_il.evaluation.predictions import Prediction
+from aerial_il.evaluation.report import write_report
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.run_report import grouped, write_run_report, write_runs_report
 from aerial_il.evaluation.statistics import bootstrap_macro, wilson
@@ -41,6 +42,42 @@ def make_run(folder: Path, *, seed: int = 0, rates: tuple[float, ...] = RATES, *
     return folder
 
 
+def make_other(folder: Path, config: dict[str, Any], rows: list[dict[str, float]]) -> Path:
+    """Leave what a run of another algorithm leaves."""
+    folder.mkdir(parents=True)
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    (folder / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    return folder
+
+
+def make_dagger(folder: Path) -> Path:
+    names = ("queries", "interventions", "beta", "noise", "total/queries", "total/episodes")
+    rows = [{"step": k, **{name: float(k + 1) for name in names}, "evaluate/success": 0.25 * k} for k in range(4)]
+    config = {"algorithm": "dagger", "environment": {"task": "reach"}, "settings": {"rounds": 3}}
+    return make_other(folder, config, rows)
+
+
+ADVERSARIAL = (
+    *("reward/loss", "reward/told_expert", "reward/told_agent", "reward/steep", "reward/mean"),
+    *("actor/loss", "actor/entropy", "actor/alpha", "critic/loss", "critic/value"),
+    *("episode/return", "episode/length", "episode/success", "episode/count", "of/another/kind"),
+)
+
+
+def make_adversarial(
+    folder: Path, *, seed: int = 0, rewards: tuple[float, ...] = (0.5, 1.5, 3.0), transitions: int = 100
+) -> Path:
+    data = {"demonstrations": 4, "transitions": transitions, "digest": f"{seed}"}
+    origin = {"algorithm": "dac", "seed": seed, "environment": {"task": "Hopper-v5"}, "dataset": data}
+    rows: list[dict[str, float]] = []
+    for k, reward in enumerate(rewards, start=1):
+        rows.append({"step": 5000 * k, **dict.fromkeys(ADVERSARIAL, 1.0 / k), "elapsed_s": 3.0 * k})
+        flown = {"success": 0.0, "mean_reward": reward, "time_to_success_s": float("nan"), "crashes": 0.1 * k}
+        rows.append({"step": 5000 * k, **{f"evaluate/{name}": value for name, value in flown.items()}})
+    policy = {"name": "squashed_gaussian"}
+    return make_other(folder, {**origin, "settings": {"subsample": 20}, "policy": policy}, rows)
+
+
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     return make_run(tmp_path / "run")
@@ -60,7 +97,16 @@ def test_the_page_of_a_run_has_every_section_and_needs_nothing_else(run: Path, d
     page = write_run_report(run / "r.html", read_run(run), predictions=[shown], footage=Footage(note="No films: <why>"))
     html = page.read_text()
     assert needs_nothing_else(html)
-    assert Outline(html).ids == ["judged", "success", "loss", "validation", "predictions", "films", "origin"]
+    assert Outline(html).ids == [
+        "judged",
+        "rollouts",
+        "loss",
+        "metrics",
+        "validation",
+        "predictions",
+        "films",
+        "origin",
+    ]
     assert "Best 80 % at step 300, final 70 %" in html
     assert "Mean absolute error 0.25 m" in html
     assert f"<b>{diver.success['count']} of 40</b>" in html
@@ -75,6 +121,83 @@ def test_a_run_without_rollouts_or_validation_still_reads(tmp_path: Path) -> Non
     html = write_run_report(tmp_path / "r.html", read_run(run), prediction_note="No predictions: why").read_text()
     assert Outline(html).ids == ["loss", "predictions", "origin"]
     assert "not finished" in html
+
+
+def test_every_logged_number_of_any_algorithm_is_drawn(tmp_path: Path) -> None:
+    run = read_run(make_adversarial(tmp_path / "dac"))
+    groups = {heading: [figure.title for figure in figures] for heading, figures in run_figures.others(run).items()}
+    assert groups["Actor"] == ["Loss", "Entropy", "Alpha"]
+    assert groups["Rollouts on the way"] == ["Crashes"]
+    assert groups["Of, another"] == ["Kind"]
+    assert sum(map(len, groups.values())) == len(ADVERSARIAL) + 1
+    html = write_run_report(tmp_path / "dac.html", run).read_text()
+    assert needs_nothing_else(html)
+    assert Outline(html).ids == ["rollouts", "metrics", "origin"]
+    for name in (*ADVERSARIAL, "evaluate/crashes"):
+        assert f'aria-label="{name} over 15000 environment steps' in html
+
+
+def test_what_dagger_asks_is_drawn_over_rounds(tmp_path: Path) -> None:
+    html = write_run_report(tmp_path / "dagger.html", read_run(make_dagger(tmp_path / "run"))).read_text()
+    assert Outline(html).ids == ["rollouts", "metrics", "origin"]
+    for name in ("queries", "interventions", "beta", "noise", "total/queries", "total/episodes"):
+        assert f'aria-label="{name} over 3 rounds' in html
+    assert "Best 75 % at round 3, final 75 %" in html
+
+
+@pytest.mark.parametrize(
+    ("make", "unit"), [(make_run, "training step"), (make_dagger, "round"), (make_adversarial, "environment step")]
+)
+def test_the_axis_says_what_the_steps_count(tmp_path: Path, make: Any, unit: str) -> None:
+    run = read_run(make(tmp_path / "run"))
+    assert run.unit == unit
+    told = {"training step", "round", "environment step"}
+    for write, given in ((write_run_report, run), (write_runs_report, [run])):
+        html = write(tmp_path / "r.html", given).read_text()
+        assert {axis for axis in told if f">{axis}</text>" in html} == {unit}
+    dagger = read_run(make_dagger(tmp_path / "other"))
+    assert run_figures.unit_of([run, dagger]) == {"round": "round"}.get(unit, " or ".join(sorted(["round", unit])))
+
+
+def test_the_mean_reward_is_drawn_beside_success(tmp_path: Path) -> None:
+    run = read_run(make_adversarial(tmp_path / "run"))
+    assert run.rewards == [(5000, 0.5), (10000, 1.5), (15000, 3.0)]
+    html = write_run_report(tmp_path / "one.html", run).read_text()
+    assert "Mean reward in rollouts over 15000 environment steps; the last is 3" in html
+    assert html.count('class="knot"') == 3 + 3
+    seeds = [read_run(make_adversarial(tmp_path / f"{k}", seed=k, rewards=(1.0, k + 1.0))) for k in range(3)]
+    (step, same, alike), (_, mean, apart) = run_figures.mean_rewards(seeds)
+    assert (step, same, mean) == (5000.0, 1.0, 2.0)
+    assert alike is not None
+    assert apart is not None
+    assert alike.hi - alike.lo == 0
+    assert 1.0 <= apart.lo < 2.0 < apart.hi <= 3.0
+    html = write_runs_report(tmp_path / "seeds.html", seeds).read_text()
+    assert "Mean reward over training, mean over seeds: squashed_gaussian 2 at the end" in html
+    assert html.count('class="trace thin') == 3 + 3, "every seed is drawn, its success and its reward"
+    assert run_figures.mean_rewards(seeds[:1])[0][2] is None, "one seed tells nothing about others"
+
+
+def test_a_group_keeps_its_hue_in_every_figure(tmp_path: Path) -> None:
+    groups = {"a": [read_run(make_run(tmp_path / "a"))], "b": [read_run(make_adversarial(tmp_path / "b"))]}
+    figure = run_figures.reward_of_groups(groups)
+    assert figure is not None
+    assert "hue1" in figure.svg
+    assert "hue0" not in figure.svg, "the first group logs no reward, and leaves its hue unused"
+
+
+def test_the_report_of_an_evaluation_names_the_unit_of_its_run(tmp_path: Path, diver: EvaluationResult) -> None:
+    html = write_report(tmp_path / "e.html", diver, run=make_dagger(tmp_path / "run")).read_text()
+    assert ">round</text>" in html
+    assert ">training step</text>" not in html
+
+
+def test_the_learned_reward_is_drawn_along_a_demonstration(run: Path) -> None:
+    paid = {"demo-<3>": {"as flown": np.linspace(0.0, 1.0, 9), "actions shuffled": np.zeros(9)}}
+    html = write_run_report(run / "r.html", read_run(run), rewarded=paid).read_text()
+    assert needs_nothing_else(html)
+    assert "rewarded" in Outline(html).ids
+    assert "Mean: as flown 0.5, actions shuffled 0." in html
 
 
 def test_intervals_over_training_are_wilsons(run: Path) -> None:
@@ -95,6 +218,12 @@ def test_seeds_of_one_configuration_are_one_group(tmp_path: Path) -> None:
     assert needs_nothing_else(html)
     assert "5 runs, 2 configurations" in html
     assert html.count('class="trace thin') == 5, "every seed is drawn"
+
+
+def test_thinned_out_demonstrations_do_not_part_seeds(tmp_path: Path) -> None:
+    runs = [make_adversarial(tmp_path / f"{seed}", seed=seed, transitions=100 + seed) for seed in range(3)]
+    ((_, members),) = grouped([read_run(path) for path in runs]).items()
+    assert [run.seed for run in members] == [0, 1, 2]
 
 
 def test_the_mean_over_seeds_has_the_interval_of_seeds_and_episodes(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """Write one HTML page that opens offline, about an evaluation, a training run, or several runs side by side.
 
 Of an evaluation: success, metrics, videos, provenance. Of a run: success and loss over training, error by action
-element, predictions beside demonstrations, films. Several runs, or the folder of a sweep, are grouped by settings, the
-seeds of each group together.
+element, whatever else was logged, predictions beside demonstrations, a learned reward, films. Several runs, or the
+folder of a sweep, are grouped by settings, the seeds of each group together.
 
 Example: aerial-il report runs/pick_bc/evaluation run=runs/pick_bc dataset=datasets/pick
 Example: aerial-il report runs/pick_bc
@@ -79,9 +79,15 @@ def _of_run(config: Config, run: TrainingRun) -> Path:
     from aerial_il.evaluation.run_report import write_run_report
 
     predictions, note = runs.predictions(run, config.dataset.path)
-    films = runs.footage(run, config.videos)
-    out = config.out or run.path / PAGE
-    return write_run_report(out, run, predictions=predictions, prediction_note=note, footage=films)
+    rewarded, films = runs.rewarded(run, config.dataset.path), runs.footage(run, config.videos)
+    return write_run_report(
+        config.out or run.path / PAGE,
+        run,
+        predictions=predictions,
+        prediction_note=note,
+        rewarded=rewarded,
+        footage=films,
+    )
 
 
 def _of_runs(config: Config, runs: list[TrainingRun]) -> Path:

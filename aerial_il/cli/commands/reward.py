@@ -27,8 +27,8 @@ class Config:
 def run(config: Config) -> None:
     """Draw, and say where."""
     import aerial_il
-    from aerial_il.algorithms.parts.learned_reward import reward_along, shuffled
     from aerial_il.benchmarks.parts.figures import reward_lines
+    from aerial_il.cli.runs import paid_along
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.core.files import write_atomic
 
@@ -38,8 +38,7 @@ def run(config: Config) -> None:
     if config.episode >= len(dataset):
         raise InvalidValueError(f"episode={config.episode}; {config.dataset.path} has {len(dataset)}, counted from 0.")
     episode = dataset[config.episode]
-    flights = {"as flown": episode, "actions shuffled": shuffled(episode)}
-    paid = {label: reward_along(config.run, flight) for label, flight in flights.items()}
+    paid = paid_along(config.run, episode)
     figure = write_atomic(config.out or Path(config.run) / "reward.svg", reward_lines({episode.uid: paid}))
     means = ", ".join(f"{label} {values.mean():.3f}" for label, values in paid.items())
     print(f"Mean reward: {means}\nFigure: {figure}")
