@@ -25,6 +25,7 @@ HEADINGS = {  # prefix of a number's name -> what stands above the charts, in th
     "": "Training",
     "total": "Of all rounds so far",
     "evaluate": "Rollouts on the way",
+    "evaluate/success": "Their success in each task",
     "episode": "Episodes flown while it learned",
     "reward": "Reward that it learns from",
     "actor": "Actor",
