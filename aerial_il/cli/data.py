@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
-import aerial_il
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 
 
@@ -26,12 +26,10 @@ def demonstrations(
     """
     failures = bool(getattr(getattr(algorithm, "selection", None), "failures", 0.0))
     if limit is None:
-        from aerial_il.data.dataset import open_dataset
-
         return open_dataset(path, cameras=tuple(images), failures=failures)
     if failures:
         raise InvalidValueError(f"dataset.episodes={limit} counts successes: leave it out with selection.failures.")
-    dataset = aerial_il.open_dataset(path)
+    dataset = open_dataset(path)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
     chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
@@ -40,7 +38,7 @@ def demonstrations(
             "Collect more into it, or leave dataset.episodes=null for all."
         )
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
-        return aerial_il.open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
+        return open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
     return chosen
 
 
@@ -48,7 +46,7 @@ def check_origin(path: str, expected: Mapping[str, str]) -> None:
     """Refuse a dataset with demonstrations of another robot, task, tier or action level than ``expected``."""
     from aerial_il.algorithms.parts.training_set import check_recorded
 
-    for part in aerial_il.open_dataset(path).parts if expected else ():
+    for part in open_dataset(path).parts if expected else ():
         check_recorded(part.spec, expected)
 
 

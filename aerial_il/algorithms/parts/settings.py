@@ -145,7 +145,9 @@ class Imitating(Flying):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "subsample", *(("trajectories",) if self.trajectories is not None else ()))
+        require_positive(self, "subsample")
+        if self.trajectories is not None:
+            require_positive(self, "trajectories")
         require_choice(self, "bounds", Bounds)
         require_choice(self, "labels", Labels)
         require_choice(self, "control", Control)
