@@ -34,19 +34,6 @@ def rotation_cosine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return found
 
 
-def closeness(distance: np.ndarray, scale: float) -> np.ndarray:
-    """Smooth reward for a distance: 1 at zero, 1/2 at ``scale``, never negative (a rational bell)."""
-    ratio = distance / scale
-    return 1.0 / (1.0 + ratio * ratio)
-
-
-def cosine_and_sine(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and sine of angles (n,), rad, one by one: numpy's own may round differently for one than for many."""
-    cosine, sine = np.empty(len(angle)), np.empty(len(angle))
-    _write_cosine_and_sine(angle, cosine, sine)
-    return cosine, sine
-
-
 @kernel
 def _write_lengths(vectors, found):
     for i in range(found.size):
@@ -68,9 +55,3 @@ def _write_rotation_cosines(a, b, found):
         for k in range(1, 9):
             total += a[i, k] * b[i, k]
         found[i] = 0.5 * (total - 1.0)
-
-
-@kernel
-def _write_cosine_and_sine(angle, cosine, sine):
-    for i in range(angle.size):
-        cosine[i], sine[i] = math.cos(angle[i]), math.sin(angle[i])

@@ -7,21 +7,56 @@ code is cached on disk, so only the first run after an edit pays for compilation
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import sigutils
+from numba.core.ccallback import CFunc
+
+PACKAGE = Path(__file__).parent.parent
+OPTIONS: dict[str, Any] = {"error_model": "numpy"}  # division by zero gives infinity
+TASK_ROOMS = ("suite/tasks", "suite/props")
+TASK_MODULES = ("aerial_il.suite.tasks", "aerial_il.suite.props", "aerial_il.experts")  # whose kernels use theirs
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile ``function`` with numba: no Python objects, GIL released, division by zero gives infinity."""
-    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    if hasattr(compiled, "_cache"):  # not under NUMBA_DISABLE_JIT
-        cache_file = compiled._cache._cache_file
-        cache_file._version = f"{cache_file._version} {_kernel_sources()}"  # looked at before anything is unpickled
+    compiled: Any = numba.njit(cache=True, nogil=True, **OPTIONS)(function)
+    _mark(getattr(compiled, "_cache", None), function)
     return compiled
+
+
+_handed_out: dict[tuple[Any, Any], Any] = {}  # what has an address must live
+
+
+def address_of(compiled: Any, signature: Any) -> int:
+    """Address of a :func:`kernel` as a C function of the given numba ``signature``; compiled at the first call.
+
+    Compiled code calls it through that address, and need not be compiled anew for each function it may call.
+    """
+    key = compiled, signature
+    if key not in _handed_out:
+        callback = CFunc(compiled.py_func, sigutils.normalize_signature(signature), {}, {"nopython": True, **OPTIONS})
+        callback.enable_caching()
+        _mark(callback._cache, compiled.py_func)
+        callback.compile()
+        _handed_out[key] = callback
+    return _handed_out[key].address
+
+
+def _mark(cache: Any, function: Callable[..., Any]) -> None:
+    """Let what is cached on disk be stale after an edit to any file whose code or constants it may contain."""
+    if cache is not None and hasattr(cache, "_cache_file"):  # not under NUMBA_DISABLE_JIT
+        file = cache._cache_file
+        file._version = f"{file._version} {_sources_of(function)}"  # looked at before anything is unpickled
+
+
+def _sources_of(function: Callable[..., Any]) -> str:
+    in_task = function.__module__.startswith(TASK_MODULES)
+    return _kernel_sources() + (_task_sources() if in_task else "")
 
 
 @cache
@@ -31,9 +66,22 @@ def _kernel_sources() -> str:
     A kernel contains the kernels and constants of other files that it uses, but numba looks only at its own file to
     tell whether a cached one is stale: an edit elsewhere would go unnoticed.
     """
-    package, digest = Path(__file__).parent.parent, hashlib.sha256()
-    for path in sorted(path for room in ("core", "control", "suite") for path in (package / room).glob("*.py")):
-        text = path.read_bytes()
-        if b"@kernel" in text or path.parent.name == "control" or path.name == "memory.py":
-            digest.update(text)
-    return digest.hexdigest()
+    paths = (path for room in ("core", "control", "suite") for path in (PACKAGE / room).glob("*.py"))
+    return _digest(path for path in paths if path.parent.name == "control" or _is_compiled(path))
+
+
+@cache
+def _task_sources() -> str:
+    """The same of the tasks and their props, which change more often than what flies."""
+    return _digest(path for room in TASK_ROOMS for path in (PACKAGE / room).glob("*.py"))
+
+
+def _is_compiled(path: Path) -> bool:
+    return path.name in ("memory.py", "scene.py") or b"@kernel" in path.read_bytes()
+
+
+def _digest(paths: Iterable[Path]) -> str:
+    found = hashlib.sha256()
+    for path in sorted(paths):
+        found.update(path.read_bytes())
+    return found.hexdigest()

@@ -46,6 +46,19 @@ def norm(a):
 
 
 @kernel
+def planar_norm(a):
+    """Horizontal length of a vector."""
+    return math.sqrt(a[0] * a[0] + a[1] * a[1])
+
+
+@kernel
+def closeness(distance, scale):
+    """Smooth reward for a distance: 1 at zero, 1/2 at ``scale``, never negative (a rational bell)."""
+    ratio = distance / scale
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@kernel
 def limit_norm(a, longest):
     """Shorten vector ``a`` to at most ``longest``, keeping its direction."""
     length = norm(a)
@@ -209,6 +222,13 @@ def orthonormalise(x, y):
         length = norm(y)
     y = scale(1.0 / length, y)
     return from_columns(x, y, cross(x, y))
+
+
+@kernel
+def rotation_cosine(a, b):
+    """Cosine of the angle between two rotations, ``(tr(Aᵀ B) - 1) / 2``."""
+    trace = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+    return 0.5 * (trace + a[6] * b[6] + a[7] * b[7] + a[8] * b[8] - 1.0)
 
 
 @kernel

@@ -76,6 +76,11 @@ class ObservationSpec:
     def size(self, names: Iterable[str]) -> int:
         return sum(self[name].size for name in names)
 
+    def parts(self, names: Iterable[str]) -> dict[str, slice]:
+        """Where each one-dimensional field lies in what :meth:`flatten` returns."""
+        ends = np.cumsum([self[name].size for name in names])
+        return {name: slice(int(end) - self[name].size, int(end)) for name, end in zip(names, ends, strict=True)}
+
     def flatten(self, obs: Mapping[str, np.ndarray], names: Iterable[str]) -> np.ndarray:
         """Concatenate fields along the last axis.
 

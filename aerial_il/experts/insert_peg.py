@@ -6,9 +6,11 @@ import numpy as np
 
 from aerial_il.core.arrays import planar_length
 from aerial_il.experts.expert import Expert, pointing_down
+from aerial_il.suite import measured
 from aerial_il.suite.props import TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import CHAMFER_M, PEG_LENGTH_M, PEG_RADIUS_M
-from aerial_il.suite.tasks.insert_peg import GRASP_M, INSERTED_M, depth, lower_end, peg_axis
+from aerial_il.suite.tasks import insert_peg
+from aerial_il.suite.tasks.insert_peg import GRASP_M, INSERTED_M
 
 HOVER, DESCEND, CLOSE, LIFT, CARRY, INSERT, RELEASE, RETREAT = range(8)
 
@@ -33,6 +35,9 @@ PUSH_LEAD_M = 0.03  # how far below itself the lower end is sent
 DEPTH_MARGIN_M = 0.004  # beyond what is asked for, before the peg is let go
 OPEN_ENOUGH, RETREAT_M = 0.8, 0.12
 FINE_WORK_M, NOISE_IN_FINE_WORK = 0.05, 0.2  # a wandering command a few centimetres wide never meets the bore
+
+depth = measured.number(insert_peg.depth)
+lower_end, peg_axis = measured.vector(insert_peg.lower_end), measured.vector(insert_peg.peg_axis)
 
 
 class InsertPegExpert(Expert):

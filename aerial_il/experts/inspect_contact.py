@@ -6,8 +6,10 @@ import numpy as np
 
 from aerial_il.core.arrays import length
 from aerial_il.experts.expert import Expert, facing
+from aerial_il.suite import measured
 from aerial_il.suite.props.plate import PRELOAD_N, STIFFNESS
-from aerial_il.suite.tasks.inspect_contact import FORCE_N, normal, normal_force, slip, squareness, tangential, touching
+from aerial_il.suite.tasks import inspect_contact
+from aerial_il.suite.tasks.inspect_contact import FORCE_N
 
 APPROACH, PRESS = range(2)
 
@@ -19,6 +21,10 @@ NOISE_WHILE_PRESSING = 0.2  # a newton or so
 SLIPPED_M = 0.018  # then the contact is better begun anew
 AIM_N = 5.4  # to get 5: the loop has no integral part, so that it depends on the present alone
 COMPLIANCE_M_N = 0.012  # of the admittance: depth added per newton that is missing
+
+normal, slip = measured.vector(inspect_contact.normal), measured.vector(inspect_contact.slip)
+normal_force, squareness = measured.number(inspect_contact.normal_force), measured.number(inspect_contact.squareness)
+in_touch = measured.truth(inspect_contact.in_touch)
 
 
 class InspectContactExpert(Expert):
@@ -41,7 +47,7 @@ class InspectContactExpert(Expert):
         rot6d, out = facing(view.site_mat("plate"))
         travel, _ = view.joint("plate")
         sprung = (FORCE_N - PRELOAD_N) / STIFFNESS
-        missing = np.where(touching(view), AIM_N - normal_force(view), 0.0)
+        missing = np.where(in_touch(view), AIM_N - normal_force(view), 0.0)
         depth = np.where(self.phase == PRESS, sprung + COMPLIANCE_M_N * missing, -STAND_OFF_M) - travel
         tip = view.site_pos("plate") - depth[:, None] * out + self._sideways()
         return tip + view.robot.gripper.tip_distance * out, rot6d, np.zeros(view.n)
@@ -52,15 +58,21 @@ class InspectContactExpert(Expert):
     def _sideways(self) -> np.ndarray:
         """(n, 3) where to press, from the plate's middle, m: right there, until contact begins somewhere near it."""
         view = self.view
-        start = tangential(view, view.tip_pos - view.site_pos("plate")) - slip(view)
-        return np.where(touching(view)[:, None], start, 0.0)
+        start = _tangential(normal(view), view.tip_pos - view.site_pos("plate")) - slip(view)
+        return np.where(in_touch(view)[:, None], start, 0.0)
 
     def _offset(self) -> tuple[np.ndarray, np.ndarray]:
         """(n,) height of the fingertips over the plate and their distance from its middle along it, m."""
         view, out = self.view, normal(self.view)
         ahead = view.tip_pos - view.site_pos("plate")
         height = ahead[:, 0] * out[:, 0] + ahead[:, 1] * out[:, 1] + ahead[:, 2] * out[:, 2]
-        return height, length(tangential(view, ahead))
+        return height, length(_tangential(out, ahead))
+
+
+def _tangential(out: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(n, 3) part of vectors (n, 3) that lies in the planes with normals ``out`` (n, 3)."""
+    across = out[:, 0] * vectors[:, 0] + out[:, 1] * vectors[:, 1] + out[:, 2] * vectors[:, 2]
+    return vectors - across[:, None] * out
 
 
 EXPERT = InspectContactExpert

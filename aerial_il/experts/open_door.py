@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert
+from aerial_il.suite import measured
 from aerial_il.suite.props.door import BAR_RADIUS_M, HINGE_TO_LOOP_M, LOOP_M
-from aerial_il.suite.tasks.open_door import OPEN_RAD, SWING_RAD_S, TASK
+from aerial_il.suite.tasks import open_door
+from aerial_il.suite.tasks.open_door import OPEN_RAD, SWING_RAD_S
 
 YAW_LEAD_RAD = 0.15  # how far the heading is sent ahead, for a vehicle turns late
 BEYOND_RAD = 0.2  # how far past 60° it is pulled at the end
+
+hooked = measured.truth(open_door.hooked)
 
 
 class OpenDoorExpert(HookExpert):
@@ -21,7 +25,7 @@ class OpenDoorExpert(HookExpert):
         return self.view.site_pos("loop").copy(), self._heading()
 
     def hooked(self) -> np.ndarray:
-        return TASK.hooked(self.view)
+        return hooked(self.view)
 
     def ahead(self) -> tuple[np.ndarray, np.ndarray]:
         view = self.view

@@ -6,8 +6,10 @@ import numpy as np
 
 from aerial_il.core.arrays import length, planar_length
 from aerial_il.experts.expert import Expert, pointing_down
+from aerial_il.suite import measured
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
-from aerial_il.suite.tasks.pick_place import IN_BOWL_M, cube_heading
+from aerial_il.suite.tasks import pick_place
+from aerial_il.suite.tasks.pick_place import IN_BOWL_M
 
 HOVER, DESCEND, CLOSE, LIFT, CARRY, LOWER, RELEASE, RETREAT = range(8)
 
@@ -27,6 +29,8 @@ OPEN_ENOUGH = 0.8
 FINGER_CLEAR_M = 0.05  # tool above the cube where open fingers just pass over it
 FINGER_ROOM_M = 0.012  # between an open finger and the cube where the bowl is near
 BESIDE_BOWL_M = 0.16  # a cube nearer to the bowl is gripped by the faces that do not face it
+
+cube_yaw = measured.number(pick_place.cube_yaw)
 
 
 class PickPlaceExpert(Expert):
@@ -107,8 +111,7 @@ class PickPlaceExpert(Expert):
 
     def _cube_yaw(self) -> np.ndarray:
         """(n,) heading at which the fingers meet two faces of the cube, in ±45° unless the bowl is in their way."""
-        heading = cube_heading(self.view)
-        yaw = 0.25 * np.arctan2(heading[:, 1], heading[:, 0])
+        yaw = cube_yaw(self.view)
         to_bowl = self.view.site_pos("bowl") - self.view.site_pos("cube")
         along_fingers = -np.sin(yaw) * to_bowl[:, 0] + np.cos(yaw) * to_bowl[:, 1]
         across = np.cos(yaw) * to_bowl[:, 0] + np.sin(yaw) * to_bowl[:, 1]

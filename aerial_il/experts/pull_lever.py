@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert
+from aerial_il.suite import measured
 from aerial_il.suite.props.lever import BAR_RADIUS_M, LEVER_M
-from aerial_il.suite.tasks.pull_lever import PULLED_RAD, SWING_RAD_S, TASK, behind_bar
+from aerial_il.suite.tasks import pull_lever
+from aerial_il.suite.tasks.pull_lever import PULLED_RAD, SWING_RAD_S
 
 BEYOND_RAD = 0.2  # how far past the pin it is pulled at the end
+
+hooked, behind_bar = measured.truth(pull_lever.hooked), measured.vector(pull_lever.behind_bar)
 
 
 class PullLeverExpert(HookExpert):
@@ -20,7 +24,7 @@ class PullLeverExpert(HookExpert):
         return behind_bar(self.view), self._heading()
 
     def hooked(self) -> np.ndarray:
-        return TASK.hooked(self.view)
+        return hooked(self.view)
 
     def ahead(self) -> tuple[np.ndarray, np.ndarray]:
         view = self.view

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert
+from aerial_il.suite import measured
 from aerial_il.suite.props.valve import GAP_M, RIM_RADIUS_M, SPOKES, VALVE_OPEN_RAD
-from aerial_il.suite.tasks.rotate_valve import TASK, TURN_RAD_S
+from aerial_il.suite.tasks import rotate_valve
+from aerial_il.suite.tasks.rotate_valve import TURN_RAD_S
 
 BETWEEN_SPOKES_RAD = 2.0 * np.pi / SPOKES
 BEYOND_RAD = 0.2  # how far past the mark they are sent at the end
 YAW_LEAD_RAD = 0.15  # how far the heading is sent ahead, for a vehicle turns late
+
+inserted = measured.truth(rotate_valve.inserted)
 
 
 class RotateValveExpert(HookExpert):
@@ -26,7 +30,7 @@ class RotateValveExpert(HookExpert):
         return centre + spoke, _facing_back(spoke)
 
     def hooked(self) -> np.ndarray:
-        return TASK.inserted(self.view)
+        return inserted(self.view)
 
     def ahead(self) -> tuple[np.ndarray, np.ndarray]:
         view, centre = self.view, self.view.site_pos("valve")

@@ -10,9 +10,10 @@ import numpy as np
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.assessment import Judgement
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.simulation import Judgement, Simulation
+from aerial_il.suite.simulation import Simulation
 from aerial_il.suite.worlds import Worlds
 
 
@@ -113,7 +114,7 @@ class BatchEnvironment:
             actions: (n, Da) in the units of ``spec.action``; clipped to its bounds.
         """
         executed = self.simulation.advance(actions, mask)
-        judgement = self.simulation.judge()
+        judgement = self.simulation.judgement
         return StepResult(
             obs=self._seen(mask),
             reward=judgement.reward,
@@ -124,6 +125,7 @@ class BatchEnvironment:
 
     def observe(self) -> dict[str, np.ndarray]:
         """Observations of all worlds as they stand, ``name -> (n, ...)``."""
+        self.simulation.assess()
         return self._seen(None)
 
     def get_state(self) -> np.ndarray:
@@ -141,7 +143,7 @@ class BatchEnvironment:
         for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
             for request in self.scenario.camera_requests:
                 self._images[request.key][i] = self.shoot(int(i), request, height, width)
-        return {**self.simulation.observe(), **{key: images.copy() for key, images in self._images.items()}}
+        return {**self.simulation.observations, **{key: images.copy() for key, images in self._images.items()}}
 
     def render(
         self, world: int = 0, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb"

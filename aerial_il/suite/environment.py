@@ -11,11 +11,12 @@ from dm_env import specs
 
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.assessment import Judgement
 from aerial_il.suite.batch import info_of
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import SUBSTEPS
-from aerial_il.suite.simulation import Judgement, Simulation
+from aerial_il.suite.simulation import Simulation
 from aerial_il.suite.worlds import Physics, Worlds
 
 
@@ -42,7 +43,7 @@ class SuiteTask(control.Task):
 
     def after_step(self, physics: Physics) -> None:
         self.simulation.settle()
-        self.judgement = self.simulation.judge()
+        self.judgement = self.simulation.judgement
 
     def action_spec(self, physics: Physics) -> specs.BoundedArray:
         action = self.simulation.spec.action
@@ -53,7 +54,7 @@ class SuiteTask(control.Task):
         return OrderedDict((f.name, specs.Array(f.shape, np.dtype(f.dtype), name=f.name)) for f in fields)
 
     def get_observation(self, physics: Physics) -> OrderedDict[str, np.ndarray]:
-        obs = OrderedDict((k, v[0].copy()) for k, v in self.simulation.observe().items())
+        obs = OrderedDict((k, v[0]) for k, v in self.simulation.observations.items())
         scenario = self.simulation.scenario
         obs.update((r.key, self.shoot(physics, r, *scenario.image_size)) for r in scenario.camera_requests)
         return obs

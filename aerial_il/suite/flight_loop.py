@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import mat_from_quat, norm
 from aerial_il.suite import memory as mem
 from aerial_il.suite.aerodynamics import air_wrench, falling_share, lagged_command
+from aerial_il.suite.assessment import assess, settle
 from aerial_il.suite.force_sensing import sense_forces
 from aerial_il.suite.native import draw, mj_step1, mj_step2, row_at
 from aerial_il.suite.sensing import advance_noise, measure, vehicle_state
@@ -66,13 +68,14 @@ class Flight(NamedTuple):
 
 
 @kernel
-def fly(flight, workspace, worlds, actions, active, fresh, steps, counter):
+def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, steps, counter):
     """Advance the worlds that are drawn from a counter by some physics steps.
 
     Args:
-        flight: see :class:`Flight`. workspace: (1,) working memory, see ``SCRATCH``.
-        worlds: addresses, see ``worlds.Memory``.
-        actions: (n, Da). active: (n,) bool, others stand still. fresh: the actions are new. steps: physics steps.
+        flight: see :class:`Flight`. rules, found: what is asked after a control step, and where answers go.
+        workspace: (1,) working memory, see ``SCRATCH``. worlds: addresses, see ``worlds.Memory``.
+        sent: (n, Da) actions as they were sent. actions: (n, Da) that arrive. active: (n,) bool, others stand still.
+        fresh: the actions are new. steps: physics steps.
         counter: address of the number of worlds that are taken already; threads that share it share the work.
     """
     vehicle, gains, air, sensors = flight.vehicle[0], flight.gains[0], flight.air[0], flight.sensors[0]
@@ -117,11 +120,35 @@ def fly(flight, workspace, worlds, actions, active, fresh, steps, counter):
             vehicle_state(vehicle, qpos, qvel, pos, vel)
             sense_forces(sensordata, flight.force_addresses, forces, dt)
             userdata[TICK] += 1.0
-        if userdata[TICK] % flight.substeps == 0.0:
+        complete = userdata[TICK] % flight.substeps == 0.0
+        if complete:
             userdata[STEP] += 1.0
             if _crashed(flight, worlds, sensordata, i):
                 userdata[CRASHED] = 1.0
         pull_all(worlds, i)
+        if complete:
+            settle(rules, found, i, row_at(sent, i))
+            assess(rules, found, i)
+
+
+@kernel
+def limit_actions(actions, active, low, high, executed):
+    """Write actions (n, Da) limited to their bounds; those of worlds that stand still count as zero.
+
+    Args:
+        actions: (n, Da). active: (n,) bool. low, high: (Da,) bounds. executed: (n, Da) written.
+
+    Returns:
+        The first world whose action is not finite; n if there is none.
+    """
+    broken = active.size
+    for i in range(active.size):
+        for k in range(low.size):
+            value = actions[i, k] if active[i] else 0.0
+            if not math.isfinite(value):
+                broken = min(broken, i)
+            executed[i, k] = min(max(value, low[k]), high[k])
+    return broken
 
 
 @kernel

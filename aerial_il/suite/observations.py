@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-
-import numpy as np
-
+from aerial_il.control.dynamics import put, vec
+from aerial_il.core.kernels import kernel
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.view import View
+from aerial_il.suite.native import doubles
+from aerial_il.suite.world import base_mat, base_pos, put_rot6d, tool_mat, tool_pos
 
 _XYZ = ("x", "y", "z")
 _ROT6D = ("xx", "xy", "xz", "yx", "yy", "yz")
@@ -33,23 +32,30 @@ def robot_fields(robot: Robot) -> tuple[Field, ...]:
     return tuple(field for there, fields in parts if there for field in fields)
 
 
-def observe_robot(view: View, names: Iterable[str]) -> dict[str, np.ndarray]:
-    """Proprioception ``name -> (n, ...)``: poses and base velocity in the world frame, body rates in the base's.
+@kernel
+def observe_robot(world, found):
+    """Write what a robot knows of itself; the fields of :func:`robot_fields` in their order.
+
+    Poses and base velocity are in the world frame, body rates in the base's.
 
     Args:
-        view: the worlds. names: of the fields wanted, see :func:`robot_fields`.
+        world: a record. found: (D,) written.
     """
-    return {name: _READINGS[name](view) for name in names}
-
-
-_READINGS: dict[str, Callable[[View], np.ndarray]] = {
-    "base_pos": lambda view: view.base_pos.copy(),
-    "base_rot6d": lambda view: view.base_rot6d,
-    "base_vel": lambda view: view.base_vel.copy(),
-    "base_angvel": lambda view: view.base_angvel.copy(),
-    "joint_pos": lambda view: view.joint_pos.copy(),
-    "joint_vel": lambda view: view.joint_vel.copy(),
-    "gripper": lambda view: view.gripper,
-    "ee_pos": lambda view: view.tool_pos.copy(),
-    "ee_rot6d": lambda view: view.tool_rot6d,
-}
+    k, qpos = 0, doubles(world.qpos, world.fingers + 2)
+    if world.flies > 0.0:
+        twist = doubles(world.qvel, 6)
+        put(found, 0, base_pos(world))
+        put_rot6d(found, 3, base_mat(world))
+        put(found, 9, vec(twist, 0))
+        put(found, 12, vec(twist, 3))
+        k = 15
+    joints = world.num_joints
+    for j in range(joints):
+        found[k + j] = qpos[world.first_joint + j]
+        found[k + joints + j] = doubles(world.qvel + 8 * (world.first_dof + j), 1)[0]
+    k += 2 * joints
+    if world.grips > 0.0:
+        found[k] = 0.5 * (qpos[world.fingers] + qpos[world.fingers + 1]) / world.stroke
+        k += 1
+    put(found, k, tool_pos(world))
+    put_rot6d(found, k + 3, tool_mat(world))

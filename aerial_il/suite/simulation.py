@@ -2,56 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import NoReturn
 
 import mujoco
 import numpy as np
 
-from aerial_il.control import memory as controller_memory
-from aerial_il.control.actions import ActionLevel
 from aerial_il.control.laws import Law
 from aerial_il.control.scratch import SCRATCH
 from aerial_il.control.vehicle import Gains, alone, record_of
-from aerial_il.core.arrays import length
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.seeding import episode_rng
 from aerial_il.suite import memory as mem
+from aerial_il.suite.assessment import Judgement, assess_all, judgement_of, make_found, rules_of
 from aerial_il.suite.crew import Crew
 from aerial_il.suite.disturbances import Disturbances
-from aerial_il.suite.flight_loop import Flight, fly
-from aerial_il.suite.observations import observe_robot, robot_fields
+from aerial_il.suite.flight_loop import Flight, fly, limit_actions
+from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
 from aerial_il.suite.view import View
 from aerial_il.suite.worlds import STATE, Worlds
 
 LARGEST_SEED = 2**53
-TARGET = slice(controller_memory.TARGET_POS, controller_memory.TARGET_POS + 3)  # the tool position last commanded
 FLIGHT = slice(mem.SEED, mem.STEP + 1)  # what identifies a moment: seed first, step last
 STATE_OFFSET = int(STATE) & (int(mujoco.mjtState.mjSTATE_USERDATA) - 1)  # parts of a state that precede userdata
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """How n worlds stand after a step. Each array is (n,), ``subtasks`` is (n, K).
-
-    Attributes:
-        reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something,
-            turned over or flew away. truncated: the time is up. subtasks: flags at this instant. ee_error: distance
-            between commanded and actual tool position, m (NaN where the action level commands none). effort: mean
-            squared rotor use, in [0, 1]. contacts: robot parts, gripper aside, that touch something.
-    """
-
-    reward: np.ndarray
-    success: np.ndarray
-    crash: np.ndarray
-    truncated: np.ndarray
-    subtasks: np.ndarray
-    ee_error: np.ndarray
-    effort: np.ndarray
-    contacts: np.ndarray
 
 
 class Simulation:
@@ -65,10 +40,10 @@ class Simulation:
     def __init__(self, scenario: Scenario, worlds: Worlds, gains: Gains | None = None, num_threads: int = 0) -> None:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
-        self.view = View(worlds, self.robot)
+        self.view = View(worlds, self.robot, self.task.names)
         self.gains = (gains or scenario.law.gains).fitted(self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
-        self._act, self._ctrl, self._userdata = (worlds.bind(name) for name in ("act", "ctrl", "userdata"))
+        self._ctrl, self._userdata = worlds.bind("ctrl"), worlds.bind("userdata")
         self._flight = Flight(
             vehicle=alone(Law(self.gains.law).record(self.robot.vehicle)),
             gains=alone(record_of(self.gains)),
@@ -82,13 +57,14 @@ class Simulation:
             interval=CONTROL_DT_S,
             substeps=SUBSTEPS,
         )
-        self._proprioception = tuple(field.name for field in robot_fields(self.robot))
-        self._dwell_steps = max(1, round(self.task.dwell_s / CONTROL_DT_S))
+        observation = self.spec.observation
+        self._rules = rules_of(scenario, sum(field.size for field in robot_fields(self.robot)))
+        self._found = make_found(self.view, observation.size(observation.state_names), len(self.spec.subtasks))
+        self._parts = observation.parts(observation.state_names)
         self._crew = Crew(worlds.n, num_threads)
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._fresh = self._everyone, False
         self._actions = self._arriving = np.zeros((worlds.n, self.spec.action.size))
-        self._commanded = np.full((worlds.n, 3), np.nan)
         self._flights = self._userdata[:, FLIGHT].copy()
 
     @property
@@ -115,7 +91,8 @@ class Simulation:
         self.disturbances.vary(self.seeds, mask)
         self.worlds.forward(mask)
         self.disturbances.hold(mask)
-        self._commanded[mask] = np.nan
+        self._found.commanded[mask] = np.nan
+        self.assess(mask)
 
     def advance(self, actions: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
         """Fly one control step (five physics steps).
@@ -152,8 +129,11 @@ class Simulation:
     def _fly(self, steps: int, counter: int) -> None:
         fly(
             self._flight,
+            self._rules,
+            self._found,
             np.zeros(1, SCRATCH),
             self.worlds.memory,
+            self._actions,
             self._arriving,
             self._mask,
             self._fresh,
@@ -162,14 +142,8 @@ class Simulation:
         )
 
     def settle(self) -> None:
-        """Last part of :meth:`advance`: check the state, update the flags."""
-        mask = self._mask
-        self._check_physics(mask)
-        if self._flight.level == ActionLevel.EE_POSE:
-            self._commanded = np.where(mask[:, None], self._actions[:, :3], self._commanded)
-        elif self._flight.level == ActionLevel.EE_DELTA:
-            self._commanded = np.where(mask[:, None], self._userdata[:, TARGET], self._commanded)
-        self._update_flags(mask)
+        """Last part of :meth:`advance`: check the state."""
+        self._check_physics(self._mask)
 
     def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Continue from states (n, S) that ``worlds.get_state`` returned; ``mask``: (n,) bool, the worlds to set.
@@ -194,27 +168,33 @@ class Simulation:
         self.disturbances.vary(seeds, mask)
         self.worlds.set_state(states, mask)
         self._check_physics(mask)
-        self._commanded[mask] = np.nan
+        self._found.commanded[mask] = np.nan
+        self.assess(mask)
+
+    def assess(self, mask: np.ndarray | None = None) -> None:
+        """Read off anew what the worlds in ``mask`` (n,) bool show and how they stand; a flight does so by itself."""
+        self._crew.run(partial(assess_all, self._rules, self._found, self._select(mask)))
 
     def observe(self) -> dict[str, np.ndarray]:
-        """State observations of all worlds, ``name -> (n, ...)``."""
-        return {**observe_robot(self.view, self._proprioception), **self.task.observe(self.view)}
+        """State observations of all worlds at this instant, ``name -> (n, ...)``."""
+        self.assess()
+        return self.observations
+
+    @property
+    def observations(self) -> dict[str, np.ndarray]:
+        """The same as of the last flight, reset or :meth:`assess`."""
+        flat = self._found.observations.copy()
+        return {name: flat[:, part] for name, part in self._parts.items()}
 
     def judge(self) -> Judgement:
         """Rewards, flags and measurements of all worlds at this instant."""
-        userdata, view = self._userdata, self.view
-        success = userdata[:, mem.DWELL] >= self._dwell_steps
-        use = self._act[:, : self.robot.num_rotors] / self.robot.vehicle.rotor_max
-        return Judgement(
-            reward=np.where(success, 1.0, self.task.reward(view)),
-            success=success,
-            crash=userdata[:, mem.CRASHED] > 0.0,
-            truncated=userdata[:, mem.STEP] >= self.spec.max_steps,
-            subtasks=self.task.progress(view),
-            ee_error=length(self._commanded - view.tool_pos),
-            effort=np.sum(use * use, axis=1) / max(1, self.robot.num_rotors),
-            contacts=view.unwanted_contacts,
-        )
+        self.assess()
+        return self.judgement
+
+    @property
+    def judgement(self) -> Judgement:
+        """The same as of the last flight, reset or :meth:`assess`."""
+        return judgement_of(self._found)
 
     def close(self) -> None:
         """End the controllers' threads."""
@@ -250,12 +230,12 @@ class Simulation:
                 f"{self.spec.action.level} on {self.spec.robot} takes actions of shape "
                 f"{(self.n, self.spec.action.size)} ({', '.join(self.spec.action.labels)}), got {actions.shape}."
             )
-        if mask is not self._everyone:
-            actions[~mask] = 0.0
-        if not np.isfinite(actions).all():
+        executed, action = np.empty_like(actions), self.spec.action
+        broken = limit_actions(actions, mask, action.low, action.high, executed)
+        if broken < self.n:
             self._flights = self._userdata[:, FLIGHT].copy()
-            self._diverged(int(np.argmin(np.isfinite(actions).all(axis=1))), "Action is not finite")
-        return self.spec.action.clip(actions)
+            self._diverged(broken, "Action is not finite")
+        return executed
 
     def _check_physics(self, mask: np.ndarray) -> None:
         """Refuse worlds that MuJoCo warned about: it goes on after a warning, from the start or without a contact."""
@@ -266,14 +246,6 @@ class Simulation:
     def _diverged(self, world: int, what: str) -> NoReturn:
         seed, *_, step = self._flights[world]
         raise SimulationDivergedError(what.rstrip(". "), seed=int(seed), step=int(step))
-
-    def _update_flags(self, mask: np.ndarray) -> None:
-        """Count how long the task has been solved without a crash; both live in the simulator's state."""
-        view, userdata = self.view, self._userdata
-        self.task.remember(view, mask)
-        held = self.task.solved(view) & (userdata[:, mem.CRASHED] == 0.0)
-        dwell = userdata[:, mem.DWELL]
-        np.copyto(dwell, np.where(held, dwell + 1.0, 0.0), where=mask)
 
 
 def _check_seeds(seeds: np.ndarray) -> None:

@@ -10,21 +10,34 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.errors import UnknownNameError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import memory as mem
+from aerial_il.suite.world import ARRAYS, WORLD, Names
 from aerial_il.suite.worlds import Worlds
+
+OBJECTS = {
+    "site": mujoco.mjtObj.mjOBJ_SITE,
+    "joint": mujoco.mjtObj.mjOBJ_JOINT,
+    "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
+    "body": mujoco.mjtObj.mjOBJ_BODY,
+}
 
 
 class View:
     """Read the robot and the props of n worlds.
 
     Args:
-        worlds: the simulator. robot: what flies in it.
+        worlds: the simulator. robot: what flies in it. names: what the task reads in compiled code.
+
+    Attributes:
+        records: (n,) :data:`aerial_il.suite.world.WORLD`, what compiled code of the task is called with.
     """
 
-    def __init__(self, worlds: Worlds, robot: Robot) -> None:
+    def __init__(self, worlds: Worlds, robot: Robot, names: Names) -> None:
         self.worlds, self.robot, self.model = worlds, robot, worlds.model
         self.n = worlds.n
         self.qpos, self.qvel = worlds.bind("qpos"), worlds.bind("qvel")
@@ -44,6 +57,7 @@ class View:
         self._finger = first_pos + count
         contacts = ["contact_base", *(f"contact_link_{i}" for i in range(robot.num_joints - 1))]
         self._contact_ids = np.array([self.address(name) for name in contacts])
+        self.records = self._records(names)
 
     @property
     def tool_pos(self) -> np.ndarray:
@@ -147,19 +161,58 @@ class View:
     def _joint(self, name: str) -> tuple[int, int]:
         """Indices of a joint's first position and first velocity."""
         if name not in self._joints:
-            joint = self.model.joint(name)
-            self._joints[name] = int(joint.qposadr[0]), int(joint.dofadr[0])
+            joint = self._id("joint", name)
+            self._joints[name] = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
         return self._joints[name]
 
     def _mocap(self, body: str) -> int:
-        return int(self.model.body(body).mocapid[0])
+        mocap = int(self.model.body_mocapid[self._id("body", body)])
+        if mocap < 0:
+            bodies = range(self.model.nbody)
+            movable = [self.model.body(i).name for i in bodies if self.model.body_mocapid[i] >= 0]
+            raise UnknownNameError("mocap body", body, movable)
+        return mocap
 
     def _site(self, name: str) -> int:
-        return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, name)
+        return self._id("site", name)
+
+    def _id(self, kind: str, name: str) -> int:
+        """Index of something of the model; MuJoCo itself says -1 to an unknown name, which is the last one's index."""
+        found = mujoco.mj_name2id(self.model, OBJECTS[kind], name)
+        if found < 0:
+            count = {"site": self.model.nsite, "joint": self.model.njnt, "sensor": self.model.nsensor}
+            known = (mujoco.mj_id2name(self.model, OBJECTS[kind], i) for i in range(count.get(kind, self.model.nbody)))
+            raise UnknownNameError(kind, name, [name for name in known if name])
+        return found
+
+    def _records(self, names: Names) -> np.ndarray:
+        """What compiled code finds the worlds by; see :mod:`aerial_il.suite.world`."""
+        records, robot = np.zeros(self.n, WORLD), self.robot
+        for name in ARRAYS:
+            array = self.worlds.bind(name)
+            records[name] = [row.ctypes.data for row in array.reshape(self.n, -1)] if array.size else 0
+        joints = [self._joint(name) for name in names.joints]
+        for name, found in (
+            ("sites", [self._site(name) for name in names.sites]),
+            ("joints", [position for position, _ in joints]),
+            ("dofs", [velocity for _, velocity in joints]),
+            ("contacts", [self.address(name) for name in names.contacts]),
+            ("mocaps", [self._mocap(name) for name in names.mocaps]),
+            ("unwanted", self._contact_ids),
+        ):
+            records[name][:, : len(found)] = found
+        records["tool"], records["base"], records["fingers"] = self._tool, self.base_site, self._finger
+        records["first_joint"], records["first_dof"] = robot.first_joint
+        records["num_joints"], records["num_rotors"] = robot.num_joints, robot.num_rotors
+        records["num_unwanted"], records["flies"] = len(self._contact_ids), not robot.fixed
+        records["grips"], records["stroke"] = robot.has_gripper, robot.gripper.stroke
+        records["tip_distance"], records["lateral_limit"] = robot.gripper.tip_distance, robot.vehicle.lateral_limit
+        records["weight"] = robot.vehicle.mass * GRAVITY
+        return records
 
     def address(self, sensor: str) -> int:
         """Index of a sensor's first number in ``sensordata``."""
-        return int(self.model.sensor(sensor).adr[0])
+        return int(self.model.sensor_adr[self._id("sensor", sensor)])
 
 
 @kernel

@@ -21,7 +21,7 @@ def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeyp
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
         path.write_text("@kernel\n" if name == "core/rotations.py" else "x = 1\n")
-    monkeypatch.setattr(kernels, "__file__", str(tmp_path / "core" / "kernels.py"))
+    monkeypatch.setattr(kernels, "PACKAGE", tmp_path)
     stamps = [kernels._kernel_sources.__wrapped__()]
     for name in ("core/rotations.py", "control/flight.py", "suite/memory.py", "core/errors.py"):
         with (tmp_path / name).open("a") as file:

@@ -7,21 +7,25 @@ import math
 import mujoco
 import numpy as np
 
-from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.arrays import closeness, length
+from aerial_il.control.dynamics import put
 from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import closeness, norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.props.marker import add_marker
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, air_force, base_mat, base_pos, site_mat, site_pos, untouched
 
-SETTLED_M, SETTLED_RAD = 0.05, np.deg2rad(3.0)
+SETTLED_M, SETTLED_RAD = 0.05, math.radians(3.0)
+SETTLED_COS, UPRIGHT_COS = math.cos(SETTLED_RAD), math.cos(math.radians(10.0))
+TURNED_LOSS = 1.0 - math.cos(4.0 * SETTLED_RAD)  # at which half of what attitude earns is left
 TARGET_LOW, TARGET_HIGH = np.array([-0.3, -0.3, 0.8]), np.array([0.3, 0.3, 1.0])
 HEADING_RANGE_RAD = (-0.8, 0.8)
 STEP_M = (0.25, 0.45)  # how far from the target it starts
 SPEED_M_S, TILT_RAD, RATE_RAD_S = 1.0, np.deg2rad(35.0), 2.0  # the largest at the start
+TARGET = 0  # site
 
 
 class Hover(Task):
@@ -39,6 +43,7 @@ class Hover(Task):
     dwell_s = 1.0
     needs_arm = False
     subtasks = ("upright", "within_20_cm", "at_point", "at_attitude")
+    names = Names(sites=("target",))
 
     def obstacle_to(self, robot: Robot) -> str | None:
         if robot.num_joints:
@@ -68,70 +73,65 @@ class Hover(Task):
             Field("heading_error", (2,), "task", labels=("cos", "sin")),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        target, heading = view.site_pos("target"), view.site_mat("target")
-        error = np.empty((view.n, 2))
-        _write_heading_errors(view.base_mat, heading, error)
-        return {
-            "target_pos": target.copy(),
-            "target_heading": heading[:, 0:6:3].copy(),
-            "base_to_target": target - view.base_pos,
-            "heading_error": error,
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        flags = self.progress(view)
-        return flags[:, 2] & flags[:, 3] & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        distance, cosine = length(view.site_pos("target") - view.base_pos), attitude_cosine(view)
-        upright = view.base_mat[:, 8] >= math.cos(math.radians(10.0))
-        return np.stack([upright, distance <= 0.2, distance <= SETTLED_M, cosine >= math.cos(SETTLED_RAD)], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        distance = length(view.site_pos("target") - view.base_pos)
-        position = 0.5 * closeness(distance, 0.3) + 0.5 * closeness(distance, SETTLED_M)
-        turned = closeness(1.0 - attitude_cosine(view), 1.0 - math.cos(4.0 * SETTLED_RAD))
-        return position * (0.7 + 0.3 * turned)
+@kernel
+def observe(world, found):
+    target, heading = site_pos(world, TARGET), site_mat(world, TARGET)
+    put(found, 0, target)
+    found[3], found[4] = heading[0], heading[3]
+    put(found, 5, sub(target, base_pos(world)))
+    found[8], found[9] = heading_error(world)
 
 
-def attitude_cosine(view: View) -> np.ndarray:
-    """(n,) cosine of the angle between the base's attitude and the trimmed one.
+@kernel
+def solved(world):
+    return distance(world) <= SETTLED_M and attitude_cosine(world) >= SETTLED_COS and untouched(world)
+
+
+@kernel
+def progress(world, flags):
+    flags[0] = base_mat(world)[8] >= UPRIGHT_COS
+    flags[1], flags[2] = distance(world) <= 0.2, distance(world) <= SETTLED_M
+    flags[3] = attitude_cosine(world) >= SETTLED_COS
+
+
+@kernel
+def reward(world):
+    position = 0.5 * closeness(distance(world), 0.3) + 0.5 * closeness(distance(world), SETTLED_M)
+    turned = closeness(1.0 - attitude_cosine(world), TURNED_LOSS)
+    return position * (0.7 + 0.3 * turned)
+
+
+@kernel
+def distance(world):
+    """From the base to the target, m."""
+    return norm(sub(site_pos(world, TARGET), base_pos(world)))
+
+
+@kernel
+def attitude_cosine(world):
+    """Cosine of the angle between the base's attitude and the trimmed one.
 
     A rotation by the heading's error about the vertical and one by the error of tilt about a horizontal axis make up
     ``cos = (1 + cos heading) (1 + cos tilt) / 2 - 1``.
     """
-    vehicle, found = view.robot.vehicle, np.empty(view.n)
-    weight, limit = vehicle.mass * GRAVITY, vehicle.lateral_limit
-    _write_attitude_cosines(view.base_mat, view.site_mat("target"), view.air_force, weight, limit, found)
-    return found
+    base, air = base_mat(world), air_force(world)
+    heading, _ = heading_error(world)
+    x, y, z = -air[0], -air[1], world.weight - air[2]  # what the rotors must give
+    sideways = math.sqrt(x * x + y * y)
+    by_leaning = max(0.0, sideways - world.lateral_limit) / max(sideways, 1e-9)
+    x, y = by_leaning * x, by_leaning * y
+    along = base[2] * x + base[5] * y + base[8] * z
+    return 0.5 * (1.0 + heading) * (1.0 + along / math.sqrt(x * x + y * y + z * z)) - 1.0
 
 
 @kernel
-def _write_attitude_cosines(bases, targets, air_forces, weight, lateral_limit, found):
-    for i in range(found.size):
-        heading, _ = _heading_error(bases, targets, i)
-        x, y, z = -air_forces[i, 0], -air_forces[i, 1], weight - air_forces[i, 2]  # what the rotors must give
-        sideways = math.sqrt(x * x + y * y)
-        by_leaning = max(0.0, sideways - lateral_limit) / max(sideways, 1e-9)
-        x, y = by_leaning * x, by_leaning * y
-        along = bases[i, 2] * x + bases[i, 5] * y + bases[i, 8] * z
-        found[i] = 0.5 * (1.0 + heading) * (1.0 + along / math.sqrt(x * x + y * y + z * z)) - 1.0
-
-
-@kernel
-def _write_heading_errors(bases, targets, found):
-    for i in range(found.shape[0]):
-        found[i, 0], found[i, 1] = _heading_error(bases, targets, i)
-
-
-@kernel
-def _heading_error(bases, targets, i):
-    """Cosine and sine of the angle from the base's heading to the target's in world ``i``."""
-    x, y = bases[i, 0], bases[i, 3]
-    norm = math.sqrt(x * x + y * y) + 1e-9
-    c, s = x / norm, y / norm
-    return c * targets[i, 0] + s * targets[i, 3], c * targets[i, 3] - s * targets[i, 0]
+def heading_error(world):
+    """Cosine and sine of the angle from the base's heading to the target's."""
+    base, target = base_mat(world), site_mat(world, TARGET)
+    length = math.sqrt(base[0] * base[0] + base[3] * base[3]) + 1e-9
+    c, s = base[0] / length, base[3] / length
+    return c * target[0] + s * target[3], c * target[3] - s * target[0]
 
 
 def _direction(rng: np.random.Generator) -> np.ndarray:
@@ -140,4 +140,4 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
     return vector / np.linalg.norm(vector)
 
 
-TASK = Hover()
+TASK = Hover(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import add, clip, closeness, column, norm, planar_norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_holding_upright
@@ -13,8 +15,9 @@ from aerial_il.suite.contact_sensors import GRIPPER, add_contact_sensor, add_for
 from aerial_il.suite.props import TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M, add_peg, add_socket
 from aerial_il.suite.props.place import place, two_places
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, force, site_mat, site_pos, tool_pos, touching, untouched
 
 INSERTED_M = 0.030  # of the peg's full width below the chamfer; its round nose reaches a radius deeper
 CLEARANCE_M = 0.002  # bore less peg, in diameter
@@ -27,6 +30,8 @@ AREA_LOW, AREA_HIGH = np.array([-0.22, -0.30]), np.array([0.22, 0.30])
 APART_M = 0.22
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.3])
 ROOM_FOR_ERRORS_M = 0.03  # between peg and open fingers, together
+PEG, HOLE, STAND = range(3)  # sites
+GRIP_LEFT, GRIP_RIGHT = range(2)  # contacts
 
 
 class InsertPeg(Task):
@@ -42,6 +47,7 @@ class InsertPeg(Task):
     time_limit_s = 40.0
     dwell_s = 0.5
     subtasks = ("at_peg", "grasped", "lifted", "over_hole", "in_hole", "inserted")
+    names = Names(sites=("peg", "hole", "stand"), contacts=("grip_left", "grip_right"))
     force_sensors = ("wrist_force",)
 
     def obstacle_to(self, robot: Robot) -> str | None:
@@ -80,64 +86,79 @@ class InsertPeg(Task):
             Field("wrist_force", (3,), "task", unit="N", labels=xyz),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        peg, hole = view.site_pos("peg"), view.site_pos("hole")
-        return {
-            "peg_pos": peg.copy(),
-            "peg_axis": peg_axis(view),
-            "hole_pos": hole.copy(),
-            "stand_pos": view.site_pos("stand").copy(),
-            "tool_to_peg": peg - view.tool_pos,
-            "end_to_hole": hole - lower_end(view),
-            "wrist_force": view.force().copy(),
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        return (depth(view) >= INSERTED_M) & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        grasped, end, hole = self.grasped(view), lower_end(view), view.site_pos("hole")
-        lifted = grasped & (end[:, 2] >= view.site_pos("stand")[:, 2] + LIFTED_M)
-        over = grasped & (planar_length(end - hole) <= OVER_HOLE_M) & (end[:, 2] >= hole[:, 2] - PEG_RADIUS_M)
-        near = length(upper_end(view) - view.tool_pos) <= 2.0 * GRASP_M
-        return np.stack([near, grasped, lifted, over, depth(view) > 0.0, depth(view) >= INSERTED_M], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        end, hole = lower_end(view), view.site_pos("hole")
-        near = closeness(length(upper_end(view) - view.tool_pos), 0.2)
-        lifted = np.clip((end[:, 2] - TABLE_HEIGHT_M) / (FLOOR_M + STAND_DEPTH_M + LIFTED_M), 0.0, 1.0)
-        beside = planar_length(end - hole)
-        carrying = 0.3 + 0.1 * lifted + 0.1 * closeness(beside, 0.15) + 0.1 * closeness(beside, 0.01)
-        inserted = np.clip(depth(view) / INSERTED_M, 0.0, 1.0)
-        reward = np.where(self.grasped(view), carrying, 0.3 * near)
-        return np.where(depth(view) > 0.0, 0.6 + 0.4 * inserted, reward)
-
-    def grasped(self, view: View) -> np.ndarray:
-        """(n,) bool: both pads touch the peg."""
-        return view.touching("grip_left") & view.touching("grip_right")
+@kernel
+def observe(world, found):
+    peg, hole = site_pos(world, PEG), site_pos(world, HOLE)
+    put(found, 0, peg)
+    put(found, 3, peg_axis(world))
+    put(found, 6, hole)
+    put(found, 9, site_pos(world, STAND))
+    put(found, 12, sub(peg, tool_pos(world)))
+    put(found, 15, sub(hole, lower_end(world)))
+    put(found, 18, force(world, 0))
 
 
-def peg_axis(view: View) -> np.ndarray:
-    """(n, 3) unit vector along the peg, world, from its lower to its upper end."""
-    axis = view.site_mat("peg")[:, 2::3]
-    return np.where(axis[:, 2:] < 0.0, -axis, axis)
+@kernel
+def solved(world):
+    return depth(world) >= INSERTED_M and untouched(world)
 
 
-def lower_end(view: View) -> np.ndarray:
-    """(n, 3) tip of the nose that is lower, world, m."""
-    return view.site_pos("peg") - 0.5 * PEG_LENGTH_M * peg_axis(view)
+@kernel
+def progress(world, flags):
+    held, end, hole = grasped(world), lower_end(world), site_pos(world, HOLE)
+    near_hole = planar_norm(sub(end, hole)) <= OVER_HOLE_M and end[2] >= hole[2] - PEG_RADIUS_M
+    flags[0] = norm(sub(upper_end(world), tool_pos(world))) <= 2.0 * GRASP_M
+    flags[1] = held
+    flags[2] = held and end[2] >= site_pos(world, STAND)[2] + LIFTED_M
+    flags[3] = held and near_hole
+    flags[4], flags[5] = depth(world) > 0.0, depth(world) >= INSERTED_M
 
 
-def upper_end(view: View) -> np.ndarray:
-    """(n, 3) tip of the nose that is higher, world, m."""
-    return view.site_pos("peg") + 0.5 * PEG_LENGTH_M * peg_axis(view)
+@kernel
+def reward(world):
+    end, hole, inside = lower_end(world), site_pos(world, HOLE), depth(world)
+    if inside > 0.0:
+        return 0.6 + 0.4 * clip(inside / INSERTED_M, 0.0, 1.0)
+    if grasped(world):
+        lifted = clip((end[2] - TABLE_HEIGHT_M) / (FLOOR_M + STAND_DEPTH_M + LIFTED_M), 0.0, 1.0)
+        beside = planar_norm(sub(end, hole))
+        return 0.3 + 0.1 * lifted + 0.1 * closeness(beside, 0.15) + 0.1 * closeness(beside, 0.01)
+    return 0.3 * closeness(norm(sub(upper_end(world), tool_pos(world))), 0.2)
 
 
-def depth(view: View) -> np.ndarray:
-    """(n,) length of the peg's full width inside the bore, below the chamfer, m; 0 outside."""
-    end, hole = lower_end(view), view.site_pos("hole")
-    inside = planar_length(end - hole) <= PEG_RADIUS_M
-    return np.where(inside, np.maximum(hole[:, 2] - PEG_RADIUS_M - end[:, 2], 0.0), 0.0)
+@kernel
+def grasped(world):
+    """Whether both pads touch the peg."""
+    return touching(world, GRIP_LEFT) and touching(world, GRIP_RIGHT)
 
 
-TASK = InsertPeg()
+@kernel
+def peg_axis(world):
+    """Unit vector along the peg, world frame, from its lower to its upper end."""
+    axis = column(site_mat(world, PEG), 2)
+    return scale(-1.0, axis) if axis[2] < 0.0 else axis
+
+
+@kernel
+def lower_end(world):
+    """Tip of the nose that is lower, world frame, m."""
+    return sub(site_pos(world, PEG), scale(0.5 * PEG_LENGTH_M, peg_axis(world)))
+
+
+@kernel
+def upper_end(world):
+    """Tip of the nose that is higher, world frame, m."""
+    return add(site_pos(world, PEG), scale(0.5 * PEG_LENGTH_M, peg_axis(world)))
+
+
+@kernel
+def depth(world):
+    """Length of the peg's full width inside the bore, below the chamfer, m; 0 outside."""
+    end, hole = lower_end(world), site_pos(world, HOLE)
+    if planar_norm(sub(end, hole)) > PEG_RADIUS_M:
+        return 0.0
+    return max(hole[2] - PEG_RADIUS_M - end[2], 0.0)
+
+
+TASK = InsertPeg(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

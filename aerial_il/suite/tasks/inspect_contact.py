@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length
+from aerial_il.control.dynamics import put, vec
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import clip, closeness, column, dot, norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pressing
 from aerial_il.suite.contact_sensors import GRIPPER, add_force_sensor
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.plate import SPOT_RADIUS_M, TRAVEL_M, add_plate
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, force, put_rot6d, site_mat, site_pos, task_memory, tip_pos, tool_mat, untouched
 
 FORCE_N, FORCE_TOLERANCE_N = 5.0, 2.0
-SQUARE_COS = np.cos(np.deg2rad(5.0))
+SQUARE_COS = math.cos(math.radians(5.0))
+TEN_DEGREES_RAD = math.radians(10.0)
 SLIP_M = 0.02
 TOUCH_N = 0.5  # normal force at which contact begins and ends
 PLATE_LOW, PLATE_HIGH = np.array([-0.25, -0.35, 0.45]), np.array([0.25, 0.35, 0.65])
 TILT_RANGE_RAD = (0.15, 0.60)
 YAW_RANGE_RAD = (-1.0, 1.0)
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
-CONTACT, TOUCHED = slice(0, 3), 3  # in the task's memory: where contact began, world, m; whether there is contact
+CONTACT, TOUCHED = 0, 3  # in the task's memory: where contact began, world, m; whether there is contact
+PLATE = 0  # site
 
 
 class InspectContact(Task):
@@ -39,6 +46,7 @@ class InspectContact(Task):
     time_limit_s = 40.0
     dwell_s = 3.0
     subtasks = ("over_spot", "square", "touching", "at_force", "still")
+    names = Names(sites=("plate",))
     force_sensors = ("tool_force",)
 
     def obstacle_to(self, robot: Robot) -> str | None:
@@ -66,74 +74,101 @@ class InspectContact(Task):
             Field("slip", (3,), "task", unit="m", labels=xyz),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        plate = view.site_pos("plate")
-        return {
-            "plate_pos": plate.copy(),
-            "plate_rot6d": view.site_rot6d("plate"),
-            "tip_to_plate": plate - view.tip_pos,
-            "tool_force": view.force().copy(),
-            "normal_force": normal_force(view)[:, None],
-            "slip": slip(view),
-        }
 
-    def remember(self, view: View, mask: np.ndarray) -> None:
-        felt = normal_force(view) >= TOUCH_N
-        begun = mask & felt & ~touching(view)
-        view.memory[begun, CONTACT] = view.tip_pos[begun]
-        view.memory[mask, TOUCHED] = felt[mask]
-
-    def solved(self, view: View) -> np.ndarray:
-        return self.progress(view).all(axis=1) & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        force = normal_force(view)
-        over = length(tangential(view, view.site_pos("plate") - view.tip_pos)) <= SPOT_RADIUS_M
-        at_force = np.abs(force - FORCE_N) <= FORCE_TOLERANCE_N
-        still = touching(view) & (length(slip(view)) <= SLIP_M)
-        return np.stack([over, squareness(view) >= SQUARE_COS, touching(view), at_force, still], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        near = closeness(length(view.site_pos("plate") - view.tip_pos), 0.15)
-        square = closeness(np.arccos(np.clip(squareness(view), -1.0, 1.0)), np.deg2rad(10.0))
-        force, slipped = normal_force(view), length(slip(view))
-        pressing = closeness(force - FORCE_N, FORCE_TOLERANCE_N) * closeness(slipped, SLIP_M)
-        return near * (0.3 + 0.2 * square + np.where(touching(view), 0.5 * square * pressing, 0.0))
+@kernel
+def observe(world, found):
+    plate = site_pos(world, PLATE)
+    put(found, 0, plate)
+    put_rot6d(found, 3, site_mat(world, PLATE))
+    put(found, 9, sub(plate, tip_pos(world)))
+    put(found, 12, force(world, 0))
+    found[15] = normal_force(world)
+    put(found, 16, slip(world))
 
 
-def normal(view: View) -> np.ndarray:
-    """(n, 3) unit normal out of the plate, world."""
-    return view.site_mat("plate")[:, 2::3]
+@kernel
+def remember(world):
+    memory, felt = task_memory(world), normal_force(world) >= TOUCH_N
+    if felt and not in_touch(world):
+        put(memory, CONTACT, tip_pos(world))
+    memory[TOUCHED] = 1.0 if felt else 0.0
 
 
-def normal_force(view: View) -> np.ndarray:
-    """(n,) force with which the tool presses the plate, N; below zero it would pull."""
-    out, force = normal(view), view.force()
-    return -(out[:, 0] * force[:, 0] + out[:, 1] * force[:, 1] + out[:, 2] * force[:, 2])
+@kernel
+def solved(world):
+    good = over_spot(world) and squareness(world) >= SQUARE_COS and at_force(world) and still(world)
+    return good and untouched(world)
 
 
-def squareness(view: View) -> np.ndarray:
-    """(n,) cosine of the angle between the tool's axis and the plate's normal."""
-    out, axis = normal(view), view.tool_mat[:, 0::3]
-    return -(out[:, 0] * axis[:, 0] + out[:, 1] * axis[:, 1] + out[:, 2] * axis[:, 2])
+@kernel
+def progress(world, flags):
+    flags[0], flags[1], flags[2] = over_spot(world), squareness(world) >= SQUARE_COS, in_touch(world)
+    flags[3], flags[4] = at_force(world), still(world)
 
 
-def tangential(view: View, vectors: np.ndarray) -> np.ndarray:
-    """(n, 3) part of vectors (n, 3) that lies in the plate's plane."""
-    out = normal(view)
-    across = out[:, 0] * vectors[:, 0] + out[:, 1] * vectors[:, 1] + out[:, 2] * vectors[:, 2]
-    return vectors - across[:, None] * out
+@kernel
+def reward(world):
+    near = closeness(norm(sub(site_pos(world, PLATE), tip_pos(world))), 0.15)
+    square = closeness(math.acos(clip(squareness(world), -1.0, 1.0)), TEN_DEGREES_RAD)
+    pressing = closeness(normal_force(world) - FORCE_N, FORCE_TOLERANCE_N) * closeness(norm(slip(world)), SLIP_M)
+    return near * (0.3 + 0.2 * square + (0.5 * square * pressing if in_touch(world) else 0.0))
 
 
-def touching(view: View) -> np.ndarray:
-    """(n,) bool: the tool is in contact with the plate."""
-    return view.memory[:, TOUCHED] > 0.0
+@kernel
+def over_spot(world):
+    """Whether the fingertips are over the mark."""
+    return norm(tangential(world, sub(site_pos(world, PLATE), tip_pos(world)))) <= SPOT_RADIUS_M
 
 
-def slip(view: View) -> np.ndarray:
-    """(n, 3) how far the fingertips have slid over the plate since contact began, world, m; zero without contact."""
-    moved = tangential(view, view.tip_pos - view.memory[:, CONTACT])
-    return np.where(touching(view)[:, None], moved, 0.0)
+@kernel
+def at_force(world):
+    """Whether the force is the one asked for."""
+    return abs(normal_force(world) - FORCE_N) <= FORCE_TOLERANCE_N
 
 
-TASK = InspectContact()
+@kernel
+def still(world):
+    """Whether the tool is in contact and has not slid."""
+    return in_touch(world) and norm(slip(world)) <= SLIP_M
+
+
+@kernel
+def normal(world):
+    """Unit normal out of the plate, world frame."""
+    return column(site_mat(world, PLATE), 2)
+
+
+@kernel
+def normal_force(world):
+    """Force with which the tool presses the plate, N; below zero it would pull."""
+    return -dot(normal(world), force(world, 0))
+
+
+@kernel
+def squareness(world):
+    """Cosine of the angle between the tool's axis and the plate's normal."""
+    return -dot(normal(world), column(tool_mat(world), 0))
+
+
+@kernel
+def tangential(world, vector):
+    """Part of a vector that lies in the plate's plane."""
+    out = normal(world)
+    return sub(vector, scale(dot(out, vector), out))
+
+
+@kernel
+def in_touch(world):
+    """Whether the tool is in contact with the plate."""
+    return task_memory(world)[TOUCHED] > 0.0
+
+
+@kernel
+def slip(world):
+    """How far the fingertips have slid over the plate since contact began, world frame, m; zero without contact."""
+    if not in_touch(world):
+        return (0.0, 0.0, 0.0)
+    return tangential(world, sub(tip_pos(world), vec(task_memory(world), CONTACT)))
+
+
+TASK = InspectContact(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward, remember=remember))

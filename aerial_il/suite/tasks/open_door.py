@@ -5,14 +5,17 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import clip, closeness, norm, planar_norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pulling
 from aerial_il.suite.props.door import BAR_HALF_M, DOOR_DAMPING, DOOR_FRICTION_NM, HINGE_TO_LOOP_M, LOOP_M, add_door
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 
 OPEN_RAD = np.deg2rad(60.0)
 SWING_RAD_S = 0.6  # a sensible speed to open it
@@ -21,6 +24,8 @@ NEAR_M = 0.03
 CABINET_LOW, CABINET_HIGH = np.array([-0.2, -0.25, 0.15]), np.array([0.2, 0.25, 0.27])
 YAW_RAD = (2 * np.pi / 3, 7 * np.pi / 6)  # of the cabinet's front: the robot comes round by 60° or follows by 90°
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.2]), np.array([0.3, 0.2, 1.33])
+LOOP, HINGE = range(2)  # sites
+DOOR = 0  # joint
 
 
 class OpenDoor(Task):
@@ -32,6 +37,7 @@ class OpenDoor(Task):
     time_limit_s = 25.0
     dwell_s = 0.5
     subtasks = ("over_handle", "hooked", "half_open", "open")
+    names = Names(sites=("loop", "door"), joints=("door",))
 
     def obstacle_to(self, robot: Robot) -> str | None:
         torque = DOOR_FRICTION_NM + DOOR_DAMPING * SWING_RAD_S
@@ -57,37 +63,43 @@ class OpenDoor(Task):
             Field("tip_to_loop", (3,), "task", unit="m", labels=xyz),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        angle, rate = view.joint("door")
-        loop = view.site_pos("loop")
-        return {
-            "hinge_pos": view.site_pos("door").copy(),
-            "door_angle": angle[:, None].copy(),
-            "door_rate": rate[:, None].copy(),
-            "door_direction": view.site_mat("loop")[:, 0:6:3].copy(),
-            "loop_pos": loop.copy(),
-            "tip_to_loop": loop - view.tip_pos,
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        return (view.joint("door")[0] >= OPEN_RAD) & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        angle, _ = view.joint("door")
-        over = planar_length(view.site_pos("loop") - view.tip_pos) <= NEAR_M
-        return np.stack([over, self.hooked(view), angle >= 0.5 * OPEN_RAD, angle >= OPEN_RAD], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        angle, _ = view.joint("door")
-        near = closeness(length(view.site_pos("loop") - view.tip_pos), 0.15)
-        return 0.25 * near + 0.1 * self.hooked(view) + 0.65 * np.clip(angle / OPEN_RAD, 0.0, 1.0)
-
-    def hooked(self, view: View) -> np.ndarray:
-        """(n,) bool: the fingertips are in the opening between door and handle."""
-        offset, mat = view.tip_pos - view.site_pos("loop"), view.site_mat("loop")
-        out = offset[:, 0] * mat[:, 0] + offset[:, 1] * mat[:, 3]
-        aside = offset[:, 0] * mat[:, 1] + offset[:, 1] * mat[:, 4]
-        return (offset[:, 2] <= 0.0) & (np.abs(out) <= 0.5 * LOOP_M) & (np.abs(aside) <= BAR_HALF_M)
+@kernel
+def observe(world, found):
+    loop, mat = site_pos(world, LOOP), site_mat(world, LOOP)
+    put(found, 0, site_pos(world, HINGE))
+    found[3], found[4] = joint_pos(world, DOOR), joint_vel(world, DOOR)
+    found[5], found[6] = mat[0], mat[3]
+    put(found, 7, loop)
+    put(found, 10, sub(loop, tip_pos(world)))
 
 
-TASK = OpenDoor()
+@kernel
+def solved(world):
+    return joint_pos(world, DOOR) >= OPEN_RAD and untouched(world)
+
+
+@kernel
+def progress(world, flags):
+    angle = joint_pos(world, DOOR)
+    flags[0] = planar_norm(sub(site_pos(world, LOOP), tip_pos(world))) <= NEAR_M
+    flags[1], flags[2], flags[3] = hooked(world), angle >= 0.5 * OPEN_RAD, angle >= OPEN_RAD
+
+
+@kernel
+def reward(world):
+    near = closeness(norm(sub(site_pos(world, LOOP), tip_pos(world))), 0.15)
+    share = clip(joint_pos(world, DOOR) / OPEN_RAD, 0.0, 1.0)
+    return 0.25 * near + (0.1 if hooked(world) else 0.0) + 0.65 * share
+
+
+@kernel
+def hooked(world):
+    """Whether the fingertips are in the opening between door and handle."""
+    offset, mat = sub(tip_pos(world), site_pos(world, LOOP)), site_mat(world, LOOP)
+    out = offset[0] * mat[0] + offset[1] * mat[3]
+    aside = offset[0] * mat[1] + offset[1] * mat[4]
+    return offset[2] <= 0.0 and abs(out) <= 0.5 * LOOP_M and abs(aside) <= BAR_HALF_M
+
+
+TASK = OpenDoor(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

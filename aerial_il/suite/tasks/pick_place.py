@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import clip, closeness, norm, planar_norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.contact_sensors import add_contact_sensor
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
 from aerial_il.suite.props.place import two_places
-from aerial_il.suite.tasks.task import Task, hover_start, pointing_down
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start, pointing_down
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, free_vel, site_mat, site_pos, tool_pos, touching, untouched
 
 IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
 AT_REST_M_S = 0.05
@@ -24,6 +28,8 @@ AREA_LOW, AREA_HIGH = np.array([-0.25, -0.35]), np.array([0.25, 0.35])
 APART_M = 0.22
 HEADROOM_M = 0.27  # above the table, that carrying and backing off take
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.4])
+CUBE, BOWL = range(2)  # sites; the cube is the first joint too
+GRIP_LEFT, GRIP_RIGHT = range(2)
 
 
 class PickPlace(Task):
@@ -35,6 +41,7 @@ class PickPlace(Task):
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
+    names = Names(sites=("cube", "bowl"), joints=("cube",), contacts=("grip_left", "grip_right"))
 
     needs_flight = False
 
@@ -70,56 +77,74 @@ class PickPlace(Task):
             Field("cube_to_bowl", (3,), "task", unit="m", labels=xyz),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
-        return {
-            "cube_pos": cube.copy(),
-            "cube_heading": cube_heading(view),
-            "bowl_pos": bowl.copy(),
-            "tool_to_cube": cube - view.tool_pos,
-            "cube_to_bowl": bowl - cube,
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        _, speed = view.free_joint("cube")
-        slow = length(view.qvel[:, speed][:, :3]) <= AT_REST_M_S
-        clear = length(view.site_pos("cube") - view.tool_pos) >= CLEAR_OF_CUBE_M
-        return _in_bowl(view) & slow & clear & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
-        grasped = self.grasped(view)
-        lifted = grasped & (cube[:, 2] >= TABLE_HEIGHT_M + CUBE_HALF_M + LIFTED_M)
-        over = lifted & (planar_length(cube - bowl) <= IN_BOWL_M)
-        return np.stack([length(cube - view.tool_pos) <= 0.03, grasped, lifted, over, _in_bowl(view)], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
-        near = closeness(length(cube - view.tool_pos), 0.2)
-        home = closeness(planar_length(cube - bowl), 0.15)
-        carrying = 0.4 + 0.15 * home + 0.15 * np.clip((cube[:, 2] - TABLE_HEIGHT_M - CUBE_HALF_M) / LIFTED_M, 0.0, 1.0)
-        clear = np.clip(length(cube - view.tool_pos) / CLEAR_OF_CUBE_M, 0.0, 1.0)
-        reward = np.where(self.grasped(view), carrying, 0.3 * near)
-        return np.where(_in_bowl(view), 0.75 + 0.25 * clear, reward)
-
-    def grasped(self, view: View) -> np.ndarray:
-        """(n,) bool: both pads touch the cube."""
-        return view.touching("grip_left") & view.touching("grip_right")
+@kernel
+def observe(world, found):
+    cube, bowl = site_pos(world, CUBE), site_pos(world, BOWL)
+    put(found, 0, cube)
+    found[3], found[4] = cube_heading(world)
+    put(found, 5, bowl)
+    put(found, 8, sub(cube, tool_pos(world)))
+    put(found, 11, sub(bowl, cube))
 
 
-def cube_heading(view: View) -> np.ndarray:
-    """(n, 2) cosine and sine of four times the cube's yaw: the same for every face that could be gripped."""
-    mat = view.site_mat("cube")
-    c, s = mat[:, 0], mat[:, 3]
-    norm = np.sqrt(c * c + s * s) + 1e-9
-    c, s = c / norm, s / norm
+@kernel
+def solved(world):
+    slow = norm(free_vel(world, CUBE)) <= AT_REST_M_S
+    clear = norm(sub(site_pos(world, CUBE), tool_pos(world))) >= CLEAR_OF_CUBE_M
+    return in_bowl(world) and slow and clear and untouched(world)
+
+
+@kernel
+def progress(world, flags):
+    cube, bowl, held = site_pos(world, CUBE), site_pos(world, BOWL), grasped(world)
+    lifted = held and cube[2] >= TABLE_HEIGHT_M + CUBE_HALF_M + LIFTED_M
+    flags[0] = norm(sub(cube, tool_pos(world))) <= 0.03
+    flags[1], flags[2] = held, lifted
+    flags[3] = lifted and planar_norm(sub(cube, bowl)) <= IN_BOWL_M
+    flags[4] = in_bowl(world)
+
+
+@kernel
+def reward(world):
+    cube, bowl = site_pos(world, CUBE), site_pos(world, BOWL)
+    distance = norm(sub(cube, tool_pos(world)))
+    if in_bowl(world):
+        return 0.75 + 0.25 * clip(distance / CLEAR_OF_CUBE_M, 0.0, 1.0)
+    if grasped(world):
+        home = closeness(planar_norm(sub(cube, bowl)), 0.15)
+        return 0.4 + 0.15 * home + 0.15 * clip((cube[2] - TABLE_HEIGHT_M - CUBE_HALF_M) / LIFTED_M, 0.0, 1.0)
+    return 0.3 * closeness(distance, 0.2)
+
+
+@kernel
+def grasped(world):
+    """Whether both pads touch the cube."""
+    return touching(world, GRIP_LEFT) and touching(world, GRIP_RIGHT)
+
+
+@kernel
+def cube_heading(world):
+    """Cosine and sine of four times the cube's yaw: the same for every face that could be gripped."""
+    mat = site_mat(world, CUBE)
+    length = math.sqrt(mat[0] * mat[0] + mat[3] * mat[3]) + 1e-9
+    c, s = mat[0] / length, mat[3] / length
     c2, s2 = c * c - s * s, 2.0 * c * s
-    return np.stack([c2 * c2 - s2 * s2, 2.0 * c2 * s2], axis=1)
+    return c2 * c2 - s2 * s2, 2.0 * c2 * s2
 
 
-def _in_bowl(view: View) -> np.ndarray:
-    cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
-    return (planar_length(cube - bowl) <= IN_BOWL_M) & (cube[:, 2] - bowl[:, 2] <= 0.05)
+@kernel
+def cube_yaw(world):
+    """The cube's yaw, rad, that is nearest to zero among those of its four faces."""
+    c, s = cube_heading(world)
+    return 0.25 * math.atan2(s, c)
+
+
+@kernel
+def in_bowl(world):
+    """Whether the cube lies in the bowl."""
+    offset = sub(site_pos(world, CUBE), site_pos(world, BOWL))
+    return planar_norm(offset) <= IN_BOWL_M and 0.0 <= offset[2] <= IN_BOWL_M
 
 
 def _workable(robot: Robot, place: np.ndarray) -> bool:
@@ -128,4 +153,4 @@ def _workable(robot: Robot, place: np.ndarray) -> bool:
     return all(robot.reachable(np.array([*place, height]), pointing_down(0.0)) for height in heights)
 
 
-TASK = PickPlace()
+TASK = PickPlace(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

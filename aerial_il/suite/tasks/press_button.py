@@ -5,15 +5,18 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import clip, closeness, norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_gentleness
 from aerial_il.suite.contact_sensors import GRIPPER, add_force_sensor
 from aerial_il.suite.props.button import HOUSING_HALF_M, add_button
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, force, joint_pos, peak_force, put_rot6d, site_mat, site_pos, tip_pos, untouched
 
 PRESSED_M = 0.008
 PEAK_FORCE_N = 15.0
@@ -22,6 +25,7 @@ BUTTON_LOW, BUTTON_HIGH = np.array([-0.25, -0.35, 0.45]), np.array([0.25, 0.35, 
 TILT_RANGE_RAD = (0.0, 0.45)
 YAW_RANGE_RAD = (-1.0, 1.0)
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
+BUTTON = 0  # site and joint
 
 
 class PressButton(Task):
@@ -36,6 +40,7 @@ class PressButton(Task):
     time_limit_s = 20.0
     dwell_s = 0.3
     subtasks = ("at_button", "touched", "half_pressed", "pressed", "gentle")
+    names = Names(sites=("button",), joints=("button",))
     force_sensors = ("tool_force",)
 
     def obstacle_to(self, robot: Robot) -> str | None:
@@ -62,37 +67,43 @@ class PressButton(Task):
             Field("peak_force", (1,), "task", unit="N"),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        button = view.site_pos("button")
-        return {
-            "button_pos": button.copy(),
-            "button_rot6d": view.site_rot6d("button"),
-            "button_travel": view.joint("button")[0][:, None].copy(),
-            "tip_to_button": button - view.tip_pos,
-            "tool_force": view.force().copy(),
-            "peak_force": view.peak_force()[:, None].copy(),
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        return self._pressed(view) & self._gentle(view) & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        near = length(view.site_pos("button") - view.tip_pos) <= AT_BUTTON_M
-        travel, _ = view.joint("button")
-        touched, half = travel >= 0.1 * PRESSED_M, travel >= 0.5 * PRESSED_M
-        return np.stack([near, touched, half, self._pressed(view), self._gentle(view)], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        distance = length(view.site_pos("button") - view.tip_pos)
-        near = 0.6 * closeness(distance, 0.15) + 0.4 * closeness(distance, 0.03)
-        pressed = np.clip(view.joint("button")[0] / PRESSED_M, 0.0, 1.0)
-        return (0.5 * near + 0.5 * pressed) * np.where(self._gentle(view), 1.0, 0.5)
-
-    def _pressed(self, view: View) -> np.ndarray:
-        return view.joint("button")[0] >= PRESSED_M
-
-    def _gentle(self, view: View) -> np.ndarray:
-        return view.peak_force() <= PEAK_FORCE_N
+@kernel
+def observe(world, found):
+    button = site_pos(world, BUTTON)
+    put(found, 0, button)
+    put_rot6d(found, 3, site_mat(world, BUTTON))
+    found[9] = joint_pos(world, BUTTON)
+    put(found, 10, sub(button, tip_pos(world)))
+    put(found, 13, force(world, 0))
+    found[16] = peak_force(world, 0)
 
 
-TASK = PressButton()
+@kernel
+def solved(world):
+    return joint_pos(world, BUTTON) >= PRESSED_M and gentle(world) and untouched(world)
+
+
+@kernel
+def progress(world, flags):
+    travel = joint_pos(world, BUTTON)
+    flags[0] = norm(sub(site_pos(world, BUTTON), tip_pos(world))) <= AT_BUTTON_M
+    flags[1], flags[2], flags[3] = travel >= 0.1 * PRESSED_M, travel >= 0.5 * PRESSED_M, travel >= PRESSED_M
+    flags[4] = gentle(world)
+
+
+@kernel
+def reward(world):
+    distance = norm(sub(site_pos(world, BUTTON), tip_pos(world)))
+    near = 0.6 * closeness(distance, 0.15) + 0.4 * closeness(distance, 0.03)
+    pressed = clip(joint_pos(world, BUTTON) / PRESSED_M, 0.0, 1.0)
+    return (0.5 * near + 0.5 * pressed) * (1.0 if gentle(world) else 0.5)
+
+
+@kernel
+def gentle(world):
+    """Whether no contact has been too hard so far."""
+    return peak_force(world, 0) <= PEAK_FORCE_N
+
+
+TASK = PressButton(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import clip, closeness, column, norm, planar_norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pulling
@@ -18,8 +20,9 @@ from aerial_il.suite.props.lever import (
     add_lever,
 )
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 
 PULLED_RAD = np.deg2rad(55.0)
 SWING_RAD_S = 0.8  # a sensible speed to pull it over
@@ -29,6 +32,8 @@ NEAR_M, REACH_M = 0.03, 0.12  # of that point; behind the bar and still of use
 LEVER_LOW, LEVER_HIGH = np.array([-0.25, -0.3, 0.22]), np.array([0.25, 0.3, 0.33])
 YAW_RAD = (2 * np.pi / 3, 4 * np.pi / 3)  # of the pull: towards the robot, that comes round by up to 60°
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.2]), np.array([0.3, 0.2, 1.33])
+BAR, PIVOT = range(2)  # sites
+LEVER = 0  # joint
 
 
 class PullLever(Task):
@@ -40,6 +45,7 @@ class PullLever(Task):
     time_limit_s = 25.0
     dwell_s = 0.5
     subtasks = ("behind_bar", "hooked", "half_way", "pulled")
+    names = Names(sites=("bar", "lever"), joints=("lever",))
 
     def obstacle_to(self, robot: Robot) -> str | None:
         torque = LEVER_FRICTION_NM + LEVER_SPRING_NM_RAD * PULLED_RAD + LEVER_DAMPING * SWING_RAD_S
@@ -65,42 +71,49 @@ class PullLever(Task):
             Field("tip_to_bar", (3,), "task", unit="m", labels=xyz),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        angle, rate = view.joint("lever")
-        bar = view.site_pos("bar")
-        return {
-            "lever_pos": view.site_pos("lever").copy(),
-            "pull_direction": view.site_mat("lever")[:, 0:6:3].copy(),
-            "lever_angle": angle[:, None].copy(),
-            "lever_rate": rate[:, None].copy(),
-            "bar_pos": bar.copy(),
-            "tip_to_bar": bar - view.tip_pos,
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        return (view.joint("lever")[0] >= PULLED_RAD) & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        angle, _ = view.joint("lever")
-        behind = planar_length(behind_bar(view) - view.tip_pos) <= NEAR_M
-        return np.stack([behind, self.hooked(view), angle >= 0.5 * PULLED_RAD, angle >= PULLED_RAD], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        angle, _ = view.joint("lever")
-        near = closeness(length(behind_bar(view) - view.tip_pos), 0.15)
-        return 0.25 * near + 0.1 * self.hooked(view) + 0.65 * np.clip(angle / PULLED_RAD, 0.0, 1.0)
-
-    def hooked(self, view: View) -> np.ndarray:
-        """(n,) bool: the fingertips are below the bar and behind it."""
-        offset, mat = view.tip_pos - view.site_pos("bar"), view.site_mat("lever")
-        along = offset[:, 0] * mat[:, 0] + offset[:, 1] * mat[:, 3]
-        aside = offset[:, 0] * mat[:, 1] + offset[:, 1] * mat[:, 4]
-        return (offset[:, 2] <= 0.0) & (along <= 0.0) & (along >= -REACH_M) & (np.abs(aside) <= BAR_HALF_M)
+@kernel
+def observe(world, found):
+    bar, mat = site_pos(world, BAR), site_mat(world, PIVOT)
+    put(found, 0, site_pos(world, PIVOT))
+    found[3], found[4] = mat[0], mat[3]
+    found[5], found[6] = joint_pos(world, LEVER), joint_vel(world, LEVER)
+    put(found, 7, bar)
+    put(found, 10, sub(bar, tip_pos(world)))
 
 
-def behind_bar(view: View) -> np.ndarray:
-    """(n, 3) where the fingertips are ready to pull: behind the middle of the bar, world, m."""
-    return view.site_pos("bar") - BEHIND_M * view.site_mat("lever")[:, 0::3]
+@kernel
+def solved(world):
+    return joint_pos(world, LEVER) >= PULLED_RAD and untouched(world)
 
 
-TASK = PullLever()
+@kernel
+def progress(world, flags):
+    angle = joint_pos(world, LEVER)
+    flags[0] = planar_norm(sub(behind_bar(world), tip_pos(world))) <= NEAR_M
+    flags[1], flags[2], flags[3] = hooked(world), angle >= 0.5 * PULLED_RAD, angle >= PULLED_RAD
+
+
+@kernel
+def reward(world):
+    near = closeness(norm(sub(behind_bar(world), tip_pos(world))), 0.15)
+    share = clip(joint_pos(world, LEVER) / PULLED_RAD, 0.0, 1.0)
+    return 0.25 * near + (0.1 if hooked(world) else 0.0) + 0.65 * share
+
+
+@kernel
+def hooked(world):
+    """Whether the fingertips are below the bar and behind it."""
+    offset, mat = sub(tip_pos(world), site_pos(world, BAR)), site_mat(world, PIVOT)
+    along = offset[0] * mat[0] + offset[1] * mat[3]
+    aside = offset[0] * mat[1] + offset[1] * mat[4]
+    return offset[2] <= 0.0 and -REACH_M <= along <= 0.0 and abs(aside) <= BAR_HALF_M
+
+
+@kernel
+def behind_bar(world):
+    """Where the fingertips are ready to pull: behind the middle of the bar, world frame, m."""
+    return sub(site_pos(world, BAR), scale(BEHIND_M, column(site_mat(world, PIVOT), 0)))
+
+
+TASK = PullLever(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

@@ -5,15 +5,18 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import clip, closeness, column, norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pulling
 from aerial_il.suite.contact_sensors import GRIPPER, add_force_sensor
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.slider import FRICTION_N, RAIL_M, add_slider
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, force, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 
 DONE_SHARE = 0.9  # of the rail
 BEHIND_M = 0.05  # where the gripper is ready to push
@@ -21,6 +24,7 @@ READY_M = 0.03
 RAIL_LOW, RAIL_HIGH = np.array([-0.2, -0.3, 0.40]), np.array([0.2, 0.3, 0.60])
 START_SHARE = (0.0, 0.1)  # of the rail, where the carriage stands at first
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
+SLIDER, RAIL_END = range(2)  # sites; the slider is the joint too
 
 
 class PushSlider(Task):
@@ -32,6 +36,7 @@ class PushSlider(Task):
     time_limit_s = 25.0
     dwell_s = 0.5
     subtasks = ("at_handle", "moving", "half_way", "at_end")
+    names = Names(sites=("slider", "rail_end"), joints=("slider",))
     force_sensors = ("tool_force",)
 
     def obstacle_to(self, robot: Robot) -> str | None:
@@ -59,37 +64,42 @@ class PushSlider(Task):
             Field("tool_force", (3,), "task", unit="N", labels=xyz),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        handle, (travel, speed) = view.site_pos("slider"), view.joint("slider")
-        return {
-            "handle_pos": handle.copy(),
-            "rail_direction": view.site_mat("slider")[:, 0:6:3].copy(),
-            "slider_travel": travel[:, None].copy(),
-            "slider_speed": speed[:, None].copy(),
-            "tip_to_handle": handle - view.tip_pos,
-            "handle_to_end": view.site_pos("rail_end") - handle,
-            "tool_force": view.force().copy(),
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        return (view.joint("slider")[0] >= DONE_SHARE * RAIL_M) & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        travel, speed = view.joint("slider")
-        share = travel / RAIL_M
-        at_handle = length(ready_point(view) - view.tip_pos) <= READY_M
-        return np.stack([at_handle, speed >= 0.02, share >= 0.5, share >= DONE_SHARE], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        distance = length(ready_point(view) - view.tip_pos)
-        near = 0.6 * closeness(distance, 0.15) + 0.4 * closeness(distance, 0.04)
-        done = np.clip(view.joint("slider")[0] / (DONE_SHARE * RAIL_M), 0.0, 1.0)
-        return 0.35 * near * (1.0 - done) + 0.9 * done
+@kernel
+def observe(world, found):
+    handle, mat = site_pos(world, SLIDER), site_mat(world, SLIDER)
+    put(found, 0, handle)
+    found[3], found[4] = mat[0], mat[3]
+    found[5], found[6] = joint_pos(world, SLIDER), joint_vel(world, SLIDER)
+    put(found, 7, sub(handle, tip_pos(world)))
+    put(found, 10, sub(site_pos(world, RAIL_END), handle))
+    put(found, 13, force(world, 0))
 
 
-def ready_point(view: View) -> np.ndarray:
-    """(n, 3) where the fingertips are ready to push: behind the handle's middle, world, m."""
-    return view.site_pos("slider") - BEHIND_M * view.site_mat("slider")[:, 0::3]
+@kernel
+def solved(world):
+    return joint_pos(world, SLIDER) >= DONE_SHARE * RAIL_M and untouched(world)
 
 
-TASK = PushSlider()
+@kernel
+def progress(world, flags):
+    share = joint_pos(world, SLIDER) / RAIL_M
+    flags[0] = norm(sub(ready_point(world), tip_pos(world))) <= READY_M
+    flags[1], flags[2], flags[3] = joint_vel(world, SLIDER) >= 0.02, share >= 0.5, share >= DONE_SHARE
+
+
+@kernel
+def reward(world):
+    distance = norm(sub(ready_point(world), tip_pos(world)))
+    near = 0.6 * closeness(distance, 0.15) + 0.4 * closeness(distance, 0.04)
+    done = clip(joint_pos(world, SLIDER) / (DONE_SHARE * RAIL_M), 0.0, 1.0)
+    return 0.35 * near * (1.0 - done) + 0.9 * done
+
+
+@kernel
+def ready_point(world):
+    """Where the fingertips are ready to push: behind the handle's middle, world frame, m."""
+    return sub(site_pos(world, SLIDER), scale(BEHIND_M, column(site_mat(world, SLIDER), 0)))
+
+
+TASK = PushSlider(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

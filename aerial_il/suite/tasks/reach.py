@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length, rotation_cosine
-from aerial_il.core.rotations import rot6d_from_mat
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import closeness, norm, rotation_cosine, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.props.marker import add_marker
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, put_rot6d, site_mat, site_pos, tool_mat, tool_pos, untouched
 
 POSITION_TOLERANCE_M = 0.02
-ANGLE_TOLERANCE_RAD = np.deg2rad(10.0)
+ANGLE_TOLERANCE_RAD = math.radians(10.0)
+ANGLE_TOLERANCE_COS = math.cos(ANGLE_TOLERANCE_RAD)
 TARGET_LOW, TARGET_HIGH = np.array([-0.5, -0.5, 0.7]), np.array([0.5, 0.5, 1.3])
 PITCH_RANGE_RAD = (0.5, 0.5 * np.pi)
 YAW_RANGE_RAD = (-0.8, 0.8)
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.2]), np.array([0.3, 0.3, 1.6])
+TARGET = 0  # site
 
 
 class Reach(Task):
@@ -30,6 +36,7 @@ class Reach(Task):
     time_limit_s = 20.0
     dwell_s = 1.0
     subtasks = ("within_10_cm", "at_position", "at_orientation")
+    names = Names(sites=("target",))
 
     needs_flight = False
 
@@ -54,29 +61,42 @@ class Reach(Task):
             Field("tool_to_target", (3,), "task", unit="m", labels=("x", "y", "z")),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        target = view.site_pos("target")
-        return {
-            "target_pos": target.copy(),
-            "target_rot6d": rot6d_from_mat(view.site_mat("target")),
-            "tool_to_target": target - view.tool_pos,
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        flags = self.progress(view)
-        return flags[:, 1] & flags[:, 2] & (view.unwanted_contacts == 0)
+@kernel
+def observe(world, found):
+    target = site_pos(world, TARGET)
+    put(found, 0, target)
+    put_rot6d(found, 3, site_mat(world, TARGET))
+    put(found, 9, sub(target, tool_pos(world)))
 
-    def progress(self, view: View) -> np.ndarray:
-        distance = length(view.site_pos("target") - view.tool_pos)
-        cosine = rotation_cosine(view.site_mat("target"), view.tool_mat)
-        near, there = distance <= 0.1, distance <= POSITION_TOLERANCE_M
-        return np.stack([near, there, cosine >= np.cos(ANGLE_TOLERANCE_RAD)], axis=1)
 
-    def reward(self, view: View) -> np.ndarray:
-        distance = length(view.site_pos("target") - view.tool_pos)
-        turned = 0.5 * (1.0 + rotation_cosine(view.site_mat("target"), view.tool_mat))
-        position = 0.5 * closeness(distance, 0.3) + 0.5 * closeness(distance, 0.03)
-        return position * (0.7 + 0.3 * turned)
+@kernel
+def solved(world):
+    return distance(world) <= POSITION_TOLERANCE_M and cosine(world) >= ANGLE_TOLERANCE_COS and untouched(world)
+
+
+@kernel
+def progress(world, flags):
+    flags[0], flags[1] = distance(world) <= 0.1, distance(world) <= POSITION_TOLERANCE_M
+    flags[2] = cosine(world) >= ANGLE_TOLERANCE_COS
+
+
+@kernel
+def reward(world):
+    position = 0.5 * closeness(distance(world), 0.3) + 0.5 * closeness(distance(world), 0.03)
+    return position * (0.7 + 0.3 * 0.5 * (1.0 + cosine(world)))
+
+
+@kernel
+def distance(world):
+    """From the tool to the target, m."""
+    return norm(sub(site_pos(world, TARGET), tool_pos(world)))
+
+
+@kernel
+def cosine(world):
+    """Cosine of the angle between the tool's orientation and the target's."""
+    return rotation_cosine(site_mat(world, TARGET), tool_mat(world))
 
 
 def _reachable_pose(robot: Robot, rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
@@ -89,4 +109,4 @@ def _reachable_pose(robot: Robot, rng: np.random.Generator) -> tuple[np.ndarray,
             return pos, yaw, pitch
 
 
-TASK = Reach()
+TASK = Reach(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, length, planar_length
+from aerial_il.control.dynamics import put
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import clip, closeness, norm, planar_norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pulling
@@ -19,8 +23,9 @@ from aerial_il.suite.props.valve import (
     WHEEL_RADIUS_M,
     add_valve,
 )
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, joint_pos, joint_vel, site_pos, tip_pos, tool_pos, untouched
 
 NEAR_M = 0.05
 TURN_RAD_S = 0.8  # a sensible speed: vehicles can come round with it
@@ -28,6 +33,7 @@ START_ANGLE_RAD = (0.0, 0.25 * np.pi)  # from here it is at least half a turn to
 VALVE_LOW, VALVE_HIGH = np.array([-0.25, -0.3, 0.36]), np.array([0.25, 0.3, 0.50])
 MOUNT_YAW_RAD = (5 * np.pi / 12, 10 * np.pi / 12)  # a robot that tows the yellow spoke comes round by up to 60°
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.2]), np.array([0.3, 0.2, 1.33])
+VALVE, GAP = range(2)  # sites; the valve is the joint too
 
 
 class RotateValve(Task):
@@ -43,6 +49,7 @@ class RotateValve(Task):
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("over_gap", "between_spokes", "half_way", "open")
+    names = Names(sites=("valve", "gap"), joints=("valve",))
 
     def obstacle_to(self, robot: Robot) -> str | None:
         return obstacle_to_pulling(robot, (VALVE_FRICTION_NM + VALVE_DAMPING * TURN_RAD_S) / GAP_M)
@@ -66,37 +73,41 @@ class RotateValve(Task):
             Field("tool_to_gap", (3,), "task", unit="m", labels=xyz),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        angle, rate = view.joint("valve")
-        gap = view.site_pos("gap")
-        return {
-            "valve_pos": view.site_pos("valve").copy(),
-            "valve_angle": angle[:, None].copy(),
-            "valve_rate": rate[:, None].copy(),
-            "gap_pos": gap.copy(),
-            "tool_to_gap": gap - view.tool_pos,
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        angle, _ = view.joint("valve")
-        return (angle >= VALVE_OPEN_RAD) & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        angle, _ = view.joint("valve")
-        over = planar_length(view.site_pos("gap") - view.tool_pos) <= NEAR_M
-        half_way = angle >= VALVE_OPEN_RAD - 0.5 * np.pi
-        return np.stack([over, self.inserted(view), half_way, angle >= VALVE_OPEN_RAD], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        angle, _ = view.joint("valve")
-        near = closeness(length(view.site_pos("gap") - view.tool_pos), 0.15)
-        turned = np.clip(angle / VALVE_OPEN_RAD, 0.0, 1.0)
-        return 0.25 * near + 0.1 * self.inserted(view) + 0.65 * turned
-
-    def inserted(self, view: View) -> np.ndarray:
-        """(n,) bool: the fingertips are inside the rim and not above the wheel."""
-        tip = view.tip_pos - view.site_pos("valve")
-        return (tip[:, 2] <= -RIM_RADIUS_M) & (planar_length(tip) <= WHEEL_RADIUS_M)
+@kernel
+def observe(world, found):
+    gap = site_pos(world, GAP)
+    put(found, 0, site_pos(world, VALVE))
+    found[3], found[4] = joint_pos(world, VALVE), joint_vel(world, VALVE)
+    put(found, 5, gap)
+    put(found, 8, sub(gap, tool_pos(world)))
 
 
-TASK = RotateValve()
+@kernel
+def solved(world):
+    return joint_pos(world, VALVE) >= VALVE_OPEN_RAD and untouched(world)
+
+
+@kernel
+def progress(world, flags):
+    angle = joint_pos(world, VALVE)
+    flags[0] = planar_norm(sub(site_pos(world, GAP), tool_pos(world))) <= NEAR_M
+    flags[1] = inserted(world)
+    flags[2], flags[3] = angle >= VALVE_OPEN_RAD - 0.5 * math.pi, angle >= VALVE_OPEN_RAD
+
+
+@kernel
+def reward(world):
+    near = closeness(norm(sub(site_pos(world, GAP), tool_pos(world))), 0.15)
+    turned = clip(joint_pos(world, VALVE) / VALVE_OPEN_RAD, 0.0, 1.0)
+    return 0.25 * near + (0.1 if inserted(world) else 0.0) + 0.65 * turned
+
+
+@kernel
+def inserted(world):
+    """Whether the fingertips are inside the rim and not above the wheel."""
+    tip = sub(tip_pos(world), site_pos(world, VALVE))
+    return tip[2] <= -RIM_RADIUS_M and planar_norm(tip) <= WHEEL_RADIUS_M
+
+
+TASK = RotateValve(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

@@ -1,13 +1,16 @@
 """What a task is: props, an episode's random start, observations, rewards and a definition of success.
 
-A task is written once over arrays with a leading world axis. It keeps no state of its own between steps: everything an
-episode needs lives in the simulator.
+A task is written once, for one world: scene and random start in Python, what is asked in every step as compiled
+functions that the threads call which fly the worlds. It keeps no state of its own between steps: everything an episode
+needs lives in the simulator.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import mujoco
 import numpy as np
@@ -15,6 +18,7 @@ import numpy as np
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
+from aerial_il.suite.world import Names
 
 if TYPE_CHECKING:
     from aerial_il.suite.view import View
@@ -23,15 +27,42 @@ Grade = Literal["easy", "medium", "hard"]
 FREE_HANG_M = 0.6
 
 
+@dataclass(frozen=True)
+class TaskKernels:
+    """What is asked of a task in every step: functions compiled by ``kernel``, of one world at this instant.
+
+    ``world`` is read by the functions of :mod:`aerial_il.suite.world`, in which the k-th site, joint … is the k-th of
+    the task's names.
+
+    Attributes:
+        observe: ``(world, found)`` writes what is to be known of objects and goals, in the order of the task's fields.
+        solved: ``world -> bool``, the success condition holds.
+        progress: ``(world, flags)`` writes ones and zeros for :attr:`Task.subtasks`.
+        reward: ``world -> float``, dense, in [0, 1].
+        remember: ``(world)`` notes in ``task_memory(world)`` what success depends on beyond this instant; called once
+            per control step, before the others.
+    """
+
+    observe: Callable[..., Any]
+    solved: Callable[..., Any]
+    progress: Callable[..., Any]
+    reward: Callable[..., Any]
+    remember: Callable[..., Any] | None = None
+
+
 class Task(ABC):
     """One task for any robot that can do it.
+
+    Args:
+        kernels: its compiled functions.
 
     Attributes:
         name: registry name. grade: difficulty.
         instruction: the task in one English sentence.
         time_limit_s: seconds until an episode is truncated.
-        dwell_s: seconds for which :meth:`solved` must hold for success.
-        subtasks: names of the flags that :meth:`progress` returns.
+        dwell_s: seconds for which it must be solved for success.
+        subtasks: names of its flags.
+        names: what its compiled functions read, in the order in which they number it.
         needs_arm: a bare base cannot do it. needs_flight: a fixed base cannot do it.
         force_sensors: names of up to two force sensors whose readings the episode remembers, see ``View.force``.
     """
@@ -45,6 +76,10 @@ class Task(ABC):
     needs_arm: ClassVar[bool] = True
     needs_flight: ClassVar[bool] = True
     force_sensors: ClassVar[tuple[str, ...]] = ()
+    names: ClassVar[Names] = Names()
+
+    def __init__(self, kernels: TaskKernels) -> None:
+        self.kernels = kernels
 
     def obstacle(self, robot: Robot) -> str | None:
         """Say why ``robot`` cannot do this task, or None if it can."""
@@ -68,30 +103,7 @@ class Task(ABC):
 
     @abstractmethod
     def fields(self) -> tuple[Field, ...]:
-        """Fields of :meth:`observe`."""
-
-    @abstractmethod
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        """What is to be known of objects and goals, each (n, ...)."""
-
-    def remember(self, view: View, mask: np.ndarray) -> None:  # noqa: B027, most tasks have nothing to remember
-        """Note in ``view.memory`` what success depends on beyond the present instant; called once per control step.
-
-        Args:
-            view: the worlds. mask: (n,) bool, the worlds that have just moved; leave the others alone.
-        """
-
-    @abstractmethod
-    def solved(self, view: View) -> np.ndarray:
-        """(n,) bool: the success condition holds at this instant."""
-
-    @abstractmethod
-    def progress(self, view: View) -> np.ndarray:
-        """(n, K) bool flags named by :attr:`subtasks`, at this instant."""
-
-    @abstractmethod
-    def reward(self, view: View) -> np.ndarray:
-        """(n,) dense reward in [0, 1] at this instant."""
+        """Fields of what ``kernels.observe`` writes."""
 
 
 def hover_start(view: View, world: int, base_pos: np.ndarray, yaw: float) -> None:

@@ -12,14 +12,16 @@ import math
 import mujoco
 import numpy as np
 
-from aerial_il.core.arrays import closeness, cosine_and_sine, length
+from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import add, closeness, column, norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.props.marker import add_marker
 from aerial_il.suite.scene import CONTROL_DT_S
-from aerial_il.suite.tasks.task import Task, hover_start
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
+from aerial_il.suite.world import Names, mocap_pos, site_mat, task_memory, tool_pos, untouched
 
 RMSE_M, LOST_M = 0.03, 0.08  # root mean square and largest distance of the tool from the target over a lap
 CAUGHT_M = 0.03  # a lap begins once the tool is this close
@@ -31,6 +33,7 @@ START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.2]), np.array([0.3, 0.3, 1.35])
 
 PHASE, RATE, WIDTH, HEIGHT, HARMONIC, LAP, SQUARES = range(7)  # places in the episode's memory
 FULL_LAP = 2.0 * math.pi
+TARGET = 0  # site and mocap body
 
 
 class Track(Task):
@@ -42,6 +45,7 @@ class Track(Task):
     time_limit_s = 45.0
     dwell_s = 0.1
     subtasks = ("within_10_cm", "on_target", "quarter_lap", "half_lap", "full_lap")
+    names = Names(sites=("target",), mocaps=("target",))
 
     needs_arm = False
 
@@ -67,10 +71,6 @@ class Track(Task):
         c, s, ct, st = math.cos(0.5 * yaw), math.sin(0.5 * yaw), math.cos(0.5 * tilt), math.sin(0.5 * tilt)
         view.mocap_quat[world, target] = [c * ct, c * st, s * st, s * ct]  # yaw, then tilt about the path's width
 
-    def remember(self, view: View, mask: np.ndarray) -> None:
-        axes, target = view.site_mat("target"), view.mocap_id("target")
-        _follow(view.memory, axes, view.mocap_pos[:, target], view.tool_pos, mask)
-
     def fields(self) -> tuple[Field, ...]:
         xyz = ("x", "y", "z")
         soon, later = (tuple(f"{axis}_in_{seconds}_s" for axis in xyz) for seconds in PREVIEW_S)
@@ -82,103 +82,83 @@ class Track(Task):
             Field("lap", (4,), "task", labels=("cos_phase", "sin_phase", "done", "rmse_of_allowed")),
         )
 
-    def observe(self, view: View) -> dict[str, np.ndarray]:
-        target, tool = target_pos(view), view.tool_pos
-        phase = cosine_and_sine(view.memory[:, PHASE])
-        return {
-            "target_pos": target,
-            "target_vel": (target_ahead(view, CONTROL_DT_S) - target) / CONTROL_DT_S,
-            "tool_to_target": target - tool,
-            "tool_to_preview": np.concatenate([target_ahead(view, seconds) - tool for seconds in PREVIEW_S], axis=1),
-            "lap": np.stack([*phase, _lap_share(view), lap_rmse(view) / RMSE_M], axis=1),
-        }
 
-    def solved(self, view: View) -> np.ndarray:
-        complete = (view.memory[:, LAP] >= FULL_LAP) & (lap_rmse(view) <= RMSE_M)
-        return complete & (view.unwanted_contacts == 0)
-
-    def progress(self, view: View) -> np.ndarray:
-        distance, share = length(target_pos(view) - view.tool_pos), _lap_share(view)
-        parts = [share >= part for part in (0.25, 0.5, 1.0)]
-        return np.stack([distance <= 0.1, distance <= CAUGHT_M, *parts], axis=1)
-
-    def reward(self, view: View) -> np.ndarray:
-        distance = length(target_pos(view) - view.tool_pos)
-        following = 0.5 * closeness(distance, 0.3) + 0.5 * closeness(distance, CAUGHT_M)
-        return following * (0.5 + 0.5 * _lap_share(view))
-
-
-def target_pos(view: View) -> np.ndarray:
-    """(n, 3) where the target is now, world, m; its site is drawn where it was one control step ago."""
-    return view.mocap_pos[:, view.mocap_id("target")].copy()
-
-
-def target_ahead(view: View, seconds: float) -> np.ndarray:
-    """(n, 3) where the target will be in ``seconds``, world, m."""
-    pos = target_pos(view)
-    _move_on(view.memory, view.site_mat("target"), seconds, pos)
-    return pos
+@kernel
+def observe(world, found):
+    target, tool, memory = target_pos(world), tool_pos(world), task_memory(world)
+    put(found, 0, target)
+    put(found, 3, scale(1.0 / CONTROL_DT_S, sub(target_ahead(world, CONTROL_DT_S), target)))
+    put(found, 6, sub(target, tool))
+    put(found, 9, sub(target_ahead(world, PREVIEW_S[0]), tool))
+    put(found, 12, sub(target_ahead(world, PREVIEW_S[1]), tool))
+    found[15], found[16] = math.cos(memory[PHASE]), math.sin(memory[PHASE])
+    found[17], found[18] = lap_share(world), lap_rmse(world) / RMSE_M
 
 
 @kernel
-def _move_on(memory, axes, seconds, pos):
-    """Add to positions (n, 3) how far targets move along their paths in ``seconds``."""
-    for i in range(pos.shape[0]):
-        _move(memory, axes, seconds, pos, i)
+def remember(world):
+    """Move the target on by a control step; count for how long, and how closely, the tool has followed."""
+    memory = task_memory(world)
+    put(mocap_pos(world, TARGET), 0, target_ahead(world, CONTROL_DT_S))
+    memory[PHASE] += CONTROL_DT_S * memory[RATE]
+    distance = norm(sub(target_pos(world), tool_pos(world)))
+    close = distance <= (LOST_M if memory[LAP] > 0.0 else CAUGHT_M)
+    failed = memory[LAP] >= FULL_LAP and lap_rmse(world) > RMSE_M
+    if failed or not close:
+        memory[LAP] = memory[SQUARES] = 0.0
+    else:
+        memory[LAP] += CONTROL_DT_S * abs(memory[RATE])
+        memory[SQUARES] += distance * distance
 
 
 @kernel
-def _move(memory, axes, seconds, pos, i):
-    now, harmonic = memory[i, PHASE], memory[i, HARMONIC]
-    then = now + seconds * memory[i, RATE]
-    across = memory[i, WIDTH] * (math.cos(then) - math.cos(now))
-    along = memory[i, HEIGHT] * (math.sin(harmonic * then) - math.sin(harmonic * now))
-    for k in range(3):
-        pos[i, k] += across * axes[i, 3 * k]
-        pos[i, k] += along * axes[i, 3 * k + 1]
+def solved(world):
+    return task_memory(world)[LAP] >= FULL_LAP and lap_rmse(world) <= RMSE_M and untouched(world)
 
 
 @kernel
-def _follow(memory, axes, target, tool, moving):
-    """Move targets (n, 3) on by a control step; count for how long, and how closely, tools (n, 3) have followed."""
-    for i in range(moving.size):
-        if not moving[i]:
-            continue
-        _move(memory, axes, CONTROL_DT_S, target, i)
-        memory[i, PHASE] += CONTROL_DT_S * memory[i, RATE]
-        x, y, z = target[i, 0] - tool[i, 0], target[i, 1] - tool[i, 1], target[i, 2] - tool[i, 2]
-        distance = math.sqrt(x * x + y * y + z * z)
-        close = distance <= (LOST_M if memory[i, LAP] > 0.0 else CAUGHT_M)
-        failed = memory[i, LAP] >= FULL_LAP and _rmse(memory, i) > RMSE_M
-        if failed or not close:
-            memory[i, LAP] = memory[i, SQUARES] = 0.0
-        else:
-            memory[i, LAP] += CONTROL_DT_S * abs(memory[i, RATE])
-            memory[i, SQUARES] += distance * distance
+def progress(world, flags):
+    distance, share = norm(sub(target_pos(world), tool_pos(world))), lap_share(world)
+    flags[0], flags[1] = distance <= 0.1, distance <= CAUGHT_M
+    flags[2], flags[3], flags[4] = share >= 0.25, share >= 0.5, share >= 1.0
 
 
 @kernel
-def _rmse(memory, i):
-    steps = memory[i, LAP] / max(CONTROL_DT_S * abs(memory[i, RATE]), 1e-9)
-    return math.sqrt(memory[i, SQUARES] / max(steps, 1.0))
-
-
-def lap_rmse(view: View) -> np.ndarray:
-    """(n,) root mean square distance of the tool from the target since the lap began, m; 0 before."""
-    found = np.empty(view.n)
-    _rmse_of_all(view.memory, found)
-    return found
+def reward(world):
+    distance = norm(sub(target_pos(world), tool_pos(world)))
+    following = 0.5 * closeness(distance, 0.3) + 0.5 * closeness(distance, CAUGHT_M)
+    return following * (0.5 + 0.5 * lap_share(world))
 
 
 @kernel
-def _rmse_of_all(memory, found):
-    for i in range(found.size):
-        found[i] = _rmse(memory, i)
+def target_pos(world):
+    """Where the target is now, world frame, m; its site is drawn where it was one control step ago."""
+    return vec(mocap_pos(world, TARGET), 0)
 
 
-def _lap_share(view: View) -> np.ndarray:
-    """(n,) how much of a lap has been followed without a break, from 0 to 1."""
-    return np.minimum(view.memory[:, LAP] / FULL_LAP, 1.0)
+@kernel
+def target_ahead(world, seconds):
+    """Where the target will be in ``seconds``, world frame, m."""
+    memory, axes = task_memory(world), site_mat(world, TARGET)
+    now, harmonic = memory[PHASE], memory[HARMONIC]
+    then = now + seconds * memory[RATE]
+    across = memory[WIDTH] * (math.cos(then) - math.cos(now))
+    along = memory[HEIGHT] * (math.sin(harmonic * then) - math.sin(harmonic * now))
+    return add(target_pos(world), add(scale(across, column(axes, 0)), scale(along, column(axes, 1))))
 
 
-TASK = Track()
+@kernel
+def lap_rmse(world):
+    """Root mean square distance of the tool from the target since the lap began, m; 0 before."""
+    memory = task_memory(world)
+    steps = memory[LAP] / max(CONTROL_DT_S * abs(memory[RATE]), 1e-9)
+    return math.sqrt(memory[SQUARES] / max(steps, 1.0))
+
+
+@kernel
+def lap_share(world):
+    """How much of a lap has been followed without a break, from 0 to 1."""
+    return min(task_memory(world)[LAP] / FULL_LAP, 1.0)
+
+
+TASK = Track(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward, remember=remember))

@@ -1,0 +1,213 @@
+"""What n worlds show and how they stand, read off by the threads that fly them: observations, rewards, flags."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from aerial_il.control.actions import ActionLevel
+from aerial_il.control.dynamics import put, vec
+from aerial_il.control.memory import TARGET_POS
+from aerial_il.core.kernels import address_of, kernel
+from aerial_il.core.rotations import norm, sub
+from aerial_il.suite import memory as mem
+from aerial_il.suite.native import doubles, draw, row_at
+from aerial_il.suite.observations import observe_robot
+from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.scene import CONTROL_DT_S
+from aerial_il.suite.tasks.task import Task
+from aerial_il.suite.view import View
+from aerial_il.suite.world import (
+    RETURNS_NOTHING,
+    RETURNS_NUMBER,
+    WRITES_ROW,
+    call_nothing,
+    call_number,
+    call_row,
+    record_at,
+    tool_pos,
+    unwanted_contacts,
+)
+
+DWELL, CRASHED, STEP, USERDATA_SIZE = mem.DWELL, mem.CRASHED, mem.STEP, mem.USERDATA_SIZE
+EE_POSE, EE_DELTA = int(ActionLevel.EE_POSE), int(ActionLevel.EE_DELTA)
+REWARD, SUCCESS, CRASH, TRUNCATED, EE_ERROR, EFFORT, CONTACTS = range(7)
+NUM_VERDICTS = 7
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How n worlds stand after a step. Each array is (n,), ``subtasks`` is (n, K).
+
+    Attributes:
+        reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something,
+            turned over or flew away. truncated: the time is up. subtasks: flags at this instant. ee_error: distance
+            between commanded and actual tool position, m (NaN where the action level commands none). effort: mean
+            squared rotor use, in [0, 1]. contacts: robot parts, gripper aside, that touch something.
+    """
+
+    reward: np.ndarray
+    success: np.ndarray
+    crash: np.ndarray
+    truncated: np.ndarray
+    subtasks: np.ndarray
+    ee_error: np.ndarray
+    effort: np.ndarray
+    contacts: np.ndarray
+
+
+class Rules(NamedTuple):
+    """What is asked of every world.
+
+    Attributes:
+        observe, solved, progress, reward, remember: addresses of the task's compiled functions; 0 for none.
+        dwell_steps: control steps for which ``solved`` must hold. max_steps: control steps until the time is up.
+        level: action level. proprioception: numbers of the robot's own observation, which comes first.
+        rotor_max: (R,) largest thrusts, N.
+    """
+
+    observe: int
+    solved: int
+    progress: int
+    reward: int
+    remember: int
+    dwell_steps: int
+    max_steps: int
+    level: int
+    proprioception: int
+    rotor_max: np.ndarray
+
+
+class Found(NamedTuple):
+    """Where the answers go, a row per world.
+
+    Attributes:
+        records: address of the worlds' records. record_size: bytes of each.
+        seen: address of the records that observations are read off: those of the truth, or of what is estimated.
+        observations: (n, Do). verdicts: (n, NUM_VERDICTS). subtasks: (n, K) of zeros and ones.
+        commanded: (n, 3) tool position last commanded, world, m; NaN for none.
+    """
+
+    records: int
+    record_size: int
+    seen: int
+    observations: np.ndarray
+    verdicts: np.ndarray
+    subtasks: np.ndarray
+    commanded: np.ndarray
+
+
+def rules_of(scenario: Scenario, proprioception: int) -> Rules:
+    """Return the rules of a scenario whose robot shows ``proprioception`` numbers of itself."""
+    task, spec = scenario.task, scenario.spec
+    kernels = task.kernels
+    return Rules(
+        observe=address_of(kernels.observe, WRITES_ROW),
+        solved=address_of(kernels.solved, RETURNS_NUMBER),
+        progress=address_of(kernels.progress, WRITES_ROW),
+        reward=address_of(kernels.reward, RETURNS_NUMBER),
+        remember=address_of(kernels.remember, RETURNS_NOTHING) if kernels.remember else 0,
+        dwell_steps=dwell_steps(task),
+        max_steps=spec.max_steps,
+        level=int(scenario.level),
+        proprioception=proprioception,
+        rotor_max=np.array(scenario.robot.vehicle.rotor_max, float),
+    )
+
+
+def dwell_steps(task: Task) -> int:
+    """Return for how many control steps ``task`` must be solved."""
+    return max(1, round(task.dwell_s / CONTROL_DT_S))
+
+
+def make_found(view: View, observation_size: int, num_subtasks: int) -> Found:
+    """Return empty rows for the worlds of ``view``."""
+    n, address = view.n, view.records.ctypes.data
+    return Found(
+        records=address,
+        record_size=view.records.itemsize,
+        seen=address,
+        observations=np.zeros((n, observation_size)),
+        verdicts=np.zeros((n, NUM_VERDICTS)),
+        subtasks=np.zeros((n, num_subtasks)),
+        commanded=np.full((n, 3), np.nan),
+    )
+
+
+def judgement_of(found: Found) -> Judgement:
+    """Copy the verdicts."""
+    verdicts = found.verdicts.copy()
+    return Judgement(
+        reward=verdicts[:, REWARD],
+        success=verdicts[:, SUCCESS] > 0.0,
+        crash=verdicts[:, CRASH] > 0.0,
+        truncated=verdicts[:, TRUNCATED] > 0.0,
+        subtasks=found.subtasks > 0.0,
+        ee_error=verdicts[:, EE_ERROR],
+        effort=verdicts[:, EFFORT],
+        contacts=verdicts[:, CONTACTS],
+    )
+
+
+@kernel
+def settle(rules, found, i, action):
+    """Note in the memory of world ``i`` what a control step has brought: command, task's memory, dwell.
+
+    Args:
+        rules, found: see above. action: (Da,) as it was sent.
+    """
+    world = record_at(found.records + i * found.record_size)
+    userdata = doubles(world.userdata, USERDATA_SIZE)
+    if rules.level == EE_POSE:
+        put(row_at(found.commanded, i), 0, vec(action, 0))
+    elif rules.level == EE_DELTA:
+        put(row_at(found.commanded, i), 0, vec(userdata, TARGET_POS))
+    if rules.remember != 0:
+        call_nothing(rules.remember, world)
+    held = call_number(rules.solved, world) > 0.0 and userdata[CRASHED] == 0.0
+    userdata[DWELL] = userdata[DWELL] + 1.0 if held else 0.0
+
+
+@kernel
+def assess(rules, found, i):
+    """Write the observation, the verdicts and the sub-task flags of world ``i``."""
+    world = record_at(found.records + i * found.record_size)
+    userdata, success = doubles(world.userdata, USERDATA_SIZE), 0.0
+    if userdata[DWELL] >= rules.dwell_steps:
+        success = 1.0
+    verdicts = row_at(found.verdicts, i)
+    verdicts[SUCCESS] = success
+    verdicts[REWARD] = 1.0 if success > 0.0 else call_number(rules.reward, world)
+    verdicts[CRASH] = 1.0 if userdata[CRASHED] > 0.0 else 0.0
+    verdicts[TRUNCATED] = 1.0 if userdata[STEP] >= rules.max_steps else 0.0
+    verdicts[EE_ERROR] = norm(sub(vec(row_at(found.commanded, i), 0), tool_pos(world)))
+    verdicts[EFFORT] = _effort(rules, world)
+    verdicts[CONTACTS] = unwanted_contacts(world)
+    call_row(rules.progress, world, row_at(found.subtasks, i))
+    seen = record_at(found.seen + i * found.record_size)
+    observations = row_at(found.observations, i)
+    observe_robot(seen, observations)
+    rest = observations.size - rules.proprioception
+    call_row(rules.observe, seen, doubles(observations.ctypes.data + 8 * rules.proprioception, rest))
+
+
+@kernel
+def assess_all(rules, found, active, counter):
+    """Assess the worlds of ``active`` (n,) bool that are drawn from a counter; see :func:`native.draw`."""
+    while True:
+        i = draw(counter)
+        if i >= active.size:
+            break
+        if active[i]:
+            assess(rules, found, i)
+
+
+@kernel
+def _effort(rules, world):
+    thrust, total = doubles(world.act, rules.rotor_max.size), 0.0
+    for r in range(rules.rotor_max.size):
+        use = thrust[r] / rules.rotor_max[r]
+        total += use * use
+    return total / max(1, rules.rotor_max.size)

@@ -1,0 +1,248 @@
+"""One world as the compiled code of a task sees it: where the robot is, where the props are, who touches whom.
+
+A task is written once, for one world, as compiled functions of a :data:`WORLD` record; the threads that fly the worlds
+call them through their addresses right after each flight, single and batch alike. Names become numbers when a record is
+made: a task lists the names it uses (:class:`Names`) and reads the k-th of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import llvmlite.ir as ir
+import numba
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from aerial_il.control.dynamics import put, vec
+from aerial_il.control.vehicle import MAX_JOINTS
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.kernels import kernel
+from aerial_il.core.rotations import add, scale
+from aerial_il.suite import memory as mem
+from aerial_il.suite.native import doubles
+
+MAX_NAMES = 8  # of each kind that a task may use
+FORCES_START, PEAKS_START = mem.FORCES.start, mem.FORCES.start + 3 * mem.MAX_FORCES
+TASK_START, TASK_SIZE = mem.TASK.start, mem.TASK.stop - mem.TASK.start
+ARRAYS = ("qpos", "qvel", "act", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "userdata", "qfrc_applied")
+
+WORLD = np.dtype(
+    [
+        *((name, np.int64) for name in ARRAYS),  # addresses of this world's numbers
+        *((name, np.int64, (MAX_NAMES,)) for name in ("sites", "joints", "dofs", "contacts", "mocaps")),
+        *((name, np.int64) for name in ("tool", "base", "first_joint", "first_dof", "num_joints", "fingers")),
+        *((name, np.int64) for name in ("num_rotors", "num_unwanted")),
+        ("unwanted", np.int64, (MAX_JOINTS,)),  # contact sensors that should see nothing
+        *((name, np.float64) for name in ("flies", "grips", "stroke", "tip_distance", "weight", "lateral_limit")),
+    ],
+    align=True,
+)
+RECORD = numba.from_dtype(WORLD)
+NUMBER, VECTOR, ROW = types.float64, types.UniTuple(types.float64, 3), types.Array(types.float64, 1, "C")
+
+
+@dataclass(frozen=True)
+class Names:
+    """What a task reads, in the order in which its compiled functions number it.
+
+    Attributes:
+        sites, joints, contacts, mocaps: names of sites, of joints, of contact sensors and of mocap bodies.
+    """
+
+    sites: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    contacts: tuple[str, ...] = ()
+    mocaps: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for kind, names in vars(self).items():
+            if len(names) > MAX_NAMES:
+                raise InvalidValueError(f"A task names at most {MAX_NAMES} {kind}; got {len(names)}: {names}.")
+
+
+@intrinsic
+def _record_at(_: Any, address: types.Integer) -> Any:
+    """Take an address as that of a :data:`WORLD` record."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return RECORD(address), generate
+
+
+def _emit_call(context: Any, builder: Any, result: types.Type, given: tuple[types.Type, ...], arguments: Any) -> Any:
+    """Call the function at the address ``arguments[0]`` with the other arguments, of the types ``given``."""
+    nothing = result == types.void
+    kinds = [context.get_value_type(kind) for kind in given]
+    function = ir.FunctionType(ir.VoidType() if nothing else context.get_value_type(result), kinds)
+    found = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+    return context.get_dummy_value() if nothing else found
+
+
+def _generator(result: types.Type, *given: types.Type) -> Any:
+    return lambda context, builder, _, arguments: _emit_call(context, builder, result, given, arguments)
+
+
+@intrinsic
+def _call_number(_: Any, address: types.Integer, world: types.Record) -> Any:
+    return NUMBER(address, world), _generator(NUMBER, RECORD)
+
+
+@intrinsic
+def _call_vector(_: Any, address: types.Integer, world: types.Record) -> Any:
+    return VECTOR(address, world), _generator(VECTOR, RECORD)
+
+
+@intrinsic
+def _call_row(_: Any, address: types.Integer, world: types.Record, row: types.Array) -> Any:
+    return types.void(address, world, row), _generator(types.void, RECORD, ROW)
+
+
+@intrinsic
+def _call_nothing(_: Any, address: types.Integer, world: types.Record) -> Any:
+    return types.void(address, world), _generator(types.void, RECORD)
+
+
+record_at: Any = _record_at  # an intrinsic is called without its first argument
+call_number: Any = _call_number
+call_vector: Any = _call_vector
+call_row: Any = _call_row
+call_nothing: Any = _call_nothing
+RETURNS_NUMBER, RETURNS_VECTOR = NUMBER(RECORD), VECTOR(RECORD)
+WRITES_ROW, RETURNS_NOTHING = types.void(RECORD, ROW), types.void(RECORD)
+
+
+@kernel
+def put_rot6d(found, start, mat):
+    """Write the first two columns of a rotation: six numbers from ``start`` on."""
+    put(found, start, (mat[0], mat[3], mat[6]))
+    put(found, start + 3, (mat[1], mat[4], mat[7]))
+
+
+@kernel
+def _point(address, k):
+    """Vector number ``k`` of those at an address."""
+    return vec(doubles(address + 24 * k, 3), 0)
+
+
+@kernel
+def _matrix(address, k):
+    """Rotation number ``k`` of those at an address: nine numbers, row by row."""
+    m = doubles(address + 72 * k, 9)
+    return (m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8])
+
+
+@kernel
+def site_pos(world, k):
+    """Position of the task's site number ``k``, world frame, m."""
+    return _point(world.site_xpos, world.sites[k])
+
+
+@kernel
+def site_mat(world, k):
+    """Rotation of that site, world from site."""
+    return _matrix(world.site_xmat, world.sites[k])
+
+
+@kernel
+def tool_pos(world):
+    """Tool position, world frame, m."""
+    return _point(world.site_xpos, world.tool)
+
+
+@kernel
+def tool_mat(world):
+    """Rotation, world from tool."""
+    return _matrix(world.site_xmat, world.tool)
+
+
+@kernel
+def tip_pos(world):
+    """Point between the fingers' ends, world frame, m: what touches first when the closed gripper pushes."""
+    m = tool_mat(world)
+    return add(tool_pos(world), scale(world.tip_distance, (m[0], m[3], m[6])))
+
+
+@kernel
+def base_pos(world):
+    """Base position, world frame, m."""
+    return _point(world.site_xpos, world.base)
+
+
+@kernel
+def base_mat(world):
+    """Rotation, world from base."""
+    return _matrix(world.site_xmat, world.base)
+
+
+@kernel
+def joint_pos(world, k):
+    """Position of the task's joint number ``k``, a hinge (rad) or slide (m)."""
+    return doubles(world.qpos + 8 * world.joints[k], 1)[0]
+
+
+@kernel
+def joint_vel(world, k):
+    """Velocity of that joint, rad/s or m/s."""
+    return doubles(world.qvel + 8 * world.dofs[k], 1)[0]
+
+
+@kernel
+def free_vel(world, k):
+    """Linear velocity of the task's joint number ``k``, a free one, world frame, m/s."""
+    return vec(doubles(world.qvel + 8 * world.dofs[k], 3), 0)
+
+
+@kernel
+def mocap_pos(world, k):
+    """Position of the task's mocap body number ``k``, world frame, m: three numbers that may be written."""
+    return doubles(world.mocap_pos + 24 * world.mocaps[k], 3)
+
+
+@kernel
+def touching(world, k):
+    """Whether the task's contact sensor number ``k`` sees at least one contact."""
+    return doubles(world.sensordata + 8 * world.contacts[k], 1)[0] > 0.0
+
+
+@kernel
+def unwanted_contacts(world):
+    """Robot parts, fingers and last link aside, that touch something."""
+    count = 0
+    for j in range(world.num_unwanted):
+        if doubles(world.sensordata + 8 * world.unwanted[j], 1)[0] > 0.0:
+            count += 1
+    return count
+
+
+@kernel
+def untouched(world):
+    """Whether no part of the robot but fingers and last link touches anything."""
+    return unwanted_contacts(world) == 0
+
+
+@kernel
+def force(world, k):
+    """Contact force that the task's force sensor number ``k`` measures, world frame, N."""
+    return _point(world.userdata + 8 * FORCES_START, k)
+
+
+@kernel
+def peak_force(world, k):
+    """Largest magnitude of that force since the start of the episode, N."""
+    return doubles(world.userdata + 8 * (PEAKS_START + k), 1)[0]
+
+
+@kernel
+def task_memory(world):
+    """(8,) numbers that the task may write once per control step; zero at the start of an episode."""
+    return doubles(world.userdata + 8 * TASK_START, TASK_SIZE)
+
+
+@kernel
+def air_force(world):
+    """Wind, drag and ground effect on the base in the last physics step, world frame, N."""
+    return _point(world.qfrc_applied, 0)
