@@ -46,6 +46,7 @@ class Track(Task):
     dwell_s = 0.1
     subtasks = ("within_10_cm", "on_target", "quarter_lap", "half_lap", "full_lap")
     names = Names(sites=("target",), mocaps=("target",))
+    told = ("target",)
 
     needs_arm = False
 
