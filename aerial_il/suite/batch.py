@@ -89,7 +89,7 @@ class BatchEnvironment:
 
     def drawn(self, seed: int) -> dict[str, Any]:
         """What the tier's disturbances are in the episode ``seed``, as plain values."""
-        return self.simulation.disturbances.drawn(seed)
+        return {**self.simulation.disturbances.drawn(seed), **self.simulation.seen.drawn(seed)}
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Start episodes in all worlds, or in those of ``mask`` (n,) bool.

@@ -1,11 +1,11 @@
 """What a policy is shown in the place of the truth: poses as a robot estimates them, with bias, noise and delay.
 
 Two estimates make up an observation. The robot knows itself by the state estimate that its controller flies on
-(:mod:`aerial_il.suite.sensing`): one error of the base's pose moves base and tool as one, since joint encoders are exact.
+(:mod:`aerial_il.suite.sensing`): one error of the base's pose moves base and tool as one, since encoders are exact.
 It sees objects, each with a pose error that moves all of the object as one, and later than they are. A constant error
-of the robot's own pose could not be told from a shift of all that it sees, as it flies, is commanded and counts in the
-frame of its estimate; it is therefore part of what is seen (``frame_bias``). What a user tells, such as a pose to reach,
-is exact.
+of the robot's own position is the same as a shift of all that it sees, for it flies, is commanded and counts in the
+frame of its estimate: it is therefore an error of what is seen (``frame_bias``). What a user tells, such as a pose to
+reach, is exact.
 
 The slow errors and what has been seen but not yet shown live in the simulator's memory; biases are a pure function of
 the episode's seed. Reward, success and experts stay with the truth.

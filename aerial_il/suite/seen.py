@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,7 +11,19 @@ import numpy as np
 from aerial_il.control.vehicle import alone, record_of
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite import memory as mem
-from aerial_il.suite.estimation import EXACT, HINGE, NOT_SEEN, SIGHT, SLIDE, STILL, Perception, begin_sight
+from aerial_il.suite.estimation import (
+    EXACT,
+    FRAME,
+    HINGE,
+    NOT_SEEN,
+    OBJECT,
+    SIGHT,
+    SLIDE,
+    STILL,
+    Perception,
+    begin_sight,
+)
+from aerial_il.suite.noise import gaussian
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.view import View
 
@@ -59,6 +72,18 @@ class Seen:
     def resume(self, mask: np.ndarray) -> None:
         """The same for those in ``mask`` whose state remembers nothing seen: one of a tier in which all is exact."""
         self.begin(mask & ~self.view.userdata[:, mem.PAST].any(axis=1))
+
+    def drawn(self, seed: int) -> dict[str, Any]:
+        """Biases of what is seen in the episode ``seed``, as plain values; empty where the truth is shown."""
+        if not self.perception.active:
+            return {}
+        sight, found = self.perception.sight[0], {}
+        found["seen_frame_bias_m"] = [float(sight["frame_bias"] * gaussian(seed, 0, FRAME + k)) for k in range(3)]
+        for which, name in enumerate(self.objects):
+            units = [float(gaussian(seed, which, OBJECT + k)) for k in range(6)]
+            found[f"seen_{name}_bias_m"] = [float(sight["position_bias"]) * unit for unit in units[:3]]
+            found[f"seen_{name}_bias_rad"] = [float(sight["angle_bias"]) * unit for unit in units[3:]]
+        return found
 
     def _sort_out(self, sight: np.ndarray) -> None:
         """Give each site, joint and mocap body its object, and its place among what is remembered."""

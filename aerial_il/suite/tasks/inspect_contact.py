@@ -13,7 +13,7 @@ from aerial_il.core.rotations import clip, closeness, column, dot, norm, scale, 
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pressing
-from aerial_il.suite.contact_sensors import GRIPPER, add_force_sensor
+from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, add_force_sensor
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.plate import SPOT_RADIUS_M, TRAVEL_M, add_plate
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
@@ -48,6 +48,11 @@ class InspectContact(Task):
     subtasks = ("over_spot", "square", "touching", "at_force", "still")
     names = Names(sites=("plate",))
     force_sensors = ("tool_force",)
+    privileged = (
+        ("tool_force", CONTACT_ALONE),
+        ("normal_force", "follows from `tool_force`, along the plate's normal as it is seen"),
+        ("slip", "counted from where the fingertips truly were when contact began"),
+    )
 
     def obstacle_to(self, robot: Robot) -> str | None:
         return obstacle_to_pressing(robot, FORCE_N)

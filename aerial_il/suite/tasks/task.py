@@ -8,7 +8,7 @@ needs lives in the simulator.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -66,7 +66,8 @@ class Task(ABC):
         needs_arm: a bare base cannot do it. needs_flight: a fixed base cannot do it.
         force_sensors: names of up to two force sensors whose readings the episode remembers, see ``View.force``.
         told: sites and mocap bodies of ``names`` that the user tells the robot, which need not see them: exact in
-            every tier. privileged: what no real robot has among the fields, and why, by the field's name.
+            every tier.
+        privileged: fields that no real robot has, each with the reason.
     """
 
     name: ClassVar[str]
@@ -80,7 +81,7 @@ class Task(ABC):
     force_sensors: ClassVar[tuple[str, ...]] = ()
     names: ClassVar[Names] = Names()
     told: ClassVar[tuple[str, ...]] = ()
-    privileged: ClassVar[Mapping[str, str]] = {}
+    privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels
