@@ -52,11 +52,12 @@ def test_the_same_seed_starts_alike_in_every_tier(tier: str) -> None:
 
 @each_component
 def test_a_component_alone_changes_the_flight_and_only_its_own_memory(component: str) -> None:
-    """Friction shows in contact only; the others show in the air."""
+    """Friction shows in contact only, estimation in what is observed; the others show in the air."""
     tier = f"calm+{component}"
     _, calm = flown("calm")
     _, disturbed = flown(tier)
-    assert np.array_equal(calm, disturbed) == (component in ("friction", "estimation"))
+    alike = np.allclose(calm, disturbed, rtol=0.0, atol=1e-12)  # the solver takes all contacts at once, and rounds
+    assert alike == (component in ("friction", "estimation"))
     worlds = batch(ROBOT, TASK, tier, "velocity")
     worlds.reset(SEEDS)
     userdata, model = worlds.simulation.view.userdata, worlds.model
