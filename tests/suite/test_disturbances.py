@@ -50,7 +50,8 @@ def test_a_component_alone_changes_the_flight_and_only_its_own_memory(component:
     tier = f"calm+{component}"
     _, calm = flown("calm")
     _, disturbed = flown(tier)
-    assert np.array_equal(calm, disturbed) == (component == "friction")
+    same = np.allclose(calm, disturbed, rtol=0.0, atol=1e-9)  # one solver for all contacts: rounding is shared
+    assert same == (component == "friction")
     worlds = batch(ROBOT, TASK, tier, "velocity")
     worlds.reset(SEEDS)
     userdata, model = worlds.simulation.view.userdata, worlds.model

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il.experts import insert_peg
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props import TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M
-from aerial_il.suite.tasks import insert_peg
 from tests.contract.registered import batch
 
 ROBOT = "fa_hexa_arm4"

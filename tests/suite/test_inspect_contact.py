@@ -7,19 +7,11 @@ import pytest
 
 import aerial_il
 from aerial_il.experts.expert import Expert
-from aerial_il.suite import memory
+from aerial_il.experts.inspect_contact import in_touch, normal, normal_force, slip, squareness
+from aerial_il.suite import measured, memory
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props.plate import MASS_KG, PRELOAD_N, STIFFNESS
-from aerial_il.suite.tasks.inspect_contact import (
-    FORCE_N,
-    SLIP_M,
-    InspectContact,
-    normal,
-    normal_force,
-    slip,
-    squareness,
-    touching,
-)
+from aerial_il.suite.tasks.inspect_contact import FORCE_N, SLIP_M, InspectContact
 from tests.contract.registered import batch
 
 CELL = ("fa_hexa_arm4", "inspect_contact")
@@ -34,7 +26,7 @@ def pressing() -> tuple[BatchEnvironment, Expert]:
     since = np.zeros(3)
     while (since < 40).any():
         worlds.step(expert.act({}))
-        since = np.where(touching(worlds.simulation.view), since + 1, 0)
+        since = np.where(in_touch(worlds.simulation.view), since + 1, 0)
     return worlds, expert
 
 
@@ -73,7 +65,7 @@ def test_an_oblique_tool_or_a_slipped_one_does_not_count(pressing: tuple[BatchEn
     for _ in range(40):
         worlds.step(action)
     assert squareness(view)[1] < np.cos(np.deg2rad(8.0))
-    assert worlds.simulation.task.solved(view)[[0, 1]].tolist() == [False, False]
+    assert measured.truth(worlds.simulation.task.kernels.solved)(view)[[0, 1]].tolist() == [False, False]
 
 
 def test_letting_go_forgets_the_contact_and_the_expert_begins_anew(pressing: tuple[BatchEnvironment, Expert]) -> None:
@@ -84,7 +76,7 @@ def test_letting_go_forgets_the_contact_and_the_expert_begins_anew(pressing: tup
     away[:, :3] += 0.08 * normal(view)
     for _ in range(60):
         obs = worlds.step(away).obs
-    assert not touching(view).any()
+    assert not in_touch(view).any()
     assert not obs["slip"].any()
     solved = np.zeros(3, bool)
     for _ in range(worlds.spec.max_steps):
