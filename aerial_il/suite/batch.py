@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.assessment import Judgement
+from aerial_il.suite.physics_model import physics_model
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.simulation import Simulation
-from aerial_il.suite.worlds import Worlds
+from aerial_il.suite.worlds import STATE, Worlds
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,9 @@ class BatchEnvironment:
         self.scenario, self.num_envs = scenario, num_envs
         self.ends_at_success = scenario.horizon is None
         self.model = scenario.compile()
-        self.simulation = Simulation(scenario, Worlds.many(self.model, num_envs), gains, num_threads)
+        worlds = Worlds.many(physics_model(self.model, scenario.xml), num_envs)
+        self.simulation = Simulation(scenario, worlds, gains, num_threads)
+        self._shown = mujoco.MjData(self.model)
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
         height, width = scenario.image_size
         self._images = {
@@ -154,7 +158,16 @@ class BatchEnvironment:
     def shoot(self, world: int, request: CameraRequest, height: int, width: int) -> np.ndarray:
         """Render one request of one world."""
         cameraman = self._cameramen.setdefault((height, width), Cameraman(self.model, height, width))
-        return cameraman.shoot(self.simulation.worlds.data(world), request)
+        return cameraman.shoot(self.data(world), request)
+
+    def data(self, world: int) -> mujoco.MjData:
+        """One world as an ``MjData`` of :attr:`model`, with all that eyes see; overwritten by the next call."""
+        worlds = self.simulation.worlds
+        state = np.empty(self.spec.state_size)
+        mujoco.mj_getState(worlds.model, worlds.data(world), state, STATE)
+        mujoco.mj_setState(self.model, self._shown, state, STATE)
+        mujoco.mj_forward(self.model, self._shown)
+        return self._shown
 
     def close(self) -> None:
         """Free graphics contexts and end threads."""
