@@ -37,6 +37,7 @@ def has_screen() -> bool:
 
 def show_live(env: Any, policy: Policy, first_seed: int) -> None:
     """Let ``policy`` fly seed after seed in world 0 of ``env``, a batch environment of one world, in a window."""
+
     def moments() -> Iterator[bool]:
         attach(policy, env)
         for seed in count(first_seed):

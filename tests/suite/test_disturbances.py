@@ -54,7 +54,7 @@ def test_a_component_alone_changes_the_flight_and_only_its_own_memory(component:
     assert same == (component == "friction")
     worlds = batch(ROBOT, TASK, tier, "velocity")
     worlds.reset(SEEDS)
-    userdata, model = worlds.simulation.view.userdata, worlds.model
+    userdata, model = worlds.simulation.view.userdata, worlds.simulation.worlds.model
     assert userdata[:, mem.WIND].any() == (component == "wind")
     assert userdata[:, mem.DELAY].any() == userdata[:, mem.QUEUE].any() == (component == "latency")
     own = [worlds.simulation.worlds.own_model(i) for i in range(3)]
