@@ -98,7 +98,7 @@ def pilot(
     policy = load_policy(source)
     spec = policy.spec
     if env is not None or (spec.is_outside and robot is None):
-        key, chosen = env or outside.key_of(spec), {**spec.options, **(options or {})}
+        key, chosen = env or outside.key_of(spec), {**outside.checked_options(spec), **(options or {})}
         if key is None:
             raise InvalidValueError(f"{source} was trained in an environment made by a caller; say env=KEY.")
         return Pilot(policy, spec.robot, spec.task, spec.action.level, _words(source, key, options), key, chosen)
@@ -109,23 +109,25 @@ def pilot(
     return Pilot(policy, robot, task, action, words, cameras=cameras, image_size=size)
 
 
-def pilots_of(policy: ChunkPolicy, source: str = "a policy in training") -> tuple[Pilot, ...]:
+def pilots_of(
+    policy: ChunkPolicy, source: str = "a policy in training", *, typed: str | None = None
+) -> tuple[Pilot, ...]:
     """Return a policy with the environment that it was trained in, once for each of its tasks.
 
     Args:
-        policy: what flies. source: its name in errors.
+        policy: what flies. source: its name in errors. typed: ``env=`` as the user typed it.
     """
     specs = (replace(policy.spec, task=task) for task in tasks_of(policy.spec))
-    return tuple(_pilot_in(spec, policy, source) for spec in specs)
+    return tuple(_pilot_in(spec, policy, source, typed) for spec in specs)
 
 
-def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str) -> Pilot:
+def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str, typed: str | None) -> Pilot:
     if spec.is_outside:
-        key = outside.key_of(spec)
+        key = outside.key_of(spec, typed=typed)
         if key is None:
             raise InvalidValueError(f"{source} learns in an environment made by a caller, which cannot be made again.")
         words = _words(source, key, None)
-        return Pilot(policy, spec.robot, spec.task, spec.action.level, words, key, dict(spec.options))
+        return Pilot(policy, spec.robot, spec.task, spec.action.level, words, key, outside.checked_options(spec))
     cameras, size = _sight(policy)
     return Pilot(policy, spec.robot, spec.task, spec.action.level, "", cameras=cameras, image_size=size)
 

@@ -145,7 +145,8 @@ def _trials(config: Config, algorithm: Any) -> Iterator[Trials | None]:
         return
     from aerial_il.cli.trials import Trials
 
-    with Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier).open() as trials:
+    flights = Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
+    with flights.open() as trials:
         yield trials
 
 

@@ -28,6 +28,7 @@ class Config:
     robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
     task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
     tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    env: str | None = key(None, "environment from outside, e.g. gymnasium:Hopper-v5 (null: the policy's own)")
     controller: Named = group("which law flies the base")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for the others)")
     seed: int | None = key(None, "of the flight, or which episode of a dataset (null: the first)")
@@ -82,6 +83,7 @@ def _show_flight(config: Config, viewer: str) -> None:
         robot=config.robot.name if config.robot else None,
         task=config.task.name if config.task else None,
         action=config.action,
+        env=config.env,
     )
     law, seed = config.controller.name, config.seed or 0
     env = pilot.environment(config.tier.name, num_envs=1, threads=1, controller=law)
