@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import aerial_il
+from aerial_il.cli import words
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
 from aerial_il.core.rendering import require_rendering
@@ -42,7 +43,7 @@ class Pilot:
     robot: str
     task: str
     action: str
-    words: str
+    words: tuple[str, ...]
     env: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     cameras: tuple[str, ...] = ()
@@ -91,8 +92,8 @@ def pilot(
         if robot is None or task is None:
             raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
         policy = aerial_il.expert(robot, task) if source == EXPERT else BASELINES[source]()
-        words = f"policy={source} robot={robot} task={task}" + (f" action={action}" if action else "")
-        return Pilot(policy, robot, task, action or DEFAULT_ACTION, words)
+        said = _cell_words(source, robot, task, action)
+        return Pilot(policy, robot, task, action or DEFAULT_ACTION, said)
     if found := find_lerobot(Path(source)):
         return _from_lerobot(source, found, robot=robot, task=task, action=action)
     policy = load_policy(source)
@@ -105,8 +106,8 @@ def pilot(
     if task is None and len(known := tasks_of(spec)) > 1:
         raise InvalidValueError(f"{source} flies several tasks, say which: task=... Valid: {', '.join(known)}.")
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
-    words, (cameras, size) = f"policy={source} robot={robot} task={task} action={action}", _sight(policy)
-    return Pilot(policy, robot, task, action, words, cameras=cameras, image_size=size)
+    said, (cameras, size) = _cell_words(source, robot, task, action), _sight(policy)
+    return Pilot(policy, robot, task, action, said, cameras=cameras, image_size=size)
 
 
 def pilots_of(
@@ -126,10 +127,10 @@ def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str, typed: str | None
         key = outside.key_of(spec, typed=typed)
         if key is None:
             raise InvalidValueError(f"{source} learns in an environment made by a caller, which cannot be made again.")
-        words = _words(source, key, None)
-        return Pilot(policy, spec.robot, spec.task, spec.action.level, words, key, outside.checked_options(spec))
+        said = _words(source, key, None)
+        return Pilot(policy, spec.robot, spec.task, spec.action.level, said, key, outside.checked_options(spec))
     cameras, size = _sight(policy)
-    return Pilot(policy, spec.robot, spec.task, spec.action.level, "", cameras=cameras, image_size=size)
+    return Pilot(policy, spec.robot, spec.task, spec.action.level, (), cameras=cameras, image_size=size)
 
 
 def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | None, action: str | None) -> Pilot:
@@ -143,9 +144,9 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
         raise InvalidValueError(f"{source} does not tell what it was trained on: say robot=... and task=... too.")
     if policy.cameras:
         require_rendering(f"a policy that sees {', '.join(policy.cameras)}")
-    words = f"policy={source} robot={robot} task={task} action={action}"
+    said = _cell_words(source, robot, task, action)
     sight = {"cameras": policy.cameras, "image_size": policy.image_size or IMAGE_SIZE}
-    return Pilot(policy, robot, task, action, words, **sight)
+    return Pilot(policy, robot, task, action, said, **sight)
 
 
 def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
@@ -207,6 +208,11 @@ def given(**options: Any) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _words(source: str, env: str, options: Mapping[str, Any] | None) -> str:
-    chosen = "".join(f" {name}={value}" for name, value in (options or {}).items())
-    return f"policy={source} env={env}{chosen}"
+def _words(source: str, env: str, options: Mapping[str, Any] | None) -> tuple[str, ...]:
+    chosen = (f"{name}={value}" for name, value in (options or {}).items())
+    return (words.path("policy", source), f"env={env}", *chosen)
+
+
+def _cell_words(source: str, robot: str, task: str, action: str | None) -> tuple[str, ...]:
+    chosen = (f"action={action}",) if action else ()
+    return (words.path("policy", source), f"robot={robot}", f"task={task}", *chosen)

@@ -11,8 +11,13 @@ Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from aerial_il.cli.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.quoting import command_line
+
+if TYPE_CHECKING:
+    from aerial_il.cli.flying import Pilot
 
 
 @dataclass
@@ -64,7 +69,7 @@ def run(config: Config) -> None:
             pilot.policy,
             seeds,
             policy_name=config.policy.path,
-            origin={"command": _command(config, pilot.words)},
+            origin={"command": _command(config, pilot)},
             progress=config.progress,
         )
         results.save(result, config.out, env=env, videos=config.videos)
@@ -75,7 +80,7 @@ def run(config: Config) -> None:
         print(f"Return {result.return_line()}")
 
 
-def _command(config: Config, pilot: str) -> str:
-    conditions = "" if " env=" in pilot else f"tier={config.tier.name} controller={config.controller.name} "
-    where = f"{conditions}episodes={config.episodes} seed={config.seed}"
-    return f"aerial-il evaluate {pilot} {where} out={config.out}"
+def _command(config: Config, pilot: Pilot) -> str:
+    ours = () if pilot.env else (f"tier={config.tier.name}", f"controller={config.controller.name}")
+    flown = (*ours, f"episodes={config.episodes}", f"seed={config.seed}", f"out={config.out}")
+    return command_line(["evaluate", *pilot.words, *flown])

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.cli.keys import Located, Named, TierName, at_least, check_choices, group, key, path
+from aerial_il.cli.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 VIEWS = "runs/views"
@@ -97,7 +98,7 @@ def _show_flight(config: Config, viewer: str) -> None:
         )
         file = out.with_suffix(".mcap")
         episode = flying.record(env, pilot.policy, seed, file, name=config.policy.path)
-        again = f"aerial-il view {pilot.words} tier={config.tier.name} controller={law} seed={seed}"
+        again = command_line(["view", *pilot.words, f"tier={config.tier.name}", f"controller={law}", f"seed={seed}"])
         _present(config, viewer, episode, file, out, env=env, again=again)
     finally:
         env.close()
@@ -115,7 +116,7 @@ def _show_recording(config: Config, viewer: str, file: Path) -> None:
         return
     env = _same_scene(episode)
     try:
-        again = f"aerial-il view recording={file}"
+        again = command_line(["view", f"recording={file}"])
         _present(config, viewer, episode, file, _out(config, viewer, file.stem), env=env, again=again)
     finally:
         if env is not None:
@@ -172,7 +173,8 @@ def _page(config: Config, episode: Any, file: Path, out: Path, flags: Any, again
         notes.append("The scene has changed since this was recorded: its sub-tasks cannot be judged.")
     for note in notes:
         print(note)
-    commands = [again, f"aerial-il view recording={file} viewer=rerun", f"aerial-il replay {file}"]
+    seen = command_line(["view", f"recording={file}", "viewer=rerun"])
+    commands = [again, seen, command_line(["replay", f"path={file}"])]
     with TemporaryDirectory() as folder:
         film = None if problem else Path(folder) / "film.mp4"
         if film:
