@@ -128,12 +128,21 @@ def _open_files(path: Path, files: Sequence[Path], cameras: Cameras) -> Dataset:
 
 
 def altered_files(path: str | os.PathLike[str]) -> list[Path]:
-    """Return the files of a dataset folder whose SHA-256 differs from the index."""
-    folder = DatasetFolder(path)
-    index = folder.read_index()
-    return [
-        file
-        for kind in (DEMOS, FAILURES)
-        for file in folder.files(kind)
-        if index.get(kind, {}).get(file.stem, sha256_of(file)) != sha256_of(file)
-    ]
+    """Return the recordings whose SHA-256 differs from the index of their dataset folder.
+
+    Args:
+        path: a dataset folder, a folder of such folders, or one recording, judged by the index of the folder it lies in.
+    """
+    path = Path(path)
+    if path.is_file():
+        home = path.resolve().parent
+        return [path] if path.resolve() in _altered(DatasetFolder(home.parent), home.name, path.stem) else []
+    folders = [DatasetFolder(index.parent) for index in (path / INDEX, *sorted(path.glob(f"*/{INDEX}")))]
+    return [file for folder in folders for kind in (DEMOS, FAILURES) for file in _altered(folder, kind)]
+
+
+def _altered(folder: DatasetFolder, kind: str, uid: str = "*") -> list[Path]:
+    """Return the files of a kind, or that of one episode, which are not what the folder's index lists."""
+    listed = folder.read_index().get(kind, {})
+    files = [file for file in folder.files(kind) if uid in ("*", file.stem)]
+    return [file for file in files if listed.get(file.stem, digest := sha256_of(file)) != digest]
