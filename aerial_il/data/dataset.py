@@ -131,7 +131,7 @@ def altered_files(path: str | os.PathLike[str]) -> list[Path]:
     """Return the recordings whose SHA-256 differs from the index of their dataset folder.
 
     Args:
-        path: a dataset folder, a folder of such folders, or one recording, judged by the index of the folder it lies in.
+        path: a dataset folder, a folder of such folders, or one recording, judged by the index where it lies.
     """
     path = Path(path)
     if path.is_file():

@@ -15,8 +15,8 @@ QUIET = "progress=false"
 @pytest.fixture
 def demos(tmp_path: Path) -> Path:
     words = ["env=gymnasium:CartPole-v1", "policy=random", "success=survived", "max_steps=3", "episodes=2"]
-    assert main(["collect", *words, f"out={tmp_path / 'all' / 'demos'}", QUIET]) == 0
-    return tmp_path / "all" / "demos"
+    assert main(["collect", *words, f"out={tmp_path / 'all' / 'flown'}", QUIET]) == 0
+    return tmp_path / "all" / "flown"
 
 
 def test_a_sound_file_is_sound_wherever_it_lies(demos: Path, tmp_path: Path) -> None:

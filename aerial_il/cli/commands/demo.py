@@ -104,6 +104,7 @@ def _evaluate(config: Config, training: Path, judged: Path) -> evaluate.Config:
         out=str(judged),
         episodes=config.evaluation_episodes,
         seed=config.evaluation_seed,
+        overwrite=True,
         progress=config.progress,
     )
 
