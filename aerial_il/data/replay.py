@@ -11,6 +11,7 @@ import numpy as np
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
+from aerial_il.data.provenance import engine_of
 
 
 def replay(env: Any, episode: Episode, *, starts: Sequence[int] = (0,), path: str | os.PathLike[str] = "") -> int:
@@ -94,6 +95,10 @@ def _compare_outcome(result: Any, episode: Episode, current: np.ndarray, active:
 def _check_same(env: Any, episode: Episode, path: str) -> None:
     if not episode.states.size:
         raise DemoError(path, "holds no simulator states and cannot be replayed.")
+    ours, recorded = getattr(env, "engine", None), engine_of(episode.provenance)
+    if ours is not None and recorded != ours:
+        hint = "Its bits cannot come again. It may still be trained on, converted and viewed."
+        raise DemoError(path, "was flown with another version of the engine.", expected=ours, got=recorded, hint=hint)
     if differing := env.spec.differences(episode.spec, ignore=()):
         raise DemoError(path, f"was flown in another environment: {'; '.join(differing[:3])}.")
     recorded = str(episode.provenance.get("mujoco", mujoco.__version__))
