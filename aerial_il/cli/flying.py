@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -24,11 +25,13 @@ from aerial_il.experts.outside import load_expert
 from aerial_il.policies import find_lerobot, load_policy
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
+from aerial_il.suite.changes import tier_note
 from aerial_il.suite.outside.processes import processes_for
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
+log = logging.getLogger(__name__)
 EXPERT = "expert"
 DEFAULT_ACTION, DEFAULT_CONTROLLER = "ee_pose", "geometric_observer"
 SEEDS_TRIED = 3
@@ -98,6 +101,8 @@ def pilot(
         return _from_lerobot(source, found, robot=robot, task=task, action=action)
     policy = load_policy(source)
     spec = policy.spec
+    if note := tier_note(spec):
+        log.warning("%s: %s It was trained under the older one.", source, note)
     if env is not None or (spec.is_outside and robot is None):
         key, chosen = env or outside.key_of(spec), {**outside.checked_options(spec), **(options or {})}
         if key is None:

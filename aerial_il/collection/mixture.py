@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import KINDS, DatasetFolder
-from aerial_il.data.provenance import conditions_of
+from aerial_il.data.provenance import conditions_of, made_by
 from aerial_il.data.reader import read_episode
-
-_UID = re.compile(r".*-\d{6,}-([0-9a-f]{8})")
 
 
 def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]) -> None:
@@ -27,7 +24,7 @@ def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]
         InvalidValueError: no flight there was made like it; names what differs.
     """
     there = _one_of_each(folder)
-    if not there or _digest(uid) in there:
+    if not there or made_by(uid) in there:
         return
     mine = conditions_of(provenance)
     differing = [_differences(conditions_of(read_episode(file).provenance), mine) for file in there.values()]
@@ -40,12 +37,7 @@ def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]
 
 def _one_of_each(folder: DatasetFolder) -> dict[str, Path]:
     """Return digest -> a recording, for every way in which the flights of a dataset were made."""
-    return {_digest(file.stem): file for kind in KINDS for file in folder.files(kind) if _digest(file.stem)}
-
-
-def _digest(uid: str) -> str:
-    found = _UID.fullmatch(uid)
-    return found[1] if found else ""
+    return {made_by(file.stem): file for kind in KINDS for file in folder.files(kind) if made_by(file.stem)}
 
 
 def _differences(there: Mapping[str, Any], mine: Mapping[str, Any]) -> list[str]:

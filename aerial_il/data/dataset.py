@@ -11,6 +11,7 @@ from aerial_il.core.files import sha256_of
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
+from aerial_il.data.provenance import made_by
 from aerial_il.data.reader import read_episode
 
 Cameras = bool | Sequence[str]
@@ -62,6 +63,11 @@ class Dataset:
         for part in self.parts:
             found.setdefault(part.spec.task, {}).update(part._loaders)
         return [Dataset(self.path, loaders) for loaders in found.values()]
+
+    def one_of_each(self) -> list[Episode]:
+        """Return an episode for every way in which those of the dataset, by their names, were made."""
+        found = {(id(part), made_by(uid)): part._loaders[uid] for part in self.parts for uid in reversed(part.uids)}
+        return [load() for load in found.values()]
 
     def only(self, uids: Iterable[str]) -> Dataset:
         """Return the dataset of some of the episodes, in the order of ``uids``."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 
 RNG = "PCG64(SeedSequence(sha256('robot/task/purpose'), seed))"
+_UID = re.compile(r".*-\d{6,}-([0-9a-f]{8})")
 FIRST_ENGINE = "1"  # of recordings of the suite that do not name theirs
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
@@ -74,6 +76,12 @@ def episode_provenance(
         "model_sha256": hashlib.sha256(model_xml.encode()).hexdigest(),
         **provenance(),
     }
+
+
+def made_by(uid: str) -> str:
+    """Return the digest by which an episode's name tells how it was made apart from its seed; empty for other names."""
+    found = _UID.fullmatch(uid)
+    return found[1] if found else ""
 
 
 def engine_of(provenance: Mapping[str, Any]) -> str:

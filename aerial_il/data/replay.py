@@ -37,6 +37,17 @@ def replay(env: Any, episode: Episode, *, starts: Sequence[int] = (0,), path: st
     return compared
 
 
+def check_engine(engine: str | None, episode: Episode, path: str) -> None:
+    """Raise :class:`DemoError` if a recording was flown with another version of the suite's engine than ``engine``.
+
+    None stands for an environment that is not the suite's.
+    """
+    recorded = engine_of(episode.provenance)
+    if engine is not None and not episode.spec.is_outside and recorded != engine:
+        hint = "Its bits cannot come again. It may still be trained on, converted and viewed."
+        raise DemoError(path, "was flown with another version of the engine.", expected=engine, got=recorded, hint=hint)
+
+
 def _replay_some(env: Any, episode: Episode, starts: np.ndarray, path: str) -> int:
     """Replay from at most n starts at once, each in its own world."""
     if starts.size and not (starts.min() >= 0 and starts.max() < len(episode)):
@@ -95,10 +106,7 @@ def _compare_outcome(result: Any, episode: Episode, current: np.ndarray, active:
 def _check_same(env: Any, episode: Episode, path: str) -> None:
     if not episode.states.size:
         raise DemoError(path, "holds no simulator states and cannot be replayed.")
-    ours, recorded = getattr(env, "engine", None), engine_of(episode.provenance)
-    if ours is not None and recorded != ours:
-        hint = "Its bits cannot come again. It may still be trained on, converted and viewed."
-        raise DemoError(path, "was flown with another version of the engine.", expected=ours, got=recorded, hint=hint)
+    check_engine(getattr(env, "engine", None), episode, path)
     if differing := env.spec.differences(episode.spec, ignore=()):
         raise DemoError(path, f"was flown in another environment: {'; '.join(differing[:3])}.")
     recorded = str(episode.provenance.get("mujoco", mujoco.__version__))

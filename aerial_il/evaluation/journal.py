@@ -90,10 +90,9 @@ class Journal:
         try:
             with np.load(file, allow_pickle=False) as arrays:
                 told = json.loads(arrays["told"].tobytes())
-                parts = (arrays.get(name) for name in ("ee_path", "actions", "phase"))
-                return Kept(
-                    EpisodeRecord.from_dict(told["record"]), Flight(*parts, tuple(told["phase_names"])), told["wall_s"]
-                )
+                shown = {name: arrays[name] for name in ("ee_path", "actions", "phase") if name in arrays}
+                flight = Flight(**shown, phase_names=tuple(told["phase_names"]))
+                return Kept(EpisodeRecord.from_dict(told["record"]), flight, told["wall_s"])
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
             log.warning("%s cannot be read (%s); its seed is flown anew.", file, error)
             return None

@@ -131,6 +131,7 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
         if place.options:
             raise InvalidValueError(f"{path} says how its environment is made: leave out {', '.join(place.options)}.")
         data.check_origin(path, place.expected)
+        data.warn_of_changes(path)
         return data.demonstrations(path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm)
     if not getattr(algorithm, "rewarded", False):
         name = type(algorithm).__module__.rpartition(".")[2]
