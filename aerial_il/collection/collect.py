@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from aerial_il.collection.mixture import check_unmixed
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.provenance import provenance
@@ -64,6 +65,7 @@ def collect(
     policy_name: str = "expert",
     settings: Mapping[str, Any] | None = None,
     expert: Policy | None = None,
+    mix: bool = False,
     progress: bool = True,
 ) -> Collection:
     """Record one episode for each seed that ``out`` does not hold yet.
@@ -82,18 +84,22 @@ def collect(
         policy_name: who flies, for the provenance; part of what makes two episodes the same.
         settings: plain values that change the flight, e.g. the expert's noise; likewise.
         expert: labels each observation with what it would do, while ``policy`` flies.
+        mix: whether flights of another tier, flight law, pilot or with other settings may join those of ``out``.
         progress: show a progress bar, and in the end a summary.
 
     Raises:
         SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
         StorageError: the disk is full or the folder not writable; finished episodes are intact.
-        InvalidValueError: seeds repeat, or ``out`` holds episodes of another environment.
+        InvalidValueError: seeds repeat, or ``out`` holds episodes of another environment, or, without ``mix``, some
+            that were made otherwise.
     """
     seeds = _checked(seeds)
     folder = DatasetFolder(out)
     folder.claim(env.spec)
-    folder.keep_model(env.model_xml)
     flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}))
+    if not mix:
+        check_unmixed(folder, flight.uid(seeds[0]), flight.origin(seeds[0]))
+    folder.keep_model(env.model_xml)
     with (
         _accounted(flight, seeds, progress),
         tqdm(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
@@ -127,6 +133,24 @@ class _Flight:
         self._seeds = np.zeros(env.num_envs, np.int64)
         self._steps = np.zeros(env.num_envs, np.int64)
 
+    def uid(self, seed: int) -> str:
+        """Return the name of the episode of ``seed``."""
+        engine = getattr(self.env, "engine", None)
+        return episode_uid(self.env.spec, seed=seed, policy=self._name, settings=self._settings, engine=engine)
+
+    def origin(self, seed: int) -> dict[str, Any]:
+        """Return where the episode of ``seed`` comes from."""
+        return episode_provenance(
+            self.env.spec,
+            seed=seed,
+            policy=self._name,
+            settings=self._settings,
+            model_xml=self.env.model_xml,
+            phases=tuple(getattr(self.policy, "phase_names", ())),
+            drawn=self.env.drawn(seed) if hasattr(self.env, "drawn") else None,
+            engine=getattr(self.env, "engine", None),
+        )
+
     def fly(self, seeds: Iterable[int]) -> Iterator[None]:
         """Fly all ``seeds``; yield whenever the result has changed."""
         waiting = deque(seeds)
@@ -154,7 +178,7 @@ class _Flight:
         for world in np.flatnonzero(free):
             while waiting and not launched[world]:
                 seed = waiting.popleft()
-                uid = episode_uid(self.env.spec, seed=seed, policy=self._name, settings=self._settings)
+                uid = self.uid(seed)
                 if writer := self._open(uid, seed):
                     self.recorder.begin(int(world), writer)
                     self._uids[world], self._seeds[world], self._steps[world] = uid, seed, 0
@@ -165,18 +189,10 @@ class _Flight:
         if self.folder.find(uid):
             self.result.skipped.append(seed)
             return None
-        origin = episode_provenance(
-            self.env.spec,
-            seed=seed,
-            policy=self._name,
-            settings=self._settings,
-            model_xml=self.env.model_xml,
-            phases=tuple(getattr(self.policy, "phase_names", ())),
-            drawn=self.env.drawn(seed) if hasattr(self.env, "drawn") else None,
-        )
+        origin, scene = self.origin(seed), self.env.model_xml
         try:
             return EpisodeWriter(
-                self.folder.file(uid), self.recorder.layout, uid=uid, provenance=origin, model_xml=self.env.model_xml
+                self.folder.file(uid), self.recorder.layout, uid=uid, provenance=origin, model_xml=scene
             )
         except BusyError:
             self.result.busy.append(seed)

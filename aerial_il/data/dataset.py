@@ -11,6 +11,7 @@ from aerial_il.core.files import sha256_of
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
+from aerial_il.data.provenance import made_by
 from aerial_il.data.reader import read_episode
 
 Cameras = bool | Sequence[str]
@@ -62,6 +63,11 @@ class Dataset:
         for part in self.parts:
             found.setdefault(part.spec.task, {}).update(part._loaders)
         return [Dataset(self.path, loaders) for loaders in found.values()]
+
+    def one_of_each(self) -> list[Episode]:
+        """Return an episode for every way in which those of the dataset, by their names, were made."""
+        found = {(id(part), made_by(uid)): part._loaders[uid] for part in self.parts for uid in reversed(part.uids)}
+        return [load() for load in found.values()]
 
     def only(self, uids: Iterable[str]) -> Dataset:
         """Return the dataset of some of the episodes, in the order of ``uids``."""
@@ -128,12 +134,21 @@ def _open_files(path: Path, files: Sequence[Path], cameras: Cameras) -> Dataset:
 
 
 def altered_files(path: str | os.PathLike[str]) -> list[Path]:
-    """Return the files of a dataset folder whose SHA-256 differs from the index."""
-    folder = DatasetFolder(path)
-    index = folder.read_index()
-    return [
-        file
-        for kind in (DEMOS, FAILURES)
-        for file in folder.files(kind)
-        if index.get(kind, {}).get(file.stem, sha256_of(file)) != sha256_of(file)
-    ]
+    """Return the recordings whose SHA-256 differs from the index of their dataset folder.
+
+    Args:
+        path: a dataset folder, a folder of such folders, or one recording, judged by the index where it lies.
+    """
+    path = Path(path)
+    if path.is_file():
+        home = path.resolve().parent
+        return [path] if path.resolve() in _altered(DatasetFolder(home.parent), home.name, path.stem) else []
+    folders = [DatasetFolder(index.parent) for index in (path / INDEX, *sorted(path.glob(f"*/{INDEX}")))]
+    return [file for folder in folders for kind in (DEMOS, FAILURES) for file in _altered(folder, kind)]
+
+
+def _altered(folder: DatasetFolder, kind: str, uid: str = "*") -> list[Path]:
+    """Return the files of a kind, or that of one episode, which are not what the folder's index lists."""
+    listed = folder.read_index().get(kind, {})
+    files = [file for file in folder.files(kind) if uid in ("*", file.stem)]
+    return [file for file in files if listed.get(file.stem, digest := sha256_of(file)) != digest]

@@ -12,6 +12,7 @@ from aerial_il.control.vehicle import Gains
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.assessment import Judgement
+from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.physics_model import physics_model
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
@@ -42,11 +43,13 @@ class BatchEnvironment:
     The environment does not end an episode on success and does not reset by itself: whoever runs it decides, per world.
 
     Attributes:
-        ends_at_success: whether it should.
+        ends_at_success: whether it should. engine: version of what simulates.
 
     Args:
         scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
     """
+
+    engine = ENGINE
 
     def __init__(self, scenario: Scenario, num_envs: int, num_threads: int = 0, gains: Gains | None = None) -> None:
         if num_envs < 1:
