@@ -19,7 +19,7 @@ ALIGNED_M, ALIGNED_COS = 0.015, np.cos(np.deg2rad(4.0))  # off the spot and off 
 LOST_ALIGNMENT_M = 0.035
 NOISE_WHILE_PRESSING = 0.2  # a newton or so
 SLIPPED_M = 0.018  # then the contact is better begun anew
-AIM_N = 5.4  # to get 5: the loop has no integral part, so that it depends on the present alone
+AIM_N = 5.9  # to get 5: the loop has no integral part, so that it depends on the present alone
 COMPLIANCE_M_N = 0.012  # of the admittance: depth added per newton that is missing
 
 normal, slip = measured.vector(inspect_contact.normal), measured.vector(inspect_contact.slip)

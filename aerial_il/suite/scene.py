@@ -10,6 +10,7 @@ from aerial_il.robots.parts.collision import WORLD
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.contact_sensors import add_contact_sensor
 from aerial_il.suite.memory import USERDATA_SIZE
+from aerial_il.suite.props.contact import HARD
 from aerial_il.suite.tasks.task import Task
 
 PHYSICS_DT_S = 0.004
@@ -80,7 +81,7 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
     material = spec.add_material(name="grid", texrepeat=[4, 4], texuniform=True, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     plane = mujoco.mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(name="ground", type=plane, size=GROUND_M, material="grid", **WORLD)
+    spec.worldbody.add_geom(name="ground", type=plane, size=GROUND_M, material="grid", **WORLD, **HARD)
     sun = spec.worldbody.add_light(name="sun", pos=[1, -2, 4], dir=[-0.3, 0.5, -1], castshadow=False)
     sun.type, sun.diffuse, sun.specular = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, [0.45] * 3, [0.1] * 3
 
