@@ -124,7 +124,7 @@ def _salvage(source: Path, contents: Contents, layout: Layout) -> tuple[Messages
         if steps < 2:
             raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=steps)
         for channel in (*layout.observed, *layout.acted, *layout.cameras):
-            del contents.messages[channel.channel][steps:]
+            contents.messages[channel.channel] = contents.messages[channel.channel].first(steps)
         messages, success = read_whole_steps(report, contents, layout, steps), False
         messages.block["truncated"] = messages.block["truncated"].copy()
         messages.block["truncated"][-1] = not messages.block["terminated"][-1]

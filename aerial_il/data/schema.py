@@ -104,6 +104,12 @@ class Topic:
         head["opcode"], head["length"], head["channel"] = MESSAGE_OPCODE, MESSAGE_HEAD_SIZE + len(body), self.channel
         return head.tobytes() + body
 
+    @cached_property
+    def constant_mask(self) -> np.ndarray:
+        """(size,) uint8: 255 for the bytes of a record that are the same in every message, its head left out."""
+        mask = np.concatenate([np.zeros(RECORD_HEAD_SIZE, bool), self.template.constant_mask])
+        return np.where(mask, 255, 0).astype(np.uint8)
+
 
 @dataclass(frozen=True)
 class Camera:
