@@ -11,8 +11,9 @@ its next episode when the last one has its name.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import LifoQueue
@@ -161,7 +162,8 @@ class Recorder:
 
 
 def _append(writer: EpisodeWriter, block: np.ndarray, count: int, pictures: Pictures) -> None:
-    writer.append(block[:count], _encoded(pictures, slice(count)))
+    with _closed_on_failure(writer):
+        writer.append(block[:count], _encoded(pictures, slice(count)))
 
 
 def _finish(
@@ -170,9 +172,19 @@ def _finish(
     """Append ``count`` steps and end with the observation that follows them."""
     if count:
         _append(writer, block, count, pictures)
-    last = _encoded(pictures, slice(count, None))
-    done = writer.finish(block[count : count + 1], last, success=success, path=path)
+    with _closed_on_failure(writer):
+        last = _encoded(pictures, slice(count, None))
+        done = writer.finish(block[count : count + 1], last, success=success, path=path)
     return Recorded(done, writer.sha256)
+
+
+@contextmanager
+def _closed_on_failure(writer: EpisodeWriter) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        writer.abandon()
+        raise
 
 
 def _encoded(pictures: Pictures, which: slice) -> dict[str, list[bytes]]:
