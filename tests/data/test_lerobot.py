@@ -106,7 +106,7 @@ def test_files_are_split_where_lerobot_splits_them(
     create = dataset_metadata.create_empty_dataset_info
 
     def small(*args: object) -> object:
-        return create(*args[:6], 0.03, *args[7:])
+        return create(*args[:6], 0.01, *args[7:])
 
     monkeypatch.setattr(dataset_metadata, "create_empty_dataset_info", small)
     episodes = open_dataset(folder.path)
