@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
 from pathlib import Path
 
 from aerial_il.core.errors import DemoError
@@ -13,6 +16,8 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
 from aerial_il.data.provenance import made_by
 from aerial_il.data.reader import read_episode
+
+AHEAD = 2  # episodes that are read while another one is used
 
 Cameras = bool | Sequence[str]
 COLLECT = "Record some with: aerial-il collect robot=R task=T episodes=100 out={}"
@@ -44,7 +49,14 @@ class Dataset:
         return len(self._loaders)
 
     def __iter__(self) -> Iterator[Episode]:
-        return (load() for load in self._loaders.values())
+        """Yield the episodes in order; while one is used, threads read the next ones."""
+        with ThreadPoolExecutor(AHEAD) as pool:
+            loaders, ahead = iter(self._loaders.values()), deque[Future[Episode]]()
+            ahead.extend(pool.submit(load) for load in islice(loaders, AHEAD))
+            while ahead:
+                episode = ahead.popleft().result()
+                ahead.extend(pool.submit(load) for load in islice(loaders, 1))
+                yield episode
 
     def __getitem__(self, key: int | str) -> Episode:
         """Read one episode by index or uid."""

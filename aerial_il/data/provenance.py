@@ -6,6 +6,8 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -19,63 +21,72 @@ FIRST_ENGINE = "1"  # of recordings of the suite that do not name theirs
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
 
-def episode_uid(
-    spec: EnvSpec, *, seed: int, policy: str, settings: Mapping[str, Any], engine: str | None = None
-) -> str:
-    """Return the name of the episode that ``policy`` flies with ``seed``.
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """What the episodes of one collection have in common.
 
-    It ends in a digest of the specification, the policy, its settings and the engine, so that datasets can be merged
-    and a collection knows what it has flown already.
-    """
-    made = [spec.to_dict(), policy, settings, *([engine] if engine else [])]
-    origin = json.dumps(made, sort_keys=True)
-    digest = hashlib.sha256(origin.encode()).hexdigest()[:8]
-    return f"{spec.robot}-{spec.task}-{spec.tier}-{seed:06d}-{digest}".replace("/", "_")
-
-
-def episode_provenance(
-    spec: EnvSpec,
-    *,
-    seed: int,
-    policy: str,
-    settings: Mapping[str, Any],
-    model_xml: str,
-    phases: tuple[str, ...] = (),
-    drawn: Mapping[str, Any] | None = None,
-    engine: str | None = None,
-) -> dict[str, Any]:
-    """Return where an episode comes from, as JSON values; equal for equal flights.
-
-    Args:
+    Attributes:
         spec: the environment.
-        seed: the episode's seed.
-        policy: who flew: ``expert``, an operator, or a policy's folder.
+        policy: who flies: ``expert``, an operator, or a policy's folder.
         settings: whatever else was configured, e.g. the expert's noise.
         model_xml: the compiled scene.
         phases: names of the expert's phases.
-        drawn: what the tier's disturbances are in this episode.
         engine: version of the suite's simulation engine; None for an environment from outside.
     """
-    return {
-        **({"engine": engine} if engine else {}),
-        "robot": spec.robot,
-        "task": spec.task,
-        "tier": spec.tier,
-        "disturbances": dict(spec.disturbances),
-        "drawn": dict(drawn or {}),
-        "seed": seed,
-        "rng": RNG,
-        "policy": policy,
-        "settings": dict(settings),
-        "phases": list(phases),
-        "action_level": spec.action.level,
-        "controller": spec.controller,
-        "control_dt_s": spec.control_dt_s,
-        "state": STATE,
-        "mujoco": mujoco.__version__,
-        "model_sha256": hashlib.sha256(model_xml.encode()).hexdigest(),
-        **provenance(),
-    }
+
+    spec: EnvSpec
+    policy: str
+    settings: Mapping[str, Any]
+    model_xml: str
+    phases: tuple[str, ...] = ()
+    engine: str | None = None
+
+    def uid(self, seed: int) -> str:
+        """Return the name of the episode that is flown with ``seed``.
+
+        It ends in a digest of the specification, the policy, its settings and the engine, so that datasets can be merged
+        and a collection knows what it has flown already.
+        """
+        spec = self.spec
+        return f"{spec.robot}-{spec.task}-{spec.tier}-{seed:06d}-{self._digest}".replace("/", "_")
+
+    def provenance(self, seed: int, drawn: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Return where an episode comes from, as JSON values; equal for equal flights.
+
+        Args:
+            seed: the episode's seed.
+            drawn: what the tier's disturbances are in this episode.
+        """
+        return {**self._common, "drawn": dict(drawn or {}), "seed": seed}
+
+    @cached_property
+    def _digest(self) -> str:
+        made = [self.spec.to_dict(), self.policy, self.settings, *([self.engine] if self.engine else [])]
+        return hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest()[:8]
+
+    @cached_property
+    def _common(self) -> dict[str, Any]:
+        spec = self.spec
+        return {
+            **({"engine": self.engine} if self.engine else {}),
+            "robot": spec.robot,
+            "task": spec.task,
+            "tier": spec.tier,
+            "disturbances": dict(spec.disturbances),
+            "drawn": {},
+            "seed": -1,
+            "rng": RNG,
+            "policy": self.policy,
+            "settings": dict(self.settings),
+            "phases": list(self.phases),
+            "action_level": spec.action.level,
+            "controller": spec.controller,
+            "control_dt_s": spec.control_dt_s,
+            "state": STATE,
+            "mujoco": mujoco.__version__,
+            "model_sha256": hashlib.sha256(self.model_xml.encode()).hexdigest(),
+            **provenance(),
+        }
 
 
 def made_by(uid: str) -> str:
