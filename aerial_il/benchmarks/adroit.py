@@ -43,9 +43,11 @@ MANY = 100
 SCORES = {"door": 103.0, "relocate": 88.0}  # of cloning from 100 demonstrations
 FEW_SUCCESS_PERCENT = 62.0  # 31 of 50: a perceptron on 25 demonstrations of relocate
 HORIZON = 200  # steps of every episode
-FREE = ("tasks", "few", "clean", "seeds", "policies", "training", "interactive", "data", "num_envs")
 CHUNKED = ("act", "diffusion", "flow")
 EXPERT, CLONED, OWN_RETURNS = "expert", "bc", "own_returns.json"
+LONGER = "bc_as_many_steps"  # cloning with the optimisation steps of classic DAgger
+DAGGER, THRIFTY = "dagger", "thrifty"
+AS_GOOD_POINTS = -5.0  # the most that a difference in success may be worth, at the lower end of its interval
 NOTES = (
     "Success: the goal is held in more than 25 of 200 steps (DAPG). Score: 100 · (return − random) / (expert − random) "
     "with D4RL's reference returns (d4rl/infos.py): door −56.512833 and 2880.5693087, relocate −6.425911 and "
@@ -55,13 +57,16 @@ NOTES = (
     "term is taken off in each step. The column own_return has what the environment itself paid.",
     "Demonstrations are flown by the experts of DAPG as they were trained, drawing their actions, except where "
     "noise-free is said, which flies their mean. Learners see the action that was flown, never the mean beside it.",
-    "Each number of demonstrations takes the first ones of one collection, so that larger sets contain the smaller.",
+    "Trainings of an arm differ in their draw: in demonstrations (flown with other seeds), weights and minibatches. Of "
+    "each draw, each number of demonstrations takes the first ones, so that larger sets contain the smaller.",
+    f"{LONGER}: cloning with as many optimisation steps as DAgger takes over all its rounds; ThriftyDAgger takes more, "
+    "for it has more rounds; train_steps tells how many.",
     "Queries: steps at which a flying learner had the expert's action; labelled steps has the first demonstrations, "
     "too. ThriftyDAgger flies more often than DAgger, because a flight of its learner costs nobody anything; the ten "
     "flights alone before each of its rounds are not counted among its own.",
-    "The final policy of each training is judged, on the same fixed seeds. Success is pooled over the training seeds "
-    "(Wilson, 95 %); the interval of the score is a bootstrap over all episodes. Neither covers the spread between "
-    "training seeds, which the table of single trainings shows.",
+    "The final policy of each training is judged, on the same fixed seeds. Low and high: over the flights of these very "
+    "policies, of success Wilson's 95 % interval, of the score a bootstrap. Trainings: Student's 95 % interval with a "
+    "training as the unit.",
 )
 
 
