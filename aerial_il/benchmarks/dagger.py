@@ -34,6 +34,7 @@ from aerial_il.benchmarks.parts.stages import (
     Stages,
     check_seeds,
     described,
+    steps_of,
     without_cadence,
 )
 from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
@@ -87,8 +88,8 @@ class Asked:
 
     @property
     def steps(self) -> int:
-        """Optimisation steps of all rounds: the first and the last in full, those between shorter."""
-        return 2 * self.algorithm.training.steps + (self.algorithm.rounds - 1) * self.algorithm.between_steps
+        """Optimisation steps of all rounds."""
+        return steps_of(self.algorithm)
 
     def decided_by(self) -> dict[str, Any]:
         return {

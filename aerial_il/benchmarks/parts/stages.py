@@ -14,6 +14,7 @@ from typing import Any, Protocol
 
 import aerial_il
 from aerial_il.algorithms.bc import CADENCE, BehaviourCloning
+from aerial_il.algorithms.parts.interactive import Interactive
 from aerial_il.algorithms.parts.rounds import plain
 from aerial_il.algorithms.parts.run_folder import METRICS, PROVENANCE, read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, collections, first, gather
@@ -191,6 +192,13 @@ def without_cadence(settings: Any) -> dict[str, Any]:
         return {k: kept(v) for k, v in tree.items() if k not in CADENCE} if isinstance(tree, dict) else tree
 
     return kept(plain(settings))
+
+
+def steps_of(algorithm: BehaviourCloning | Interactive) -> int:
+    """Return the optimisation steps of all rounds: the first and the last in full, those between shorter."""
+    if isinstance(algorithm, BehaviourCloning):
+        return algorithm.steps
+    return 2 * algorithm.training.steps + (algorithm.rounds - 1) * algorithm.between_steps
 
 
 def check_seeds(first_episode: int, episodes: int) -> None:
