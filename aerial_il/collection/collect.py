@@ -19,7 +19,7 @@ from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, St
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
-from aerial_il.data.provenance import episode_provenance, episode_uid
+from aerial_il.data.provenance import DROPPED, episode_provenance, episode_uid
 from aerial_il.data.recorder import Recorder
 from aerial_il.data.writer import BusyError, EpisodeWriter
 
@@ -68,9 +68,9 @@ def collect(
 ) -> Collection:
     """Record one episode for each seed that ``out`` does not hold yet.
 
-    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash or the time limit.
-    Successes go to ``demos/``, all others,
-    labelled so, to ``failures/``. Files are equal byte for byte whatever the number of worlds, processes and restarts,
+    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash, the loss of its object or
+    the time limit. Successes go to ``demos/``, all others, labelled so, to ``failures/``; of one whose object was lost the
+    provenance has the note ``dropped``. Files are equal byte for byte whatever the number of worlds, processes and restarts,
     as long as the policy treats each row of a batch alike. Killed at any moment, it loses no finished episode; those in
     flight stay as ``.part`` files and are flown anew, identically, when the same call is made again.
 
@@ -232,10 +232,11 @@ class _Flight:
         """Finish the episodes of the worlds in ``ended`` (n,)."""
         self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
         crash = result.info.get("crash", result.terminated)
+        dropped = result.info.get("dropped", np.zeros(self.env.num_envs, bool))
         for world in np.flatnonzero(ended).tolist():
             success = bool(result.info["success"][world] and not crash[world])
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
-            self.recorder.finish(world, success=success, path=path)
+            self.recorder.finish(world, success=success, path=path, note=DROPPED if dropped[world] else "")
             (self.result.demos if success else self.result.failures).append(int(self._seeds[world]))
 
 

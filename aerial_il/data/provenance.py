@@ -13,6 +13,7 @@ from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 
 RNG = "PCG64(SeedSequence(sha256('robot/task/purpose'), seed))"
+DROPPED = "dropped"  # the note of a flight that ended because its object was out of reach for good
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
 

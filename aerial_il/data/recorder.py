@@ -85,13 +85,16 @@ class Recorder:
         for world in np.flatnonzero(self._recording & (self._count == STEPS_KEPT)):
             self._flush(int(world))
 
-    def finish(self, world: int, *, success: bool, path: Path | None = None) -> Path:
-        """End the episode of ``world`` with what it showed last, and name its file ``path`` or as its writer knows."""
+    def finish(self, world: int, *, success: bool, path: Path | None = None, note: str = "") -> Path:
+        """End the episode of ``world`` with what it showed last, and name its file ``path`` or as its writer knows.
+
+        ``note`` is what is special about it, see :meth:`EpisodeWriter.finish`.
+        """
         if self._count[world]:
             self._flush(world)
         writer = self._release(world)
         last = {name: self._rows[name][world, :1] for name in OBSERVED}
-        return writer.finish(last, self._take_images(world, 1), success=success, path=path)
+        return writer.finish(last, self._take_images(world, 1), success=success, path=path, note=note)
 
     def discard(self, world: int) -> None:
         """Forget the episode of ``world``."""

@@ -73,7 +73,8 @@ class SuiteTask(control.Task):
         return float(self._judged().reward[0])
 
     def get_termination(self, physics: Physics) -> float | None:
-        return 0.0 if self._judged().crash[0] else None
+        judgement = self._judged()
+        return 0.0 if judgement.crash[0] or judgement.dropped[0] else None
 
     def _judged(self) -> Judgement:
         if self.judgement is None:

@@ -39,19 +39,22 @@ class Judgement:
 
     Attributes:
         reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something,
-            turned over or flew away. truncated: the time is up. subtasks: flags at this instant. ee_error: distance
+            turned over or flew away. dropped: the task's object is out of reach for good. truncated: the time is up. subtasks: flags at this instant. ee_error: distance
             between commanded and actual tool position, m (NaN where the action level commands none). effort: mean
-            squared rotor use, in [0, 1]. contacts: robot parts, gripper aside, that touch something.
+            squared rotor use, in [0, 1]. contacts: robot parts, gripper aside, that touch something. force_in_band_raw: share of the time in contact in
+            which the force before the sensor's filter was as the task asks (NaN without contact, or a force asked for).
     """
 
     reward: np.ndarray
     success: np.ndarray
     crash: np.ndarray
+    dropped: np.ndarray
     truncated: np.ndarray
     subtasks: np.ndarray
     ee_error: np.ndarray
     effort: np.ndarray
     contacts: np.ndarray
+    force_in_band_raw: np.ndarray
 
 
 class Simulation:
@@ -209,11 +212,13 @@ class Simulation:
             reward=np.where(success, 1.0, self.task.reward(view)),
             success=success,
             crash=userdata[:, mem.CRASHED] > 0.0,
+            dropped=userdata[:, mem.DROPPED] > 0.0,
             truncated=userdata[:, mem.STEP] >= self.spec.max_steps,
             subtasks=self.task.progress(view),
             ee_error=length(self._commanded - view.tool_pos),
             effort=np.sum(use * use, axis=1) / max(1, self.robot.num_rotors),
             contacts=view.unwanted_contacts,
+            force_in_band_raw=self.task.force_in_band_raw(view),
         )
 
     def close(self) -> None:
@@ -268,10 +273,15 @@ class Simulation:
         raise SimulationDivergedError(what.rstrip(". "), seed=int(seed), step=int(step))
 
     def _update_flags(self, mask: np.ndarray) -> None:
-        """Count how long the task has been solved without a crash; both live in the simulator's state."""
+        """Note whose object is lost, and count for how long the task has been solved without that and without a crash.
+
+        All of it lives in the simulator's state.
+        """
         view, userdata = self.view, self._userdata
         self.task.remember(view, mask)
-        held = self.task.solved(view) & (userdata[:, mem.CRASHED] == 0.0)
+        userdata[mask & self.task.lost(view), mem.DROPPED] = 1.0
+        over = (userdata[:, mem.CRASHED] > 0.0) | (userdata[:, mem.DROPPED] > 0.0)
+        held = self.task.solved(view) & ~over
         dwell = userdata[:, mem.DWELL]
         np.copyto(dwell, np.where(held, dwell + 1.0, 0.0), where=mask)
 

@@ -87,7 +87,7 @@ def test_aggregate_counts_ends_and_subtasks() -> None:
     flags[:, 1] = False
     records = [measure(trace(), SPEC), measure(trace(success=False, crash=True, subtasks=flags), SPEC)]
     summary = aggregate(records)
-    assert summary["ends"] == {"success": 1, "crash": 1, "timeout": 0}
+    assert summary["ends"] == {"success": 1, "crash": 1, "dropped": 0, "timeout": 0}
     assert (summary["crash"]["rate"], summary["contact"]["count"]) == (0.5, 0)
     assert [summary["subtasks"][name]["count"] for name in SPEC.subtasks] == [1, 0]
     assert summary["time_to_success_s"]["count"] == 1

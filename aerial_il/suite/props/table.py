@@ -7,6 +7,7 @@ import mujoco
 from aerial_il.robots.parts.collision import WORLD
 
 TABLE_HEIGHT_M = 0.4
+FALLEN_M = 0.1  # below its surface: what is there, and not in a gripper, has fallen off
 
 
 def add_table(spec: mujoco.MjSpec, half_width: float = 0.40, half_length: float = 0.50) -> None:

@@ -10,7 +10,7 @@ from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_holding_upright
 from aerial_il.suite.contact_sensors import GRIPPER, add_contact_sensor, add_force_sensor
-from aerial_il.suite.props import TABLE_HEIGHT_M, add_table
+from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M, add_peg, add_socket
 from aerial_il.suite.props.place import place, two_places
 from aerial_il.suite.tasks.task import Task, hover_start
@@ -22,6 +22,8 @@ BORE_M, STAND_DEPTH_M = 0.056, 0.036
 STAND_CLEARANCE_M = 0.006
 LIFTED_M = 0.02  # of the lower end above the stand
 OVER_HOLE_M = 0.01
+OFF_AXIS_M = 0.004  # of bore and peg, where they are in one another; 1 mm of play, 1.9 into the corners, and what yields
+DEEPEST_M = BORE_M - PEG_RADIUS_M + 0.002  # its nose on the bottom, which yields too
 GRASP_M = 0.025  # from the tool to the end of the peg that sticks out of the gripper's back
 AREA_LOW, AREA_HIGH = np.array([-0.22, -0.30]), np.array([0.22, 0.30])
 APART_M = 0.22
@@ -32,8 +34,12 @@ ROOM_FOR_ERRORS_M = 0.03  # between peg and open fingers, together
 class InsertPeg(Task):
     """Round-nosed peg of 20 mm in an octagonal bore 22 mm across flats (1 mm of play all round), chamfered 5 mm.
 
-    Solved when 30 mm of its full width are below the chamfer for 0.5 s. It stands loosely in a stand at the start; one
-    that was dropped may be picked up from wherever it lies. Either end may go first.
+    Solved when 30 mm of its full width are in the bore, below the chamfer, for 0.5 s, held or not: both where it enters
+    the bore and at its lower nose its axis is within 4 mm of the bore's, and its nose is not deeper than the bottom. It
+    stands loosely in a stand at the start; one that was dropped may be picked up from the table. Either end may go first.
+
+    A peg whose middle is more than 10 cm below the table's surface, on the floor or on its way there, and that is not in
+    the gripper is lost: the episode ends as dropped.
     """
 
     name = "insert_peg"
@@ -95,6 +101,9 @@ class InsertPeg(Task):
     def solved(self, view: View) -> np.ndarray:
         return (depth(view) >= INSERTED_M) & (view.unwanted_contacts == 0)
 
+    def lost(self, view: View) -> np.ndarray:
+        return (view.site_pos("peg")[:, 2] < TABLE_HEIGHT_M - FALLEN_M) & ~self.grasped(view)
+
     def progress(self, view: View) -> np.ndarray:
         grasped, end, hole = self.grasped(view), lower_end(view), view.site_pos("hole")
         lifted = grasped & (end[:, 2] >= view.site_pos("stand")[:, 2] + LIFTED_M)
@@ -135,9 +144,12 @@ def upper_end(view: View) -> np.ndarray:
 
 def depth(view: View) -> np.ndarray:
     """(n,) length of the peg's full width inside the bore, below the chamfer, m; 0 outside."""
-    end, hole = lower_end(view), view.site_pos("hole")
-    inside = planar_length(end - hole) <= PEG_RADIUS_M
-    return np.where(inside, np.maximum(hole[:, 2] - PEG_RADIUS_M - end[:, 2], 0.0), 0.0)
+    axis, hole = peg_axis(view), view.site_pos("hole")
+    nose = lower_end(view) + PEG_RADIUS_M * axis - hole  # the centre of its sphere, from the bore's mouth
+    below = -nose[:, 2]
+    entering = nose[:, :2] + (below / np.maximum(axis[:, 2], 1e-3))[:, None] * axis[:, :2]
+    inside = (planar_length(nose) <= OFF_AXIS_M) & (planar_length(entering) <= OFF_AXIS_M) & (below <= DEEPEST_M)
+    return np.where(inside, np.maximum(below, 0.0), 0.0)
 
 
 TASK = InsertPeg()

@@ -10,13 +10,14 @@ import numpy as np
 from aerial_il.core.arrays import closeness, length, planar_length
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.contact_sensors import add_contact_sensor
-from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
+from aerial_il.suite.contact_sensors import add_contact_sensor, add_touch_sensor
+from aerial_il.suite.props import CUBE_HALF_M, FALLEN_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
 from aerial_il.suite.props.place import two_places
 from aerial_il.suite.tasks.task import Task, hover_start, pointing_down
 from aerial_il.suite.view import View
 
 IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
+LOW_IN_BOWL_M, HIGH_IN_BOWL_M = 0.02, 0.05  # height over the bowl's underside; 0.028 lying in it, 0.055 lying on its rim
 AT_REST_M_S = 0.05
 CLEAR_OF_CUBE_M = 0.10
 LIFTED_M = 0.06
@@ -27,7 +28,14 @@ START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.4])
 
 
 class PickPlace(Task):
-    """Cube released in the bowl within 5 cm, slower than 5 cm/s, gripper at least 10 cm away, for 0.5 s."""
+    """Cube released in the bowl within 5 cm, slower than 5 cm/s, gripper at least 10 cm away, for 0.5 s.
+
+    In the bowl: the cube's centre is at most 5 cm beside the bowl's axis and 2 to 5 cm over its underside, so neither on
+    the rim nor under the table. Released: no part of the robot touches it.
+
+    A cube more than 10 cm below the table's surface, on the floor or on its way there, that is not in the gripper is
+    lost: the episode ends as dropped. So is one that lies still where an arm on a fixed base is too short to get to.
+    """
 
     name = "pick_place"
     grade = "medium"
@@ -50,6 +58,7 @@ class PickPlace(Task):
         add_bowl(spec)
         for side in ("left", "right"):
             add_contact_sensor(spec, f"grip_{side}", geoms=(f"pad_{side}", "cube"))
+        add_touch_sensor(spec, "robot_on_cube", "cube")
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
@@ -84,7 +93,15 @@ class PickPlace(Task):
         _, speed = view.free_joint("cube")
         slow = length(view.qvel[:, speed][:, :3]) <= AT_REST_M_S
         clear = length(view.site_pos("cube") - view.tool_pos) >= CLEAR_OF_CUBE_M
-        return _in_bowl(view) & slow & clear & (view.unwanted_contacts == 0)
+        released = clear & ~view.touching("robot_on_cube")
+        return _in_bowl(view) & slow & released & (view.unwanted_contacts == 0)
+
+    def lost(self, view: View) -> np.ndarray:
+        _, speed = view.free_joint("cube")
+        cube, still = view.site_pos("cube"), length(view.qvel[:, speed][:, :3]) <= AT_REST_M_S
+        fallen = cube[:, 2] < TABLE_HEIGHT_M - FALLEN_M
+        too_far = still & (length(cube - view.base_pos) > view.robot.longest_reach)
+        return (fallen | too_far) & ~self.grasped(view)
 
     def progress(self, view: View) -> np.ndarray:
         cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
@@ -119,7 +136,8 @@ def cube_heading(view: View) -> np.ndarray:
 
 def _in_bowl(view: View) -> np.ndarray:
     cube, bowl = view.site_pos("cube"), view.site_pos("bowl")
-    return (planar_length(cube - bowl) <= IN_BOWL_M) & (cube[:, 2] - bowl[:, 2] <= 0.05)
+    height = cube[:, 2] - bowl[:, 2]
+    return (planar_length(cube - bowl) <= IN_BOWL_M) & (height >= LOW_IN_BOWL_M) & (height <= HIGH_IN_BOWL_M)
 
 
 def _workable(robot: Robot, place: np.ndarray) -> bool:

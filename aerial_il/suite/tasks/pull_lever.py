@@ -15,6 +15,7 @@ from aerial_il.suite.props.lever import (
     LEVER_FRICTION_NM,
     LEVER_M,
     LEVER_SPRING_NM_RAD,
+    LEVER_STOP_RAD,
     add_lever,
 )
 from aerial_il.suite.props.place import place
@@ -24,6 +25,7 @@ from aerial_il.suite.view import View
 PULLED_RAD = np.deg2rad(55.0)
 SWING_RAD_S = 0.8  # a sensible speed to pull it over
 START_ANGLE_RAD = (0.0, np.deg2rad(10.0))  # from here it is at least 45° to PULLED_RAD; friction holds it there
+STOP_GIVE_RAD = 0.1
 BEHIND_M = 0.05  # where the fingers are ready to go down behind the bar
 NEAR_M, REACH_M = 0.03, 0.12  # of that point; behind the bar and still of use
 LEVER_LOW, LEVER_HIGH = np.array([-0.25, -0.3, 0.22]), np.array([0.25, 0.3, 0.33])
@@ -32,7 +34,11 @@ START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.2]), np.array([0.3, 0.2, 1.33])
 
 
 class PullLever(Task):
-    """Lever pulled over by at least 45° and held for 0.5 s, against a spring that takes it back, and dry friction."""
+    """Lever pulled over by at least 45° and held for 0.5 s, against a spring that takes it back, and dry friction.
+
+    Pulled over: at the green pin, 55° from where the lever rests, or beyond it as far as the stop at 80°, which yields
+    by up to 6°.
+    """
 
     name = "pull_lever"
     grade = "medium"
@@ -78,12 +84,12 @@ class PullLever(Task):
         }
 
     def solved(self, view: View) -> np.ndarray:
-        return (view.joint("lever")[0] >= PULLED_RAD) & (view.unwanted_contacts == 0)
+        return pulled(view.joint("lever")[0]) & (view.unwanted_contacts == 0)
 
     def progress(self, view: View) -> np.ndarray:
         angle, _ = view.joint("lever")
         behind = planar_length(behind_bar(view) - view.tip_pos) <= NEAR_M
-        return np.stack([behind, self.hooked(view), angle >= 0.5 * PULLED_RAD, angle >= PULLED_RAD], axis=1)
+        return np.stack([behind, self.hooked(view), angle >= 0.5 * PULLED_RAD, pulled(angle)], axis=1)
 
     def reward(self, view: View) -> np.ndarray:
         angle, _ = view.joint("lever")
@@ -96,6 +102,11 @@ class PullLever(Task):
         along = offset[:, 0] * mat[:, 0] + offset[:, 1] * mat[:, 3]
         aside = offset[:, 0] * mat[:, 1] + offset[:, 1] * mat[:, 4]
         return (offset[:, 2] <= 0.0) & (along <= 0.0) & (along >= -REACH_M) & (np.abs(aside) <= BAR_HALF_M)
+
+
+def pulled(angle: np.ndarray) -> np.ndarray:
+    """(n,) bool for angles (n,), rad: the lever is at the pin, or between it and the stop."""
+    return (angle >= PULLED_RAD) & (angle <= LEVER_STOP_RAD + STOP_GIVE_RAD)
 
 
 def behind_bar(view: View) -> np.ndarray:

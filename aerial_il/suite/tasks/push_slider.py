@@ -16,6 +16,7 @@ from aerial_il.suite.tasks.task import Task, hover_start
 from aerial_il.suite.view import View
 
 DONE_SHARE = 0.9  # of the rail
+STOP_GIVE_M = 0.01  # beyond the stop a carriage is off its rail
 BEHIND_M = 0.05  # where the gripper is ready to push
 READY_M = 0.03
 RAIL_LOW, RAIL_HIGH = np.array([-0.2, -0.3, 0.40]), np.array([0.2, 0.3, 0.60])
@@ -24,7 +25,10 @@ START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
 
 
 class PushSlider(Task):
-    """Carriage within the last tenth of its rail for 0.5 s; the rail points anywhere, its far end is marked green."""
+    """Carriage within the last tenth of its rail for 0.5 s; the rail points anywhere, its far end is marked green.
+
+    At the end: from 90 % of the way between the stops to 1 cm beyond the far one, which yields.
+    """
 
     name = "push_slider"
     grade = "easy"
@@ -72,19 +76,24 @@ class PushSlider(Task):
         }
 
     def solved(self, view: View) -> np.ndarray:
-        return (view.joint("slider")[0] >= DONE_SHARE * RAIL_M) & (view.unwanted_contacts == 0)
+        return at_end(view.joint("slider")[0]) & (view.unwanted_contacts == 0)
 
     def progress(self, view: View) -> np.ndarray:
         travel, speed = view.joint("slider")
         share = travel / RAIL_M
         at_handle = length(ready_point(view) - view.tip_pos) <= READY_M
-        return np.stack([at_handle, speed >= 0.02, share >= 0.5, share >= DONE_SHARE], axis=1)
+        return np.stack([at_handle, speed >= 0.02, share >= 0.5, at_end(travel)], axis=1)
 
     def reward(self, view: View) -> np.ndarray:
         distance = length(ready_point(view) - view.tip_pos)
         near = 0.6 * closeness(distance, 0.15) + 0.4 * closeness(distance, 0.04)
         done = np.clip(view.joint("slider")[0] / (DONE_SHARE * RAIL_M), 0.0, 1.0)
         return 0.35 * near * (1.0 - done) + 0.9 * done
+
+
+def at_end(travel: np.ndarray) -> np.ndarray:
+    """(n,) bool for travels (n,), m: the carriage is on the last tenth of its rail."""
+    return (travel >= DONE_SHARE * RAIL_M) & (travel <= RAIL_M + STOP_GIVE_M)
 
 
 def ready_point(view: View) -> np.ndarray:

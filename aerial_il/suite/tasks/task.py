@@ -33,7 +33,8 @@ class Task(ABC):
         dwell_s: seconds for which :meth:`solved` must hold for success.
         subtasks: names of the flags that :meth:`progress` returns.
         needs_arm: a bare base cannot do it. needs_flight: a fixed base cannot do it.
-        force_sensors: names of up to two force sensors whose readings the episode remembers, see ``View.force``.
+        force_sensors: names of up to two force sensors whose readings the episode remembers, see ``View.force``; of the
+            first, the one that a task judges, every physics step of the last control step is kept.
     """
 
     name: ClassVar[str]
@@ -84,6 +85,14 @@ class Task(ABC):
     @abstractmethod
     def solved(self, view: View) -> np.ndarray:
         """(n,) bool: the success condition holds at this instant."""
+
+    def lost(self, view: View) -> np.ndarray:
+        """(n,) bool: the object is out of reach for good, so that the episode ends as a failure, ``dropped``."""
+        return np.zeros(view.n, bool)
+
+    def force_in_band_raw(self, view: View) -> np.ndarray:
+        """(n,) share of the time in contact in which the unfiltered force was as asked; NaN where none is asked for."""
+        return np.full(view.n, np.nan)
 
     @abstractmethod
     def progress(self, view: View) -> np.ndarray:

@@ -34,7 +34,10 @@ FULL_LAP = 2.0 * math.pi
 
 
 class Track(Task):
-    """One full lap within 3 cm root mean square and never beyond 8 cm of the target, at whatever tool orientation."""
+    """One full lap within 3 cm root mean square and never beyond 8 cm of the target, at whatever tool orientation.
+
+    The tool is still within 8 cm when the lap is complete, for five control steps.
+    """
 
     name = "track"
     grade = "easy"
@@ -95,7 +98,8 @@ class Track(Task):
 
     def solved(self, view: View) -> np.ndarray:
         complete = (view.memory[:, LAP] >= FULL_LAP) & (lap_rmse(view) <= RMSE_M)
-        return complete & (view.unwanted_contacts == 0)
+        there = length(target_pos(view) - view.tool_pos) <= LOST_M
+        return complete & there & (view.unwanted_contacts == 0)
 
     def progress(self, view: View) -> np.ndarray:
         distance, share = length(target_pos(view) - view.tool_pos), _lap_share(view)
