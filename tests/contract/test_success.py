@@ -640,6 +640,15 @@ def base_off(off: tuple[float, float], tilt: tuple[float, float]) -> Scatter:
     return place
 
 
+def hardly_level(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
+    """At the mark, off its attitude by a little less or more than 3°.
+
+    The task adds up errors of heading and tilt, whose sum may differ from the angle between the attitudes by 0.04°.
+    """
+    base_off((0.0, 0.04), (2.5, 2.95))(stage, rows[::2], rng)
+    base_off((0.0, 0.04), (3.05, 3.5))(stage, rows[1::2], rng)
+
+
 def on_the_floor(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
     """At the mark, which lies on the floor."""
     stage.mocap_pos[rows, stage.model.body("target").mocapid[0], 2] = 0.0
@@ -653,7 +662,7 @@ HOVER = {
     "leaning, or facing elsewhere": (NONE, base_off((0.0, 0.0499), (3.1, 90.0))),
     "upside down": (NONE, base_off((0.0, 0.0499), (150.0, 180.0))),
     "at the edge of position": (SOME, base_off((0.049, 0.051), (0.0, 2.0))),
-    "at the edge of attitude": (SOME, base_off((0.0, 0.04), (2.5, 3.5))),
+    "at the edge of attitude": (SOME, hardly_level),
     "lying on the floor": (NONE, on_the_floor),
 }
 
