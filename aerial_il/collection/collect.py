@@ -68,11 +68,11 @@ def collect(
 ) -> Collection:
     """Record one episode for each seed that ``out`` does not hold yet.
 
-    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash, the loss of its object or
-    the time limit. Successes go to ``demos/``, all others, labelled so, to ``failures/``; of one whose object was lost the
-    provenance has the note ``dropped``. Files are equal byte for byte whatever the number of worlds, processes and restarts,
-    as long as the policy treats each row of a batch alike. Killed at any moment, it loses no finished episode; those in
-    flight stay as ``.part`` files and are flown anew, identically, when the same call is made again.
+    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash, the loss of its object
+    or the time limit. Successes go to ``demos/``, all others, labelled so, to ``failures/``; where the object was lost,
+    the provenance has the note ``dropped``. Files are equal byte for byte whatever the number of worlds, processes and
+    restarts, as long as the policy treats each row of a batch alike. Killed at any moment, it loses no finished
+    episode; those in flight stay as ``.part`` files and are flown anew, identically, when the same call is made again.
 
     Args:
         env: a batch environment; it records the cameras it was loaded with.

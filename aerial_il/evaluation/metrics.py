@@ -36,8 +36,8 @@ class EpisodeRecord:
         contact_events: times that the robot's body, rotors or arm came to touch the world.
         contact_time_s: time for which they touched it.
         subtasks: sub-task -> time at which it was first done, None if never.
-        force_in_band_raw: share of the time in contact, up to the end, in which the force before the sensor's filter was
-            as the task asks.
+        force_in_band_raw: share of the time in contact, up to the end, in which the force before the sensor's filter
+            was as the task asks.
     """
 
     seed: int

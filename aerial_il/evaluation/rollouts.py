@@ -32,9 +32,10 @@ def evaluate(
 ) -> EvaluationResult:
     """Judge a policy in closed loop.
 
-    Every world flies until its first success, a crash, the loss of its object or the time limit, then takes the next seed; where ``env`` says
-    that its episodes do not end at success (``ends_at_success`` is False), success is judged at the end. The result
-    does not depend on the number of worlds, as long as the policy treats each row of a batch alike.
+    Every world flies until its first success, a crash, the loss of its object or the time limit, then takes the next
+    seed; where ``env`` says that its episodes do not end at success (``ends_at_success`` is False), success is judged
+    at the end. The result does not depend on the number of worlds, as long as the policy treats each row of a batch
+    alike.
 
     Args:
         env: a batch environment (``aerial_il.load_batch``).

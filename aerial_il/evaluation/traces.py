@@ -30,7 +30,7 @@ class Trace:
         ee_pos: (T, 3) end effector in the world after each step, m; NaN where it is not observed.
         phase: (T,) phase of a scripted policy, -1 for policies without phases.
         solved: (T,) bool, the task's success after each step; empty where it was not kept.
-        force_in_band_raw: (T,) share of the time in contact with the unfiltered force as asked, NaN where there is none.
+        force_in_band_raw: (T,) share of the time in contact with the unfiltered force as asked; NaN where none is.
     """
 
     seed: int

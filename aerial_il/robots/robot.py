@@ -180,7 +180,8 @@ class Robot:
     @cached_property
     def longest_reach(self) -> float:
         """Farthest that fingertips ever get from the origin of the base's body, m: no limit if that can fly."""
-        return float(np.linalg.norm(self.arm.mount)) + self.arm.reach + self.gripper.finger_length if self.fixed else np.inf
+        stretched = float(np.linalg.norm(self.arm.mount)) + self.arm.reach + self.gripper.finger_length
+        return stretched if self.fixed else np.inf
 
     def posture_for(self, pos: np.ndarray, rot: np.ndarray) -> np.ndarray | None:
         """Joint positions (J,) rad that bring a FIXED robot's tool to a pose, or None if it is out of reach.

@@ -22,8 +22,9 @@ class StepResult:
 
     Attributes:
         obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed or dropped its object.
-            truncated: (n,) bool, time is up. info: ``success``, ``crash``, ``dropped``, ``sparse_reward``, ``ee_error_m``, ``effort``, ``contacts``, ``force_in_band_raw``
-            (each (n,)), ``subtasks`` (n, K), ``executed_action`` (n, Da).
+        truncated: (n,) bool, time is up. info: ``success``, ``crash``, ``dropped``, ``sparse_reward``, ``ee_error_m``,
+            ``effort``, ``contacts``, ``force_in_band_raw`` (each (n,)), ``subtasks`` (n, K), ``executed_action``
+            (n, Da).
     """
 
     obs: dict[str, np.ndarray]

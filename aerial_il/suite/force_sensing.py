@@ -1,7 +1,7 @@
 """What a force sensor reports of a contact: the net force, low-passed, and the largest value of an episode.
 
-The measurement is taken at every physics step and kept in the episode's own memory, so that it belongs to the state that
-is stored and restored.
+The measurement is taken at every physics step and kept in the episode's own memory, so that it belongs to the state
+that is stored and restored.
 """
 
 from __future__ import annotations

@@ -27,8 +27,9 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
 
     ``reset(seed=s)`` starts the episode with seed s, further resets take the seeds that follow. ``info`` holds
     ``seed``, ``success``, ``is_success``, ``crash``, ``dropped``, ``subtasks`` (K,) named by
-    ``env.unwrapped.aerial.spec.subtasks``, ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``, ``ee_error_m`` (NaN where no tool position is
-    commanded) and ``force_in_band_raw`` (NaN where no force is asked for): the same keys from the reset on.
+    ``env.unwrapped.aerial.spec.subtasks``, ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``,
+    ``ee_error_m`` (NaN where no tool position is commanded) and ``force_in_band_raw`` (NaN where no force is asked
+    for): the same keys from the reset on.
 
     Attributes:
         aerial: the dm_control environment behind it; experts attach to this.

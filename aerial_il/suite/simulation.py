@@ -39,9 +39,10 @@ class Judgement:
 
     Attributes:
         reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something,
-            turned over or flew away. dropped: the task's object is out of reach for good. truncated: the time is up. subtasks: flags at this instant. ee_error: distance
-            between commanded and actual tool position, m (NaN where the action level commands none). effort: mean
-            squared rotor use, in [0, 1]. contacts: robot parts, gripper aside, that touch something. force_in_band_raw: share of the time in contact in
+            turned over or flew away. dropped: the task's object is out of reach for good. truncated: the time is up.
+        subtasks: flags at this instant. ee_error: distance between commanded and actual tool position, m (NaN where the
+            action level commands none). effort: mean squared rotor use, in [0, 1].
+        contacts: robot parts, gripper aside, that touch something. force_in_band_raw: share of the time in contact in
             which the force before the sensor's filter was as the task asks (NaN without contact, or a force asked for).
     """
 

@@ -1,7 +1,7 @@
 """Success is what the instruction says, judged a second time from raw positions.
 
-Each task's worlds are put into 10,000 random states: where the object belongs, and where it does not. A predicate written
-here, from the instruction, must agree with the task's own judgement in every one of them.
+Each task's worlds are put into 10,000 random states: where the object belongs, and where it does not. A predicate
+written here, from the instruction, must agree with the task's own judgement in every one of them.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def check(task: str, judge: Callable[[BatchEnvironment], np.ndarray]) -> None:
         AssertionError: there is no rule, they differ, or the placements try nothing.
     """
     assert task in RULES, (
-        f"{task} has no rule here. Add one to RULES: a predicate over raw positions that says what its instruction asks "
-        "for, and families of placements that fulfil it, that miss it, and that lie on either side of each limit."
+        f"{task} has no rule here. Add one to RULES: a predicate over raw positions that says what its instruction "
+        "asks for, and families of placements that fulfil it, that miss it, and that lie on either side of each limit."
     )
     rule, stage, rng = RULES[task], Stage(task), np.random.default_rng(1)
     count: dict[str, list[np.ndarray]] = {name: [] for name in rule.families}
@@ -318,7 +318,7 @@ def anywhere(name: str) -> Scatter:
 
 
 def edges_of_the_bowl(rng: np.random.Generator, k: int) -> np.ndarray:
-    heights = np.choose(rng.integers(3, size=k), [rng.normal(0.02, 1e-3, k), rng.normal(0.05, 1e-3, k), np.full(k, 0.03)])
+    heights = rng.choice([0.02, 0.03, 0.05], k) + rng.normal(0.0, 1e-3, k)
     return disc(rng, k, 0.049, 0.051) * rng.choice([0.5, 1.0], (k, 1)) + up(heights)
 
 
@@ -346,14 +346,15 @@ CUBE = {
 
 # insert_peg: "Take the orange peg out of its stand and insert it into the blue socket."
 
-MOUTH_M, HALF_SPAN_M = 0.060, 0.050  # bore's mouth over the socket's underside; from the peg's middle to a nose's centre
+MOUTH_M, HALF_SPAN_M = 0.060, 0.050  # the bore's mouth over its underside; from the peg's middle to a nose's centre
 
 
 def peg_in_socket(placed: Placed) -> np.ndarray:
-    """30 mm of the peg's full width are between mouth and bottom of the bore, and the peg passes its mouth, not a wall."""
+    """30 mm of the peg's full width are between mouth and bottom of the bore, and it came in by the mouth."""
     middle = placed.pos("peg") - placed.pos("hole") - [0.0, 0.0, MOUTH_M]
     half = HALF_SPAN_M * placed.mat("peg")[:, :, 2]
-    low, high = np.where(half[:, 2:] > 0, middle - half, middle + half), np.where(half[:, 2:] > 0, middle + half, middle - half)
+    half = np.where(half[:, 2:] > 0.0, half, -half)
+    low, high = middle - half, middle + half
     share = np.clip(-low[:, 2] / np.maximum(high[:, 2] - low[:, 2], 1e-9), 0.0, 1.0)[:, None]
     at_mouth = low + share * (high - low)
     deep = (low[:, 2] <= -0.030) & (low[:, 2] >= -0.048) & (high[:, 2] > 0.0)
@@ -361,15 +362,16 @@ def peg_in_socket(placed: Placed) -> np.ndarray:
 
 
 def peg_at(socket: str, depth: tuple[float, float], off: tuple[float, float], tilt: tuple[float, float]) -> Scatter:
-    """Put the peg's lower nose ``depth`` m below a bore's mouth and ``off`` m beside its axis, leaning by ``tilt`` °."""
+    """Put the peg's lower nose ``depth`` m below a bore's mouth, ``off`` m beside its axis, leaning by ``tilt`` °."""
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         mouth, k = stage.where(rows, socket)[0] + [0.0, 0.0, MOUTH_M], rows.size
         lean, way = np.deg2rad(rng.uniform(*tilt, k)), rng.uniform(-np.pi, np.pi, k)
         axis = np.stack([np.sin(lean) * np.cos(way), np.sin(lean) * np.sin(way), np.cos(lean)], axis=1)
         nose = mouth + disc(rng, k, *off) - up(rng.uniform(*depth, k))
-        quat = np.stack([np.cos(0.5 * lean), -np.sin(0.5 * lean) * np.sin(way), np.sin(0.5 * lean) * np.cos(way), 0 * way])
-        over = np.where(rng.random(k) < 0.5, 0.0, 1.0)  # either end first
+        c, s = np.cos(0.5 * lean), np.sin(0.5 * lean)
+        quat = np.stack([c, -s * np.sin(way), s * np.cos(way), 0.0 * way])
+        over = rng.random(k) < 0.5  # either end first
         flipped = np.stack([-quat[1], quat[0], quat[3], -quat[2]])  # then half a turn about its own x
         stage.free(rows, "peg", nose + HALF_SPAN_M * axis, np.where(over, flipped, quat).T)
 
@@ -508,7 +510,8 @@ BUTTON = {
 
 def probe_on_spot(placed: Placed) -> np.ndarray:
     """Over the spot, square, closed, in contact, 3 to 7 N in each of the five readings, and hardly slid."""
-    out, tip = placed.mat("plate")[:, :, 2], placed.tool + 0.2 * placed.robot.gripper.finger_length * placed.tool_mat[:, :, 0]
+    out, ahead = placed.mat("plate")[:, :, 2], placed.tool_mat[:, :, 0]
+    tip = placed.tool + 0.2 * placed.robot.gripper.finger_length * ahead
     spot = placed.pos("plate") + 0.005 * out
 
     def along_plate(vectors: np.ndarray) -> np.ndarray:
@@ -516,7 +519,7 @@ def probe_on_spot(placed: Placed) -> np.ndarray:
 
     readings = placed.userdata[:, mem.SAMPLES].reshape(-1, mem.MAX_TICKS, 6)[:, :, :3]
     pressed = -np.einsum("nti,ni->nt", readings, out)
-    off_square = np.rad2deg(np.arccos(np.clip(-np.einsum("ni,ni->n", out, placed.tool_mat[:, :, 0]), -1.0, 1.0)))
+    off_square = np.rad2deg(np.arccos(np.clip(-np.einsum("ni,ni->n", out, ahead), -1.0, 1.0)))
     touching, began = placed.memory[:, 3] > 0.0, placed.memory[:, :3]
     return (
         (along_plate(tip - spot) <= 0.04) & (off_square <= 5.0) & (placed.opening <= 0.2) & touching
@@ -534,7 +537,7 @@ def probe(
     touched: float = 1.0,
     opening: tuple[float, float] = (0.0, 0.1),
 ) -> Scatter:
-    """Bring the probe over the spot: metres beside it, degrees off square, newtons, metres slid, share of the stroke."""
+    """Bring the probe over the spot: m beside it, ° off square, N, m slid, share of the gripper's stroke."""
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         k, grip = rows.size, stage.robot.gripper

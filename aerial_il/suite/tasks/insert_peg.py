@@ -22,7 +22,7 @@ BORE_M, STAND_DEPTH_M = 0.056, 0.036
 STAND_CLEARANCE_M = 0.006
 LIFTED_M = 0.02  # of the lower end above the stand
 OVER_HOLE_M = 0.01
-OFF_AXIS_M = 0.004  # of bore and peg, where they are in one another; 1 mm of play, 1.9 into the corners, and what yields
+OFF_AXIS_M = 0.004  # between the axes of bore and peg: 1 mm of play, 1.9 into the corners, and what yields
 DEEPEST_M = BORE_M - PEG_RADIUS_M + 0.002  # its nose on the bottom, which yields too
 GRASP_M = 0.025  # from the tool to the end of the peg that sticks out of the gripper's back
 AREA_LOW, AREA_HIGH = np.array([-0.22, -0.30]), np.array([0.22, 0.30])
@@ -36,10 +36,10 @@ class InsertPeg(Task):
 
     Solved when 30 mm of its full width are in the bore, below the chamfer, for 0.5 s, held or not: both where it enters
     the bore and at its lower nose its axis is within 4 mm of the bore's, and its nose is not deeper than the bottom. It
-    stands loosely in a stand at the start; one that was dropped may be picked up from the table. Either end may go first.
+    stands loosely in a stand at the start; one that lies on the table may be picked up. Either end may go first.
 
-    A peg whose middle is more than 10 cm below the table's surface, on the floor or on its way there, and that is not in
-    the gripper is lost: the episode ends as dropped.
+    A peg whose middle is more than 10 cm below the table's surface, on the floor or on its way there, and that is not
+    in the gripper is lost: the episode ends as dropped.
     """
 
     name = "insert_peg"

@@ -33,12 +33,12 @@ class InspectContact(Task):
     """Normal force of 5 ± 2 N on the plate's spot for 3 s, at most 5° off square, slipping at most 2 cm meanwhile.
 
     The force is what all parts of the robot together exert on the plate, taken at each physics step (250 Hz) behind a
-    first-order low-pass of 15 Hz, as force sensors have (``suite/force_sensing.py`` gives the source); every one of these
-    values must lie in the band. Without the filter some do not: ``force_in_band_raw`` is the share of physics steps since
-    the contact began in which the contact solver's own force did. Links and rotors must not touch anything.
+    first-order low-pass of 15 Hz, as force sensors have (``suite/force_sensing.py`` gives the source); every one of
+    these values must lie in the band. Without the filter some do not: ``force_in_band_raw`` is the share of the physics
+    steps since contact began in which the contact solver's own force did. Links and rotors must not touch anything.
 
-    The probe is the end of the closed gripper, open by a fifth at most. The plate is tilted by 9° to 34° towards the robot, and sprung like the
-    holders of ultrasonic probes: it gives way by 8 mm per newton.
+    The probe is the end of the closed gripper, open by a fifth at most. The plate is tilted by 9° to 34° towards the
+    robot, and sprung like the holders of ultrasonic probes: it gives way by 8 mm per newton.
     """
 
     name = "inspect_contact"

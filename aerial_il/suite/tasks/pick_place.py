@@ -17,7 +17,7 @@ from aerial_il.suite.tasks.task import Task, hover_start, pointing_down
 from aerial_il.suite.view import View
 
 IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
-LOW_IN_BOWL_M, HIGH_IN_BOWL_M = 0.02, 0.05  # height over the bowl's underside; 0.028 lying in it, 0.055 lying on its rim
+LOW_IN_BOWL_M, HIGH_IN_BOWL_M = 0.02, 0.05  # over the bowl's underside; 0.028 lying in it, 0.055 lying on its rim
 AT_REST_M_S = 0.05
 CLEAR_OF_CUBE_M = 0.10
 LIFTED_M = 0.06
@@ -30,8 +30,8 @@ START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.4])
 class PickPlace(Task):
     """Cube released in the bowl within 5 cm, slower than 5 cm/s, gripper at least 10 cm away, for 0.5 s.
 
-    In the bowl: the cube's centre is at most 5 cm beside the bowl's axis and 2 to 5 cm over its underside, so neither on
-    the rim nor under the table. Released: no part of the robot touches it.
+    In the bowl: the cube's centre is at most 5 cm beside the bowl's axis and 2 to 5 cm over its underside, so neither
+    on the rim nor under the table. Released: no part of the robot touches it.
 
     A cube more than 10 cm below the table's surface, on the floor or on its way there, that is not in the gripper is
     lost: the episode ends as dropped. So is one that lies still where an arm on a fixed base is too short to get to.
