@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from aerial_il.control.actions import ActionLevel
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
 from aerial_il.suite.environment import AerialEnvironment
@@ -28,8 +29,8 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
     ``reset(seed=s)`` starts the episode with seed s, further resets take the seeds that follow. ``info`` holds
     ``seed``, ``success``, ``is_success``, ``crash``, ``dropped``, ``subtasks`` (K,) named by
     ``env.unwrapped.aerial.spec.subtasks``, ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``,
-    ``ee_error_m`` (NaN where no tool position is commanded) and ``force_in_band_raw`` (NaN where no force is asked
-    for): the same keys from the reset on.
+    ``ee_error_m`` at levels that command a tool position, and ``force_in_band_raw`` in tasks that ask for a force: the
+    same keys from the reset on, where nothing has been commanded or touched yet zero.
 
     Attributes:
         aerial: the dm_control environment behind it; experts attach to this.
@@ -64,6 +65,7 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         self.aerial = AerialEnvironment(scenario, seed)
         self.observation_space = observation_space(scenario.spec.observation)
         self.action_space = action_space(scenario.spec.action)
+        self._absent = _absent(scenario)
         self._over = True
 
     def reset(
@@ -100,8 +102,16 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         self.aerial.close()
 
     def _info(self) -> dict[str, Any]:
-        info: dict[str, Any] = {k: v.copy() if v.ndim else v.item() for k, v in self.aerial.info.items()}
+        measured = {name: np.nan_to_num(v) for name, v in self.aerial.info.items() if name not in self._absent}
+        info: dict[str, Any] = {name: v if v.ndim else v.item() for name, v in measured.items()}
         return {**info, "is_success": info["success"], "seed": int(self.aerial.simulation.seeds[0])}
+
+
+def _absent(scenario: Scenario) -> set[str]:
+    """Names of measurements that do not exist in a scenario."""
+    commands_tool = scenario.level in (ActionLevel.EE_POSE, ActionLevel.EE_DELTA)
+    there = {"ee_error_m": commands_tool, "force_in_band_raw": scenario.task.asks_for_force}
+    return {name for name, exists in there.items() if not exists}
 
 
 def observation_space(spec: ObservationSpec) -> spaces.Dict:

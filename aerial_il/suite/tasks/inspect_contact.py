@@ -48,6 +48,7 @@ class InspectContact(Task):
     dwell_s = 3.0
     subtasks = ("over_spot", "square", "touching", "at_force", "still")
     force_sensors = ("plate_force", "tool_force")
+    asks_for_force = True
 
     def obstacle_to(self, robot: Robot) -> str | None:
         return obstacle_to_pressing(robot, FORCE_N)

@@ -33,6 +33,7 @@ class Task(ABC):
         dwell_s: seconds for which :meth:`solved` must hold for success.
         subtasks: names of the flags that :meth:`progress` returns.
         needs_arm: a bare base cannot do it. needs_flight: a fixed base cannot do it.
+        asks_for_force: success takes a force within a band, see :meth:`force_in_band_raw`.
         force_sensors: names of up to two force sensors whose readings the episode remembers, see ``View.force``; of the
             first, the one that a task judges, every physics step of the last control step is kept.
     """
@@ -46,6 +47,7 @@ class Task(ABC):
     needs_arm: ClassVar[bool] = True
     needs_flight: ClassVar[bool] = True
     force_sensors: ClassVar[tuple[str, ...]] = ()
+    asks_for_force: ClassVar[bool] = False
 
     def obstacle(self, robot: Robot) -> str | None:
         """Say why ``robot`` cannot do this task, or None if it can."""
