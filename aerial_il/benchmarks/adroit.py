@@ -254,7 +254,10 @@ class Adroit:
             return learner.train(self.demonstrations(point, point.demos, record, progress), policy, **told)
         env = PublishedRewards(task, min(self.num_envs, learner.episodes))
         try:
-            shown, expert = self.demonstrations(point, self.first, record, progress), expert_of(task, Path(self.data), noise=0.0)
+            shown, expert = (
+                self.demonstrations(point, self.first, record, progress),
+                expert_of(task, Path(self.data), noise=0.0),
+            )
             return learner.train(shown, policy, env=env, expert=expert, collect=collect, **told)
         finally:
             env.close()
@@ -283,7 +286,10 @@ class Adroit:
     def _report(
         self, record: Record, experts: Mapping[str, EvaluationResult], results: Mapping[Point, EvaluationResult]
     ) -> Report:
-        flown = {point: Flown(r, self.judged_place(point, record), self.run_of(point, record)) for point, r in results.items()}
+        flown = {
+            point: Flown(r, self.judged_place(point, record), self.run_of(point, record))
+            for point, r in results.items()
+        }
         rows = [_expert_row(task, Flown(r, self.expert_place(task, record), None)) for task, r in experts.items()]
         for arm in dict.fromkeys(point.arm for point in results):
             rows.append(_arm_row({p: found for p, found in flown.items() if p.arm == arm}))

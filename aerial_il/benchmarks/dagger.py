@@ -79,7 +79,9 @@ class Asked:
 
     @property
     def label(self) -> str:
-        return f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        return (
+            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        )
 
     @property
     def episodes(self) -> int:
@@ -188,7 +190,9 @@ class Interactive:
             tables={
                 "Cloning and asking": pooled,
                 "Asking beside its controls": differences,
-                "Single trainings": [{"draw": a.training.source.draw, **r} for a, r in zip(results, singles, strict=True)],
+                "Single trainings": [
+                    {"draw": a.training.source.draw, **r} for a, r in zip(results, singles, strict=True)
+                ],
             },
             notes=(*NOTES, *stages.origins()),
             details={"failed_seeds": {f"{a.name}: {a.training.label}": failed_seeds(r) for a, r in results.items()}},

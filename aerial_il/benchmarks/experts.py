@@ -77,7 +77,9 @@ class Experts:
         for robot, task in bar(cells, self.name, progress):
             for tier, same in distinct(robot, task, self.tiers).items():
                 result = self._result(robot, task, tier, record)
-                rows.append({"robot": robot, "task": task, "tier": tier, "same_in": ", ".join(same), **success_row(result)})
+                rows.append(
+                    {"robot": robot, "task": task, "tier": tier, "same_in": ", ".join(same), **success_row(result)}
+                )
                 failed[f"{robot}, {task}, {tier}"] = failed_seeds(result)
                 seconds += result.provenance["wall_time_s"]
         returns = [self._returns(*cell, record) for cell in bar(cells, "returns", progress)] if self.returns else []

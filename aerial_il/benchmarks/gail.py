@@ -347,7 +347,9 @@ class Gail:
             tables={"Learners, controls and experts": rows, "Single trainings": singles},
             notes=NOTES,
             figures={"reward.svg": reward_lines(self._rewards(record, results))},
-            wall_time_s=_seconds(record, [*experts.values(), *results.values()], [self.run_of(p, record) for p in results]),
+            wall_time_s=_seconds(
+                record, [*experts.values(), *results.values()], [self.run_of(p, record) for p in results]
+            ),
         )
 
     def _rewards(self, record: Record, results: Iterable[Point]) -> dict[str, dict[str, np.ndarray]]:

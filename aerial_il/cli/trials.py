@@ -101,4 +101,5 @@ def _summary(episodes: list[EpisodeRecord]) -> dict[str, float]:
         "mean_reward": sum(episode.mean_reward for episode in episodes) / len(episodes),
         "time_to_success_s": sum(times) / len(times) if times else float("nan"),
         "crashes": sum(episode.end == "crash" for episode in episodes),
+        "dropped": sum(episode.end == "dropped" for episode in episodes),
     }

@@ -22,7 +22,7 @@ from aerial_il.core.errors import AerialError, InvalidValueError, SimulationDive
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
-from aerial_il.data.provenance import Origin
+from aerial_il.data.provenance import DROPPED, Origin
 from aerial_il.data.recorder import Recorded, Recorder
 from aerial_il.data.writer import BusyError, EpisodeWriter
 
@@ -72,10 +72,10 @@ def collect(
 ) -> Collection:
     """Record one episode for each seed that ``out`` does not hold yet.
 
-    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash or the time limit.
-    Successes go to ``demos/``, all others,
-    labelled so, to ``failures/``. Files are equal byte for byte whatever the number of worlds, processes and restarts,
-    as long as the policy treats each row of a batch alike.
+    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash, the loss of its object
+    or the time limit. Successes go to ``demos/``, all others, labelled so, to ``failures/``; where the object was lost,
+    the outcome has the note ``dropped``. Files are equal byte for byte whatever the number of worlds, processes and
+    restarts, as long as the policy treats each row of a batch alike.
 
     Other threads write while the worlds fly; a world gets its next seed when the file of its last one has its name. So
     a kill at any moment costs each world at most one episode: no finished file is lost, and what was being flown or
@@ -258,10 +258,12 @@ class _Flight:
         """Finish the episodes of the worlds in ``ended`` (n,)."""
         self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
         crash = result.info.get("crash", result.terminated)
+        dropped = result.info.get("dropped", np.zeros(self.env.num_envs, bool))
         for world in np.flatnonzero(ended).tolist():
             success = bool(result.info["success"][world] and not crash[world])
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
-            self._landed[world] = success, self.recorder.finish(world, success=success, path=path)
+            note = DROPPED if dropped[world] else ""
+            self._landed[world] = success, self.recorder.finish(world, success=success, path=path, note=note)
 
     def settle(self, *, wait: bool = False) -> np.ndarray:
         """Count the episodes whose files have their names; return the worlds (n,) that flew them.

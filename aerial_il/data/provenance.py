@@ -18,6 +18,7 @@ from aerial_il.core.specs import EnvSpec
 RNG = "PCG64(SeedSequence(sha256('robot/task/purpose'), seed))"
 _UID = re.compile(r".*-\d{6,}-([0-9a-f]{8})")
 FIRST_ENGINE = "1"  # of recordings of the suite that do not name theirs
+DROPPED = "dropped"  # the note of a flight that ended because its object was out of reach for good
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
 

@@ -105,14 +105,16 @@ class Recorder:
             assert writer is not None
             self._hand_over(world, _append, writer, STEPS_PER_CHUNK)
 
-    def finish(self, world: int, *, success: bool, path: Path | None = None) -> Future[Recorded]:
+    def finish(self, world: int, *, success: bool, path: Path | None = None, note: str = "") -> Future[Recorded]:
         """End the episode of ``world`` with what it showed last, and name its file ``path`` or as its writer knows.
+
+        ``note`` is what is special about it, see :meth:`EpisodeWriter.finish`.
 
         Returns:
             What is known when the file has its name.
         """
         writer, count = self._release(world), int(self._count[world])
-        return self._hand_over(world, _finish, writer, count, success=success, path=path)
+        return self._hand_over(world, _finish, writer, count, success=success, path=path, note=note)
 
     def discard(self, world: int) -> None:
         """Forget the episode of ``world``."""
@@ -167,14 +169,21 @@ def _append(writer: EpisodeWriter, block: np.ndarray, count: int, pictures: Pict
 
 
 def _finish(
-    writer: EpisodeWriter, block: np.ndarray, count: int, pictures: Pictures, *, success: bool, path: Path | None
+    writer: EpisodeWriter,
+    block: np.ndarray,
+    count: int,
+    pictures: Pictures,
+    *,
+    success: bool,
+    path: Path | None,
+    note: str,
 ) -> Recorded:
     """Append ``count`` steps and end with the observation that follows them."""
     if count:
         _append(writer, block, count, pictures)
     with _closed_on_failure(writer):
         last = _encoded(pictures, slice(count, None))
-        done = writer.finish(block[count : count + 1], last, success=success, path=path)
+        done = writer.finish(block[count : count + 1], last, success=success, path=path, note=note)
     return Recorded(done, writer.sha256)
 
 

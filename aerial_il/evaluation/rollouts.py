@@ -34,9 +34,10 @@ def evaluate(
 ) -> EvaluationResult:
     """Judge a policy in closed loop.
 
-    Every world flies until its first success, a crash or the time limit, then takes the next seed; where ``env`` says
-    that its episodes do not end at success (``ends_at_success`` is False), success is judged at the end. The result
-    does not depend on the number of worlds, as long as the policy treats each row of a batch alike.
+    Every world flies until its first success, a crash, the loss of its object or the time limit, then takes the next
+    seed; where ``env`` says that its episodes do not end at success (``ends_at_success`` is False), success is judged
+    at the end. The result does not depend on the number of worlds, as long as the policy treats each row of a batch
+    alike.
 
     Args:
         env: a batch environment (``aerial_il.load_batch``).
@@ -100,10 +101,11 @@ def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
         obs = result.obs
         buffer.add(actions, result, getattr(policy, "phase", None), flying)
         success, crash = result.info["success"], result.info.get("crash", result.terminated)
+        dropped = result.info.get("dropped", np.zeros(env.num_envs, bool))
         ended = flying & (success & stops | result.terminated | result.truncated)
         for world in np.flatnonzero(ended):
             won, seed = bool(success[world] and not crash[world]), int(current[world])
-            yield buffer.cut(world, seed=seed, success=won, crash=bool(crash[world]))
+            yield buffer.cut(world, seed=seed, success=won, crash=bool(crash[world]), dropped=bool(dropped[world]))
         renewed = _take_next(waiting, ended, current, flying)
         if renewed.any():
             obs = env.reset(current, renewed)

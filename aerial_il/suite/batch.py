@@ -25,9 +25,10 @@ class StepResult:
     """What n worlds answer to an action.
 
     Attributes:
-        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed. truncated: (n,) bool, time is
-            up. info: ``success``, ``crash``, ``sparse_reward``, ``ee_error_m``, ``effort``, ``contacts`` (each (n,)),
-            ``subtasks`` (n, K), ``executed_action`` (n, Da).
+        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed or dropped its object.
+        truncated: (n,) bool, time is up. info: ``success``, ``crash``, ``dropped``, ``sparse_reward``, ``ee_error_m``,
+            ``effort``, ``contacts``, ``force_in_band_raw`` (each (n,)), ``subtasks`` (n, K), ``executed_action``
+            (n, Da).
     """
 
     obs: dict[str, np.ndarray]
@@ -125,7 +126,7 @@ class BatchEnvironment:
         return StepResult(
             obs=self._seen(mask),
             reward=judgement.reward,
-            terminated=judgement.crash,
+            terminated=judgement.crash | judgement.dropped,
             truncated=judgement.truncated,
             info=info_of(judgement, executed),
         )
@@ -185,10 +186,12 @@ def info_of(judgement: Judgement, executed: np.ndarray) -> dict[str, np.ndarray]
     return {
         "success": judgement.success,
         "crash": judgement.crash,
+        "dropped": judgement.dropped,
         "sparse_reward": judgement.success.astype(float),
         "subtasks": judgement.subtasks,
         "ee_error_m": judgement.ee_error,
         "effort": judgement.effort,
         "contacts": judgement.contacts,
+        "force_in_band_raw": judgement.force_in_band_raw,
         "executed_action": executed,
     }

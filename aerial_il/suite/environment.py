@@ -11,7 +11,7 @@ from dm_env import specs
 
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.specs import EnvSpec
-from aerial_il.suite.assessment import CRASH, REWARD
+from aerial_il.suite.assessment import CRASH, DROPPED, REWARD
 from aerial_il.suite.batch import info_of
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
@@ -71,7 +71,8 @@ class SuiteTask(control.Task):
         return self.simulation.verdict(0, REWARD)
 
     def get_termination(self, physics: Physics) -> float | None:
-        return 0.0 if self.simulation.verdict(0, CRASH) else None
+        verdict = self.simulation.verdict
+        return 0.0 if verdict(0, CRASH) or verdict(0, DROPPED) else None
 
 
 class AerialEnvironment(control.Environment):

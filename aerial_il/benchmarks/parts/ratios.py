@@ -31,7 +31,8 @@ def ratio(trainings: Sequence[Sequence[float]], expert: EvaluationResult) -> Row
     own = [float(np.mean(returns)) / best for returns in trainings]
     return {
         "return": round(float(flights.mean()), 1),
-        **{"ratio": round(float(flights.mean()) / best, 3), "ratio_low": round(low / best, 3)},
+        "ratio": round(float(flights.mean()) / best, 3),
+        "ratio_low": round(low / best, 3),
         "ratio_high": round(high / best, 3),
         **_ends("trainings", t_interval(np.array(own))),
         "each": " ".join(f"{value:.3f}" for value in own),

@@ -71,7 +71,9 @@ class Cloned:
 
     @property
     def label(self) -> str:
-        return f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        return (
+            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        )
 
     def decided_by(self) -> dict[str, Any]:
         return {
@@ -209,7 +211,7 @@ def check_seeds(first_episode: int, episodes: int) -> None:
     """
     seeds = range(first_episode, first_episode + episodes)
     tuning = seeds.start in TUNING_SEEDS and seeds[-1] in TUNING_SEEDS
-    if not (tuning or EVALUATION_SEED <= seeds.start and seeds[-1] < 100_000):
+    if not (tuning or (seeds.start >= EVALUATION_SEED and seeds[-1] < 100_000)):
         raise InvalidValueError(
             f"Evaluations on seeds {seeds.start} to {seeds[-1]} are refused: to judge take some from 10000 to 99999, to "
             "tune some from 5000 to 5999; demonstrations use others."

@@ -9,6 +9,7 @@ from aerial_il.suite.props.contact import HARD
 
 TABLE_HEIGHT_M = 0.4
 TABLE_HALF_THICKNESS_M = 0.05  # in one step a peg that lands spinning gets 3 cm into it; it must come out on top
+FALLEN_M = 0.1  # below its surface: what is there, and not in a gripper, has fallen off
 
 
 def add_table(spec: mujoco.MjSpec, half_width: float = 0.40, half_length: float = 0.50) -> None:
