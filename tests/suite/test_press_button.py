@@ -14,7 +14,7 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props.button import CAP_HEIGHT_M, FULL_FORCE_N, PRELOAD_N, TRAVEL_M
 from aerial_il.suite.props.place import place
 from aerial_il.suite.simulation import STATE_OFFSET
-from aerial_il.suite.tasks.press_button import PEAK_FORCE_N, TOOL
+from aerial_il.suite.tasks.press_button import BY_TOOL, PEAK_FORCE_N
 from tests.contract.registered import batch, staying
 
 CELL = ("ua_quad_arm4", "press_button")
@@ -93,7 +93,7 @@ def test_a_link_on_the_button_is_felt_and_does_not_count(part: str) -> None:
     worlds.reset(0)
     felt = sink_onto_the_button(worlds, part)
     view = worlds.simulation.view
-    by_link_alone = view.peak_force(TOOL) == 0.0
+    by_link_alone = view.peak_force(BY_TOOL) == 0.0
     assert by_link_alone.any()
     assert (felt.max(axis=0) > 2.0).all(), "it does press"
     assert (view.peak_force() >= 0.8 * felt.max(axis=0)).all(), "and the judge feels it, whoever it is"

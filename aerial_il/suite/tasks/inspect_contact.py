@@ -47,7 +47,7 @@ START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
 CONTACT, TOUCHED = 0, 3  # in the task's memory: where contact began, world, m; whether there is contact
 PRESSED, IN_BAND = 4, 5  # physics steps since then, and those among them whose raw force was in the band
 PLATE = 0  # site
-PLATES, TOOLS = range(2)  # forces: on the plate, and what a sensor in the wrist feels
+ON_PLATE, BY_TOOL = range(2)  # forces: on the plate, and what a sensor in the wrist feels
 
 
 class InspectContact(Task):
@@ -105,7 +105,7 @@ def observe(world, found):
     put(found, 0, plate)
     put_rot6d(found, 3, site_mat(world, PLATE))
     put(found, 9, sub(plate, tip_pos(world)))
-    put(found, 12, force(world, TOOLS))
+    put(found, 12, force(world, BY_TOOL))
     found[15] = normal_force(world)
     put(found, 16, slip(world))
 
@@ -187,7 +187,7 @@ def normal(world):
 @kernel
 def normal_force(world):
     """Force with which the robot presses the plate, N; below zero it would pull."""
-    return along_normal(world, force(world, PLATES))
+    return along_normal(world, force(world, ON_PLATE))
 
 
 @kernel

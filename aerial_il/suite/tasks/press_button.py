@@ -27,7 +27,7 @@ TILT_RANGE_RAD = (0.0, 0.45)
 YAW_RANGE_RAD = (-1.0, 1.0)
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
 BUTTON = 0  # site and joint
-ROBOTS, TOOLS = range(2)  # whose force
+BY_ROBOT, BY_TOOL = range(2)  # whose force
 
 
 class PressButton(Task):
@@ -83,8 +83,8 @@ def observe(world, found):
     put_rot6d(found, 3, site_mat(world, BUTTON))
     found[9] = joint_pos(world, BUTTON)
     put(found, 10, sub(button, tip_pos(world)))
-    put(found, 13, force(world, TOOLS))
-    found[16] = peak_force(world, ROBOTS)
+    put(found, 13, force(world, BY_TOOL))
+    found[16] = peak_force(world, BY_ROBOT)
 
 
 @kernel
@@ -111,13 +111,13 @@ def reward(world):
 @kernel
 def pressed(world):
     """Whether the robot has pressed the cap in far enough."""
-    return PRESSED_M <= joint_pos(world, BUTTON) <= DEEPEST_M and norm(force(world, ROBOTS)) >= LEAST_FORCE_N
+    return PRESSED_M <= joint_pos(world, BUTTON) <= DEEPEST_M and norm(force(world, BY_ROBOT)) >= LEAST_FORCE_N
 
 
 @kernel
 def gentle(world):
     """Whether no contact has been too hard so far."""
-    return peak_force(world, ROBOTS) <= PEAK_FORCE_N
+    return peak_force(world, BY_ROBOT) <= PEAK_FORCE_N
 
 
 TASK = PressButton(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))
