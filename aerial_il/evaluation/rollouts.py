@@ -105,7 +105,7 @@ def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
         ended = flying & (success & stops | result.terminated | result.truncated)
         for world in np.flatnonzero(ended):
             won, seed = bool(success[world] and not crash[world]), int(current[world])
-            yield buffer.cut(world, seed=seed, success=won, crash=bool(crash[world]), dropped=bool(dropped[world]))
+            yield buffer.cut(int(world), seed=seed, success=won, crash=bool(crash[world]), dropped=bool(dropped[world]))
         renewed = _take_next(waiting, ended, current, flying)
         if renewed.any():
             obs = env.reset(current, renewed)
