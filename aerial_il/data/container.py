@@ -125,7 +125,7 @@ class ContainerWriter:
             compress: False for content that is compressed already, such as images.
         """
         first, last, size = int(times[0]), int(times[-1]), memoryview(content).nbytes
-        data, name = (self._compressor.compress(content), b"zstd") if compress else (bytes(content), b"")
+        data, name = (self._compressor.compress(memoryview(content)), b"zstd") if compress else (bytes(content), b"")
         rest = struct.pack(f"<I{len(name)}sQ", len(name), name, len(data))
         length = CHUNK_HEAD.size - 9 + len(rest) + len(data)
         head = CHUNK_HEAD.pack(Opcode.CHUNK, length, first, last, size, zlib.crc32(content)) + rest

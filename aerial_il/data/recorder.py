@@ -24,7 +24,7 @@ import numpy as np
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data import images
 from aerial_il.data.packing import bytes_of, gather
-from aerial_il.data.schema import Layout
+from aerial_il.data.schema import Layout, place_of
 from aerial_il.data.threads import WriterThreads
 from aerial_il.data.writer import STEPS_PER_CHUNK, EpisodeWriter
 
@@ -132,7 +132,7 @@ class Recorder:
         self._threads.check()
         worlds, rows = np.flatnonzero(self._recording), bytes_of(self._blocks)
         for name, value in values.items():
-            dtype, first = self.layout.row.fields[name][:2]
+            dtype, first = place_of(self.layout.row, name)
             gather(rows, (worlds, self._block, self._count), first, np.asarray(value, dtype.base))
 
     def _hand_over[T](

@@ -23,6 +23,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ class Topic:
         names = self.template.dtype.names or ()
         return [n for n in names if n.startswith("sec")], [n for n in names if n.startswith("nanosec")]
 
-    def expected(self, slot: str, block: Block) -> np.ndarray:
+    def expected(self, slot: str, block: Block | np.ndarray) -> np.ndarray:
         """Return what a slot holds (k, ...) in messages of the steps of ``block``."""
         name, columns = self.sources[slot]
         values = block[name] if columns == ALL else block[name][:, columns]
@@ -179,8 +180,7 @@ class Layout:
 
     def finite_until(self, name: str) -> int:
         """Return how many of the row's first numbers must be finite, up to and with the field ``name``."""
-        assert self.row.fields is not None
-        dtype, first = self.row.fields[name][:2]
+        dtype, first = place_of(self.row, name)
         return (first + dtype.itemsize) // 8
 
     def name_of_number(self, column: int) -> tuple[str, list[int]]:
@@ -326,11 +326,15 @@ def _whole(template: CdrTemplate, names: Sequence[str] | None = None) -> Sources
     return {slot: (slot, ALL) for slot in slots if names is None or slot in names}
 
 
+def place_of(struct: np.dtype, name: str) -> tuple[np.dtype, int]:
+    """Return the dtype and the first byte of a field of a structured dtype."""
+    fields: Mapping[str, Any] = struct.fields or {}
+    return fields[name][0], fields[name][1]
+
+
 def _move(row: np.dtype, name: str, columns: slice, record: np.dtype, slot: str) -> Move:
     """Return which bytes of ``row`` fill ``slot`` of ``record``."""
-    assert row.fields is not None
-    assert record.fields is not None
-    (kind, source), (filled, target) = row.fields[name][:2], record.fields[slot][:2]
+    (kind, source), (filled, target) = place_of(row, name), place_of(record, slot)
     first, last, _ = columns.indices(kind.shape[0] if kind.shape else 1)
     size = kind.base.itemsize
     assert (last - first) * size == filled.itemsize, (name, slot)
