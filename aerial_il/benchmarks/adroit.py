@@ -66,7 +66,7 @@ NOTES = (
     "Queries: steps at which a flying learner had the expert's action; labelled steps has the first demonstrations, "
     "too. ThriftyDAgger flies more often than DAgger, because a flight of its learner costs nobody anything; the ten "
     "flights alone before each of its rounds are not counted among its own.",
-    "The final policy of each training is judged, on the same fixed seeds. Low and high: over the flights of these very "
+    "The final policy of each training is judged, on the same fixed seeds. Low and high: over the flights of these "
     "policies, of success Wilson's 95 % interval, of the score a bootstrap. Trainings: Student's 95 % interval with a "
     "training as the unit.",
 )
@@ -111,7 +111,8 @@ class Adroit:
         tasks: cloned from 100 demonstrations by the perceptron. few: smaller numbers of demonstrations of relocate, for
             all classes. seeds: trainings of each of these arms.
         clean: for the perceptron, ``{demos: N, WAY: TRAININGS}`` for each number of noise-free ones, where a way is
-            ``bc``, a name in ``interactive``, or ``bc_as_`` and such a name: cloning with as many steps as that. Ways that are near to each other are told apart by many trainings only.
+            ``bc``, a name in ``interactive``, or ``bc_as_`` and such a name: cloning with as many steps as that.
+            Ways that are near to each other are told apart by many trainings only.
         interactive: name -> algorithm that flies and asks the expert, with as many flights in all as ``clean`` says.
             first: of them, flown by the expert.
         episodes: flown to judge one. num_envs: worlds flown at once.
@@ -254,7 +255,10 @@ class Adroit:
             return learner.train(self.demonstrations(point, point.demos, record, progress), policy, **told)
         env = PublishedRewards(task, min(self.num_envs, learner.episodes))
         try:
-            shown, expert = self.demonstrations(point, self.first, record, progress), expert_of(task, Path(self.data), noise=0.0)
+            shown, expert = (
+                self.demonstrations(point, self.first, record, progress),
+                expert_of(task, Path(self.data), noise=0.0),
+            )
             return learner.train(shown, policy, env=env, expert=expert, collect=collect, **told)
         finally:
             env.close()
@@ -283,7 +287,10 @@ class Adroit:
     def _report(
         self, record: Record, experts: Mapping[str, EvaluationResult], results: Mapping[Point, EvaluationResult]
     ) -> Report:
-        flown = {point: Flown(r, self.judged_place(point, record), self.run_of(point, record)) for point, r in results.items()}
+        flown = {
+            point: Flown(r, self.judged_place(point, record), self.run_of(point, record))
+            for point, r in results.items()
+        }
         rows = [_expert_row(task, Flown(r, self.expert_place(task, record), None)) for task, r in experts.items()]
         for arm in dict.fromkeys(point.arm for point in results):
             rows.append(_arm_row({p: found for p, found in flown.items() if p.arm == arm}))

@@ -2,8 +2,8 @@
 
 Every arm begins with the same few demonstrations of its draw. The interactive ones add flights in rounds. Beside each
 stand two controls: cloning as many demonstrations as it had episodes in all, with the usual number of optimisation
-steps and with as many as it took over all its rounds. The final policies are flown on the same unseen seeds. Every stage
-is kept by all that decides it: killed at any moment, the same call continues.
+steps and with as many as it took over all its rounds. The final policies are flown on the same unseen seeds. Every
+stage is kept by all that decides it: killed at any moment, the same call continues.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ class Asked:
 
     @property
     def label(self) -> str:
-        return f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        return (
+            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        )
 
     @property
     def episodes(self) -> int:
@@ -188,7 +190,9 @@ class Interactive:
             tables={
                 "Cloning and asking": pooled,
                 "Asking beside its controls": differences,
-                "Single trainings": [{"draw": a.training.source.draw, **r} for a, r in zip(results, singles, strict=True)],
+                "Single trainings": [
+                    {"draw": a.training.source.draw, **r} for a, r in zip(results, singles, strict=True)
+                ],
             },
             notes=(*NOTES, *stages.origins()),
             details={"failed_seeds": {f"{a.name}: {a.training.label}": failed_seeds(r) for a, r in results.items()}},

@@ -29,8 +29,8 @@ HARD_PERCENT_ANYWHERE = {"insert_peg": 95.0}  # task -> on every robot
 NOTES = (
     "Success must hold for the task's dwell with rotors and body untouched; an episode ends with it, a crash or the "
     "time limit.",
-    "Intervals: Wilson's 95 % score interval over the flights. Targets are judged by the rate; `hard` is flown in every "
-    "cell and has targets where one was set: inspect_contact of big_four_z1, insert_peg of every robot.",
+    "Intervals: Wilson's 95 % score interval over the flights. Targets are judged by the rate; `hard` is flown in "
+    "every cell and has targets where one was set: inspect_contact of big_four_z1, insert_peg of every robot.",
     "Same in: tiers in which the cell flies bit for bit alike, e.g. without anything that the wind could take hold of. "
     "They are flown once and counted once.",
     "Time: simulated seconds from reset to success, dwell included, mean and standard deviation over successes.",
@@ -77,7 +77,9 @@ class Experts:
         for robot, task in bar(cells, self.name, progress):
             for tier, same in distinct(robot, task, self.tiers).items():
                 result = self._result(robot, task, tier, record)
-                rows.append({"robot": robot, "task": task, "tier": tier, "same_in": ", ".join(same), **success_row(result)})
+                rows.append(
+                    {"robot": robot, "task": task, "tier": tier, "same_in": ", ".join(same), **success_row(result)}
+                )
                 failed[f"{robot}, {task}, {tier}"] = failed_seeds(result)
                 seconds += result.provenance["wall_time_s"]
         returns = [self._returns(*cell, record) for cell in bar(cells, "returns", progress)] if self.returns else []

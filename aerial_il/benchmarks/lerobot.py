@@ -43,8 +43,8 @@ NOTES = (
     "lerobot sees the dataset that `aerial-il convert` derives: positions in the world, no anchor; its "
     "normalisation, optimiser and temporal ensemble, at sizes made for a CPU.",
     "Disagree: share of the seeds that one calls a success and the other does not, judged at the upper end of its 95 % "
-    "interval (Wilson); beside it an exact McNemar test, paired by seed. Single environment and batch agree bit for bit, actions do not: "
-    "lerobot computes its ensemble in another order.",
+    "interval (Wilson); beside it an exact McNemar test, paired by seed. Single environment and batch agree bit for "
+    "bit, actions do not: lerobot computes its ensemble in another order.",
 )
 
 
@@ -250,7 +250,9 @@ def _equal(only_theirs: int, only_ours: int, total: int) -> Target:
     """Return that the evaluators agree: not that nothing was found, but that little can be there."""
     low, high = (100 * end for end in paired_difference(only_theirs, only_ours, total))
     apart = only_theirs + only_ours
-    spread = f"{apart}/{total}; ours - lerobot's {low:+.1f} to {high:+.1f} points, p = {mcnemar(only_theirs, only_ours):.3f}"
+    spread = (
+        f"{apart}/{total}; ours - lerobot's {low:+.1f} to {high:+.1f} points, p = {mcnemar(only_theirs, only_ours):.3f}"
+    )
     what = "seeds on which the evaluators disagree, upper end of the interval"
     return Target(what, "at most", DISAGREE_PERCENT, round(100 * wilson(apart, total).hi, 1), "%", spread)
 

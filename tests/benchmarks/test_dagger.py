@@ -45,7 +45,9 @@ def test_a_small_study_tells_what_labels_cost_and_goes_on_where_it_stopped(tmp_p
     assert rows["dagger"]["labelled_steps"] == rows[START]["labelled_steps"] + rows["dagger"]["queries"]
     assert [target.limit for target in report.targets] == [95.0, 0.0]
 
-    taken = [read_metrics(run.parent)[-1]["step"] for run in tmp_path.glob("training/dagger/**/rounds/*/training/policy")]
+    taken = [
+        read_metrics(run.parent)[-1]["step"] for run in tmp_path.glob("training/dagger/**/rounds/*/training/policy")
+    ]
     assert sum(taken) == rows["dagger"]["steps"], "the control takes as many steps as all rounds really did"
 
     files = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
@@ -57,7 +59,10 @@ def test_a_small_study_tells_what_labels_cost_and_goes_on_where_it_stopped(tmp_p
 def flown(asked: int, cloned: int, draw: int) -> dict[Arm, Any]:
     source = Source(robot="fa_hexa_arm4", task="reach", draw=draw)
     training = Asked("dagger", source, 2, SMALL["policy"], SMALL["asking"]["dagger"])
-    return {Arm("dagger", "", training): result_with(100, asked), Arm(STEPS, "dagger", training): result_with(100, cloned)}
+    return {
+        Arm("dagger", "", training): result_with(100, asked),
+        Arm(STEPS, "dagger", training): result_with(100, cloned),
+    }
 
 
 def test_asking_that_is_worse_than_its_control_misses_its_target() -> None:

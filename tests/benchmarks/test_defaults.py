@@ -39,7 +39,7 @@ def test_the_expert_demonstrates_as_collect_has_it(name: str) -> None:
     assert build(conf.read_option("bench", name)).expert == conf.read_option("expert", str(usual))
 
 
-@pytest.mark.parametrize("name", (*CLONING, "pixels"))
+@pytest.mark.parametrize("name", [*CLONING, "pixels"])
 def test_what_is_composed_is_taken_as_it_is(name: str) -> None:
     settings = conf.read_option("bench", name)
     for group, key, chosen in composed(name):

@@ -77,9 +77,11 @@ def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_p
     assert row["ratio"] == 1.0
     assert row["ratio_low"] <= 1.0 <= row["ratio_high"]
     control = ratios.row("Hopper-v5", "dac", "random_actions", [result(1.0, 2.0)], expert, [])
-    assert [target.met for target in ratios.targets([row, control])] == [True]
+    assert [target.met for target in ratios.targets([row, control], {})] == [True]
+    clone = ratios.row("Hopper-v5", "clone alone", "none", [result(101.0)], expert, [])
+    assert [target.met for target in ratios.targets([row], {"Hopper-v5": clone})] == [False], "its start was better"
     reach = ratios.row("reach", "dac", "none", [result(90.0, 10.0)], expert, [])
-    assert [target.met for target in ratios.targets([reach])] == [False]
+    assert [target.met for target in ratios.targets([reach], {})] == [False]
 
 
 PEER = {

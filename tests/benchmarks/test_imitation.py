@@ -125,5 +125,7 @@ def test_what_is_there_is_taken_and_an_arm_that_is_added_flies_itself_only(tmp_p
     assert len(found) == 2 * len(kept)
     assert kept.items() <= found.items()
 
-    Imitation(**{**SMALL, "algorithms": {"mlp": BehaviourCloning(steps=11, batch_size=16)}}).run(tmp_path, progress=False)
+    Imitation(**{**SMALL, "algorithms": {"mlp": BehaviourCloning(steps=11, batch_size=16)}}).run(
+        tmp_path, progress=False
+    )
     assert len(list(tmp_path.rglob("evaluation.json"))) == 3 * len(kept), "other steps are another training"

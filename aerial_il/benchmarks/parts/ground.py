@@ -30,9 +30,7 @@ def ground(robot: str, task: str, tier: str, horizon: int | None = None) -> str:
     Args:
         robot, task, tier: registry names. horizon: of the episodes, in steps; None for the task's own.
     """
-    env = aerial_il.load_batch(
-        robot, task, num_envs=len(PROBED_SEEDS), tier=tier, num_threads=1, horizon=horizon
-    )
+    env = aerial_il.load_batch(robot, task, num_envs=len(PROBED_SEEDS), tier=tier, num_threads=1, horizon=horizon)
     try:
         return _flown(env, aerial_il.expert(robot, task, noise=PROBE_NOISE))
     finally:
