@@ -125,6 +125,8 @@ def test_too_few_trainings_are_not_compared_lest_wide_intervals_win() -> None:
     peer = arm("imitation 1.0.1 GAIL, published settings, 8 worlds, one process", 0.8)
     found = list(ratios.peer_targets([arm(LIKE, 0.1, trainings=2, half=5.0), peer]))
     assert [target.unit for target in found] == ["times"]
+    longer = {**arm(LIKE, 0.9), "steps": 2_000}
+    assert [target.unit for target in ratios.peer_targets([longer, peer])] == ["times"], "nor are longer ones"
     assert not list(ratios.peer_targets([arm(LIKE, 0.9)]))
 
 

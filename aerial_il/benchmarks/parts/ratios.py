@@ -17,7 +17,8 @@ from aerial_il.evaluation.statistics import Interval, bootstrap_mean, t_interval
 RATIOS = {"Hopper-v5": 0.95, "HalfCheetah-v5": 0.87}
 SUCCESS_PERCENT = {"reach": 90.0}
 LIKE, LIKE_WORLDS = "gail_8_worlds", 8
-PEER_SPEED, FEWEST_TRAININGS = 3.0, 3  # times the environment steps in a minute; to compare returns
+PEER_SPEED = 3.0  # times the environment steps in a minute
+FEWEST_TRAININGS, SAME_STEPS = 3, 0.02  # to compare returns; steps end with a whole rollout
 
 
 def ratio(trainings: Sequence[Sequence[float]], expert: EvaluationResult) -> Row:
@@ -151,7 +152,8 @@ def _best(rows: list[Row]) -> Row:
 
 def _returns(name: str, own: Row, peer: Row) -> Iterator[Target]:
     """Yield that ours be no worse: above theirs, or its interval over trainings reaching theirs."""
-    if min(own["trainings"], peer["trainings"]) < FEWEST_TRAININGS:
+    as_long = abs(own["steps"] / peer["steps"] - 1.0) < SAME_STEPS
+    if not as_long or min(own["trainings"], peer["trainings"]) < FEWEST_TRAININGS:
         return
     better = own["ratio"] >= peer["ratio"]
     overlap = "disjoint" if own["trainings_low"] > peer["trainings_high"] else "overlapping"
