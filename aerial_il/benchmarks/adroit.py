@@ -66,7 +66,7 @@ NOTES = (
     "Queries: steps at which a flying learner had the expert's action; labelled steps has the first demonstrations, "
     "too. ThriftyDAgger flies more often than DAgger, because a flight of its learner costs nobody anything; the ten "
     "flights alone before each of its rounds are not counted among its own.",
-    "The final policy of each training is judged, on the same fixed seeds. Low and high: over the flights of these very "
+    "The final policy of each training is judged, on the same fixed seeds. Low and high: over the flights of these "
     "policies, of success Wilson's 95 % interval, of the score a bootstrap. Trainings: Student's 95 % interval with a "
     "training as the unit.",
 )
@@ -111,7 +111,8 @@ class Adroit:
         tasks: cloned from 100 demonstrations by the perceptron. few: smaller numbers of demonstrations of relocate, for
             all classes. seeds: trainings of each of these arms.
         clean: for the perceptron, ``{demos: N, WAY: TRAININGS}`` for each number of noise-free ones, where a way is
-            ``bc``, a name in ``interactive``, or ``bc_as_`` and such a name: cloning with as many steps as that. Ways that are near to each other are told apart by many trainings only.
+            ``bc``, a name in ``interactive``, or ``bc_as_`` and such a name: cloning with as many steps as that.
+            Ways that are near to each other are told apart by many trainings only.
         interactive: name -> algorithm that flies and asks the expert, with as many flights in all as ``clean`` says.
             first: of them, flown by the expert.
         episodes: flown to judge one. num_envs: worlds flown at once.

@@ -2,8 +2,8 @@
 
 Every arm begins with the same few demonstrations of its draw. The interactive ones add flights in rounds. Beside each
 stand two controls: cloning as many demonstrations as it had episodes in all, with the usual number of optimisation
-steps and with as many as it took over all its rounds. The final policies are flown on the same unseen seeds. Every stage
-is kept by all that decides it: killed at any moment, the same call continues.
+steps and with as many as it took over all its rounds. The final policies are flown on the same unseen seeds. Every
+stage is kept by all that decides it: killed at any moment, the same call continues.
 """
 
 from __future__ import annotations

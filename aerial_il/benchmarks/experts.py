@@ -29,8 +29,8 @@ HARD_PERCENT_ANYWHERE = {"insert_peg": 95.0}  # task -> on every robot
 NOTES = (
     "Success must hold for the task's dwell with rotors and body untouched; an episode ends with it, a crash or the "
     "time limit.",
-    "Intervals: Wilson's 95 % score interval over the flights. Targets are judged by the rate; `hard` is flown in every "
-    "cell and has targets where one was set: inspect_contact of big_four_z1, insert_peg of every robot.",
+    "Intervals: Wilson's 95 % score interval over the flights. Targets are judged by the rate; `hard` is flown in "
+    "every cell and has targets where one was set: inspect_contact of big_four_z1, insert_peg of every robot.",
     "Same in: tiers in which the cell flies bit for bit alike, e.g. without anything that the wind could take hold of. "
     "They are flown once and counted once.",
     "Time: simulated seconds from reset to success, dwell included, mean and standard deviation over successes.",

@@ -101,8 +101,8 @@ class Gail:
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
         seeds: trainings of each arm. controls: trainings of each control run of a task's first method.
         episodes: flown to judge one. num_envs: worlds flown at once of Gymnasium's tasks; gail_envs, like_envs,
-            suite_envs: by ``gail`` there, by its arm that flies as many as another library, and of the suite's. threads: of the suite's simulation, processes of Gymnasium's; 0 for all
-            cores.
+            suite_envs: by ``gail`` there, by its arm that flies as many as another library, and of the suite's.
+            threads: of the suite's simulation, processes of Gymnasium's; 0 for all cores.
         experts: folder with experts of Gymnasium's tasks that were trained here before, one run for each, which are
             taken rather than trained anew. None to train all.
         peer: folder with results of another library, see ``experiments/gail/peer.py``; left out where it is missing.
@@ -341,7 +341,10 @@ class Gail:
             question=self.question,
             settings=self._plain(),
             targets=(
-                *targets([found for found in rows if found["method"] == self._methods(found["task"])[0]]),
+                *targets(
+                    [found for found in rows if found["method"] == self._methods(found["task"])[0]],
+                    {found["task"]: found for found in rows if found["method"] == CLONE},
+                ),
                 *peer_targets(rows),
             ),
             tables={"Learners, controls and experts": rows, "Single trainings": singles},

@@ -43,8 +43,8 @@ NOTES = (
     "lerobot sees the dataset that `aerial-il convert` derives: positions in the world, no anchor; its "
     "normalisation, optimiser and temporal ensemble, at sizes made for a CPU.",
     "Disagree: share of the seeds that one calls a success and the other does not, judged at the upper end of its 95 % "
-    "interval (Wilson); beside it an exact McNemar test, paired by seed. Single environment and batch agree bit for bit, actions do not: "
-    "lerobot computes its ensemble in another order.",
+    "interval (Wilson); beside it an exact McNemar test, paired by seed. Single environment and batch agree bit for "
+    "bit, actions do not: lerobot computes its ensemble in another order.",
 )
 
 

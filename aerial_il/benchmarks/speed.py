@@ -48,8 +48,8 @@ NOTES = (
     "Gymnasium: AsyncVectorEnv, SB3: Stable-Baselines3's SubprocVecEnv, over the single environment with the same "
     "actions, in pick_place; each of their processes steps one world.",
     "Parent: this package at an earlier commit. Both fly their own experts in processes of their own, turn by turn. "
-    "Flights: all of it, resets and expert included, nothing recorded. Env: the environment's steps alone. Alone: those "
-    "of a single world. Collected: demonstrations on disk.",
+    "Flights: all of it, resets and expert included, nothing recorded. Env: the environment's steps alone. Alone: "
+    "those of a single world. Collected: demonstrations on disk.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is the faster.",
     "Time of a control step: flight is what the compiled threads do; python is the rest, done by one thread.",
     "Demonstrations: the expert from reset to success, flown without recording, and recorded as MCAP files; recording: "
@@ -172,7 +172,7 @@ class Speed:
             return interleave({**arms, **others}, self.repetitions)
 
     def _demonstrations(self, env: BatchEnvironment) -> Row:
-        """Successful episodes of the expert per minute, flown alone and recorded, and what resets and recording cost."""
+        """Successful episodes of the expert per minute, flown and recorded, and what resets and recording cost."""
         robot, task, clock = env.spec.robot, env.spec.task, Stopwatch()
         seeds = range(self.seed, self.seed + self.demonstrations)
         with clock.section("flown"):

@@ -42,8 +42,8 @@ NOTES = (
     "RMSE: root mean square distance between tool and reference over the measured time of all runs together.",
     "Seed SD: standard deviation over seeds of each seed's own RMSE. Worst run: largest RMSE of one motion and seed.",
     "Base RMSE: distance between the base and the reference that the whole-body controller made for it.",
-    "Controllers: the same seeds under each flight law (docs/controllers.md); targets are those of the default law, and "
-    "that its disturbance observer is worth something to the base in wind.",
+    "Controllers: the same seeds under each flight law (docs/controllers.md); targets are those of the default law, "
+    "and that its disturbance observer is worth something to the base in wind.",
     "Errors are the true ones; the controllers fly on the tier's noisy estimate of the state.",
 )
 
@@ -224,7 +224,7 @@ def _targets(robot: str, tier: str, flights: Flights) -> list[Target]:
 
 
 def _observer_targets(flown: Mapping[tuple[str, str, str], Flights]) -> Iterator[Target]:
-    """Yield what the disturbance observer must bring in wind: the arm makes up for the base, the tool hardly shows it."""
+    """Yield what the disturbance observer must bring in wind, to the base: what it is off by, the arm makes up for."""
     for (robot, tier, law), flights in flown.items():
         blind = flown.get((robot, tier, UNOBSERVED))
         if law != DEFAULT or blind is None or tiers.get(tier).wind is None:

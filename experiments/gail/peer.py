@@ -6,10 +6,10 @@ It needs other versions than ours do, so it runs in a virtual environment of its
     python experiments/gail/peer.py --settings published --envs 8 --parallel --steps 500000 --seeds 3
 
 The demonstrations, another draw for each training, are those of ``aerial-il bench gail``: the python that starts the
-script takes them from the study's record, or has them flown, and exports them; it then calls itself with the other one's.
-Each result, ``experiments/gail/peer/TASK-SETTINGS-ENVS.json``, appears in the table of ``aerial-il bench gail``. What is
-done is not done again. The peer flies the ``-v4`` of the task: its Gymnasium knows no other. Observations and dynamics
-are those of ``-v5``.
+script takes them from the study's record, or has them flown, and exports them; then it calls itself with the other's.
+Each result, ``experiments/gail/peer/TASK-SETTINGS-ENVS.json``, appears in the table of ``aerial-il bench gail``. What
+is done is not done again. The peer flies the ``-v4`` of the task: its Gymnasium knows no other. Observations and
+dynamics are those of ``-v5``.
 
 Settings. ``published``: what the library's authors tuned for GAIL on Hopper, ``gail_seals_hopper_best_hp_eval.json`` in
 its folder ``benchmarking`` (there for ten million steps of an environment of fixed length). ``example``: those of the

@@ -77,9 +77,11 @@ def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_p
     assert row["ratio"] == 1.0
     assert row["ratio_low"] <= 1.0 <= row["ratio_high"]
     control = ratios.row("Hopper-v5", "dac", "random_actions", [result(1.0, 2.0)], expert, [])
-    assert [target.met for target in ratios.targets([row, control])] == [True]
+    assert [target.met for target in ratios.targets([row, control], {})] == [True]
+    clone = ratios.row("Hopper-v5", "clone alone", "none", [result(101.0)], expert, [])
+    assert [target.met for target in ratios.targets([row], {"Hopper-v5": clone})] == [False], "its start was better"
     reach = ratios.row("reach", "dac", "none", [result(90.0, 10.0)], expert, [])
-    assert [target.met for target in ratios.targets([reach])] == [False]
+    assert [target.met for target in ratios.targets([reach], {})] == [False]
 
 
 PEER = {
@@ -123,6 +125,8 @@ def test_too_few_trainings_are_not_compared_lest_wide_intervals_win() -> None:
     peer = arm("imitation 1.0.1 GAIL, published settings, 8 worlds, one process", 0.8)
     found = list(ratios.peer_targets([arm(LIKE, 0.1, trainings=2, half=5.0), peer]))
     assert [target.unit for target in found] == ["times"]
+    longer = {**arm(LIKE, 0.9), "steps": 2_000}
+    assert [target.unit for target in ratios.peer_targets([longer, peer])] == ["times"], "nor are longer ones"
     assert not list(ratios.peer_targets([arm(LIKE, 0.9)]))
 
 

@@ -14,6 +14,7 @@ from aerial_il.benchmarks.learning_curve import LearningCurve
 from aerial_il.benchmarks.parts.report import Report
 from aerial_il.benchmarks.parts.success import pooled_row
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
 from tests.benchmarks.results import result_with
 
@@ -50,7 +51,7 @@ def test_the_curve_has_a_point_for_each_size(report: Report) -> None:
 def test_each_size_learns_from_the_first_demonstrations_of_its_draw(report: Report, folder: Path) -> None:
     for draw, size in ((0, 1), (0, 2), (1, 1), (1, 2)):
         (run,) = folder.glob(f"training/mlp/ua_quad_arm4-reach-calm/{size}/{draw}-*")
-        assert aerial_il.load_policy(str(run)).origin["dataset"]["demonstrations"] == size
+        assert load_policy(run).origin["dataset"]["demonstrations"] == size
     for draw in (0, 1):
         (dataset,) = folder.glob(f"datasets/ua_quad_arm4-reach-calm/{draw}-*")
         demos = aerial_il.open_dataset(str(dataset))

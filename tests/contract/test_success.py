@@ -117,7 +117,7 @@ class Stage:
         sensors = self.worlds.bind("sensordata")
         self.worlds.forward()
         for i in range(WORLDS):
-            mujoco.mj_forward(self.model, self.worlds.data(i))
+            mujoco.mj_forward(self.worlds.model, self.worlds.data(i))
             sensors[i] = self.worlds.data(i).sensordata
         return Placed(self)
 

@@ -75,7 +75,8 @@ def sink_onto_the_button(worlds: BatchEnvironment, part: str, steps: int = 60) -
 
 def true_force(worlds: BatchEnvironment, world: int) -> float:
     """Net force of all contacts with the button in one world, N, from the solver's contacts without any sensor."""
-    model, data, total = worlds.model, copy.copy(worlds.simulation.worlds.data(world)), np.zeros(3)
+    own = worlds.simulation.worlds
+    model, data, total = own.model, copy.copy(own.data(world)), np.zeros(3)
     mujoco.mj_forward(model, data)
     button = {model.geom(name).id for name in ("button_cap", "button_housing")}
     for k in range(data.ncon):

@@ -1,4 +1,4 @@
-"""Demonstrations of a benchmark: drawn as often as trainings are to differ in them, taken in the order of their seeds."""
+"""Demonstrations of a benchmark: in draws, for trainings that are to differ in them, each in the order of its seeds."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def rivals(parent: Path, *, repetitions: int, num_envs: int, threads: int) -> It
 
 
 def first_flights(parent: Path | None, robot: str, task: str, *, num_envs: int, threads: int, times: int) -> Row:
-    """Return how long a first control step takes in a fresh process, median; one before has compiled what is missing."""
+    """Return how long a first control step takes in a fresh process, median; one before compiles what is missing."""
     sides = {OURS: Checkout.here()} | ({THEIRS: Checkout(parent)} if parent else {})
     row: Row = {"robot": robot, "task": task}
     for name, checkout in sides.items():

@@ -128,7 +128,8 @@ class Stages:
         decided_by = {"training": training.decided_by(), **where}
         place = self._place("evaluations", f"{training.label}/{tier}", decided_by)
         if (place / FILE_NAME).exists():
-            self._dataset(source), self.run_of(training)  # their time is the study's, too
+            self._dataset(source)  # the time of both is the study's, too
+            self.run_of(training)
             return load_result(place)
         policy, env = self.policy(training), self.environment(source, tier, min(self.num_envs, len(seeds)))
         try:
@@ -213,8 +214,8 @@ def check_seeds(first_episode: int, episodes: int) -> None:
     tuning = seeds.start in TUNING_SEEDS and seeds[-1] in TUNING_SEEDS
     if not (tuning or (seeds.start >= EVALUATION_SEED and seeds[-1] < 100_000)):
         raise InvalidValueError(
-            f"Evaluations on seeds {seeds.start} to {seeds[-1]} are refused: to judge take some from 10000 to 99999, to "
-            "tune some from 5000 to 5999; demonstrations use others."
+            f"Evaluations on seeds {seeds.start} to {seeds[-1]} are refused: to judge take some from 10000 to 99999, "
+            "to tune some from 5000 to 5999; demonstrations use others."
         )
 
 
