@@ -1,4 +1,4 @@
-"""Compile what flies ahead of time, so that nobody's first flight waits: run by `make setup`, cached beside the sources."""
+"""Compile what flies ahead of time, so that nobody's first flight waits; `make setup` runs it."""
 
 from __future__ import annotations
 

@@ -45,8 +45,8 @@ class Origin:
     def uid(self, seed: int) -> str:
         """Return the name of the episode that is flown with ``seed``.
 
-        It ends in a digest of the specification, the policy, its settings and the engine, so that datasets can be merged
-        and a collection knows what it has flown already.
+        It ends in a digest of the specification, the policy, its settings and the engine, so that datasets can be
+        merged and a collection knows what it has flown already.
         """
         spec = self.spec
         return f"{spec.robot}-{spec.task}-{spec.tier}-{seed:06d}-{self._digest}".replace("/", "_")

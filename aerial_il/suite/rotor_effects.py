@@ -1,9 +1,9 @@
 """What real rotors do that the simulated ones do not, computed from a robot's parameters; see ``docs/physics.md``.
 
 A rotor of radius R that lifts T turns at ``Ω = 2π sqrt(T / (c_T ρ (2R)⁴))``; its polar inertia is that of slender rods,
-``J = m R² / 3``. Static thrust coefficients of small propellers lie around 0.1 (Brandt and Selig, "Propeller Performance
-Data at Low Reynolds Numbers", AIAA 2011-1255). Mass and solidity of the propellers are our assumptions: all torques here
-are in proportion to that mass.
+``J = m R² / 3``. Static thrust coefficients of small propellers lie around 0.1 (Brandt and Selig, "Propeller
+Performance Data at Low Reynolds Numbers", AIAA 2011-1255). Mass and solidity of the propellers are our assumptions:
+all torques here are in proportion to that mass.
 """
 
 from __future__ import annotations

@@ -98,7 +98,8 @@ class Stage:
         able = [robot for robot, other in aerial_il.list_cells() if other == task]
         self.robot = robots.get("fa_hexa_arm4" if "fa_hexa_arm4" in able else able[0])
         self.env = aerial_il.load_batch(self.robot.name, task, num_envs=WORLDS, num_threads=1)
-        self.worlds, self.model = self.env.simulation.worlds, self.env.model
+        self.worlds = self.env.simulation.worlds
+        self.model = self.worlds.model
         self.qpos, self.qvel = self.worlds.bind("qpos"), self.worlds.bind("qvel")
         self.userdata, self.mocap_pos = self.worlds.bind("userdata"), self.worlds.bind("mocap_pos")
         self.memory = self.userdata[:, mem.TASK]
@@ -117,7 +118,7 @@ class Stage:
         sensors = self.worlds.bind("sensordata")
         self.worlds.forward()
         for i in range(WORLDS):
-            mujoco.mj_forward(self.worlds.model, self.worlds.data(i))
+            mujoco.mj_forward(self.model, self.worlds.data(i))
             sensors[i] = self.worlds.data(i).sensordata
         return Placed(self)
 

@@ -22,7 +22,7 @@ WORLDS, STEPS, DT = 8, 400, 0.02
 
 @cache
 def flights(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Body rates (T, n, 3) rad/s and thrusts (T, n, R) N of expert flights in gusts: pick_place, or track without an arm."""
+    """Body rates (T, n, 3) rad/s and thrusts (T, n, R) N of expert flights in gusts."""
     task = "pick_place" if (name, "pick_place") in aerial_il.list_cells() else "track"
     env, expert = aerial_il.load_batch(name, task, num_envs=WORLDS, tier="gusts"), aerial_il.expert(name, task)
     expert.attach(env)
