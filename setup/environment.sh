@@ -120,3 +120,15 @@ fi
 if [ "$(cat $rendering 2>/dev/null || echo disabled)" = disabled ]; then
     prepare_rendering
 fi
+
+# What flies is compiled once, not in somebody's first flight; the compiled code lies beside its sources.
+kernels=$venv/share/aerial_il/kernels
+sources() { find aerial_il/core aerial_il/control aerial_il/suite aerial_il/experts -name '*.py' | LC_ALL=C sort | xargs cat | cksum; }
+if [ "$(cat $kernels 2>/dev/null)" != "$(sources)" ]; then
+    say "Compiling what flies (about a minute) ..."
+    if $venv/bin/python setup/compile_kernels.py; then
+        sources > $kernels
+    else
+        say "That did not work; the first flight will do it."
+    fi
+fi

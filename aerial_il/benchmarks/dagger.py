@@ -1,72 +1,139 @@
 """What an expert's answers are worth: cloning its flights, or asking it while the learner flies, at equal cost.
 
-Every arm begins with the same few demonstrations. The interactive ones add the same number of flights in rounds;
-cloning gets as many demonstrations as those have episodes in all, and, in a second arm, as many as have at least as
-many labelled steps as classic DAgger used. The final policies are flown on the same unseen seeds. Every stage leaves
-its result in the folder of the benchmark: killed at any moment, the same call continues.
+Every arm begins with the same few demonstrations of its draw. The interactive ones add flights in rounds. Beside each
+stand two controls: cloning as many demonstrations as it had episodes in all, with the usual number of optimisation
+steps and with as many as it took over all its rounds. The final policies are flown on the same unseen seeds. Every
+stage is kept by all that decides it: killed at any moment, the same call continues.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import Dart
-from aerial_il.algorithms.parts.gates import CoinGate, ThriftyGate
 from aerial_il.algorithms.parts.rounds import plain
 from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.benchmarks.parts.claim import claim
+from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
+from aerial_il.benchmarks.parts.ground import learning_code
 from aerial_il.benchmarks.parts.progress import bar
+from aerial_il.benchmarks.parts.record import Record
 from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.success import failed_seeds, success_row, success_target
+from aerial_il.benchmarks.parts.stages import (
+    EVALUATION_SEED,
+    Cloned,
+    Stages,
+    check_seeds,
+    described,
+    steps_of,
+    without_cadence,
+)
+from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.policy import Policy
-from aerial_il.data.episode import Episode
-from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
-from aerial_il.evaluation.rollouts import evaluate
-from aerial_il.evaluation.statistics import wilson
-from aerial_il.policies import load_policy
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.statistics import t_interval
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.suite.batch import BatchEnvironment
 
-START, EPISODES, LABELS = "bc, first demonstrations", "bc, as many episodes", "bc, as many labels"
-INTERACTIVE = ("dagger", "dart", "thrifty")
-ARMS = (START, EPISODES, "dagger", LABELS, "dart", "thrifty")
-EVALUATION_SEED = 10_000
-DAGGER_PERCENT = 95.0
+START, EPISODES, STEPS = "bc, first demonstrations", "bc, as many episodes", "bc, as many episodes and steps"
+JUDGED, JUDGED_PERCENT = "dagger", 95.0
 NOTES = (
-    "The final policy of each run; intervals are Wilson's over all evaluation episodes of all seeds together.",
+    "The final policy of each training. Trainings of an arm differ in their draw: in demonstrations and flights (other "
+    "seeds), weights and minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. "
+    "Trainings: Student's 95 % interval with a training as the unit.",
+    "Control of: the interactive arm that a cloning arm stands beside. It has as many demonstrations as that had "
+    "episodes in all, and the usual optimisation steps, or as many as that took over all its rounds.",
     "Labelled steps: every step of a demonstration, and every step at which the expert was asked; ThriftyDAgger's "
-    "flights of the learner alone are not labelled and do not count as episodes.",
+    "flights of the learner alone are not labelled and do not count as episodes; the steps of its ensemble, which only "
+    "judges the learner, do not count as optimisation steps.",
+    "Difference: of the success of each draw's interactive policy and its control, Student's 95 % interval over draws.",
     "The experts are scripted, see the simulator's state and can take over from anywhere.",
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A policy trained by asking the expert while it flies.
+
+    Attributes:
+        method: name for people. source: of the demonstrations to begin with; its draw is the training's seed.
+        demos: how many. policy: what is trained. algorithm: how.
+    """
+
+    method: str
+    source: Source
+    demos: int
+    policy: PolicyConfig
+    algorithm: DAgger | Dart
+
+    @property
+    def label(self) -> str:
+        return (
+            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        )
+
+    @property
+    def episodes(self) -> int:
+        """Demonstrations and labelled flights in all."""
+        return self.demos + self.algorithm.rounds * self.algorithm.episodes
+
+    @property
+    def steps(self) -> int:
+        """Optimisation steps of all rounds."""
+        return steps_of(self.algorithm)
+
+    def decided_by(self) -> dict[str, Any]:
+        return {
+            "source": self.source.decided_by(),
+            "demos": self.demos,
+            "policy": described(self.policy),
+            "algorithm": without_cadence(self.algorithm),
+            "learning": learning_code("bc", "dagger", "dart"),
+        }
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        env = stages.environment(self.source, self.source.tier, self.algorithm.episodes)
+        try:
+            return self.algorithm.train(
+                stages.demonstrations(self.source, self.demos),
+                self.policy,
+                run=run,
+                env=env,
+                expert=aerial_il.expert(self.source.robot, self.source.task),
+                collect=collect,
+                seed=self.source.draw,
+                progress=stages.progress,
+            )
+        finally:
+            env.close()
+
+
 @dataclass(frozen=True)
 class Arm:
-    """One training: a cell, a way to learn, and the seed of the training."""
+    """One training and what it stands for.
 
-    robot: str
-    task: str
+    Attributes:
+        name: of the arm. control_of: the interactive arm that it stands beside, or empty.
+        training: what is trained.
+    """
+
     name: str
-    seed: int
+    control_of: str
+    training: Cloned | Asked
 
-    @property
-    def cell(self) -> str:
-        return f"{self.robot}-{self.task}"
 
-    @property
-    def place(self) -> str:
-        return f"{self.cell}/{self.name.replace(', ', '_').replace(' ', '_')}/{self.seed}"
+Results = Mapping[Arm, EvaluationResult]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,184 +141,156 @@ class Interactive:
     """Settings.
 
     Attributes:
-        policy: what is trained. training: supervised learning. robot: name. tasks: names. arms: which of them.
-        tier: in which everything is flown. demos: demonstrations to begin with. noise: of the expert in them.
-        rounds, episodes: of the interactive arms. between_steps: optimisation steps between rounds.
-        beta: of classic DAgger. ensemble, alone, alarms: of ThriftyDAgger. scale: of DART's noise.
-        seeds: trainings of each arm. flown: unseen seeds per evaluation. num_envs: worlds flown at once in evaluations
-            and demonstrations. threads: of the simulation; 0 for all cores.
+        policy: what is trained. cloning: how the controls are. expert: how it demonstrates, its ``noise``.
+        asking: name -> algorithm that flies and asks. arms: which of the names; empty for all.
+        robot: name. tasks: names. tier: in which everything is flown. demos: demonstrations to begin with.
+        draws: of demonstrations and weights, one training of each arm each. episodes: unseen seeds per evaluation.
+        num_envs: worlds flown at once in evaluations and demonstrations. threads: of the simulation; 0 for all cores.
     """
 
     name: ClassVar[str] = "dagger"
     question: ClassVar[str] = "Does asking the expert while the learner flies beat cloning as much of its work?"
 
     policy: PolicyConfig = field(default_factory=MlpConfig)
-    training: BehaviourCloning = field(default_factory=BehaviourCloning)
+    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
+    expert: Mapping[str, float] = field(default_factory=usual_expert)
+    asking: Mapping[str, DAgger | Dart] = field(default_factory=lambda: {JUDGED: DAgger()})
+    arms: tuple[str, ...] = ()
     robot: str = "fa_hexa_arm4"
     tasks: tuple[str, ...] = ("insert_peg", "pick_place")
-    arms: tuple[str, ...] = ARMS
     tier: str = "calm"
     demos: int = 20
-    noise: float = 0.0
-    rounds: int = 6
-    episodes: int = 10
-    between_steps: int = 2_000
-    beta: str = "exponential"
-    ensemble: int = 3
-    alone: int = 10
-    alarms: float = 0.02
-    scale: float = 1.0
-    seeds: int = 3
-    flown: int = 100
+    draws: tuple[int, ...] = (0, 1, 2)
+    episodes: int = 100
     num_envs: int = 50
     threads: int = 0
 
     def __post_init__(self) -> None:
         for name in self.arms:
-            if name not in ARMS:
-                raise UnknownNameError("arm", name, ARMS)
-        if min(self.demos, self.rounds, self.episodes, self.seeds, self.flown, self.num_envs) < 1:
-            raise InvalidValueError("demos, rounds, episodes, seeds, flown and num_envs start at 1.")
+            if name not in self.asking:
+                raise UnknownNameError("arm", name, self.asking)
+        if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
+            raise InvalidValueError("demos, episodes and num_envs start at 1; draws name at least one.")
+        check_seeds(EVALUATION_SEED, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        claim(folder, self._plain(), free=("tasks", "arms", "seeds", "num_envs", "threads"))
-        wanted = [Arm(self.robot, task, name, k) for k, task, name in product(range(self.seeds), self.tasks, self.arms)]
-        results = {arm: self._result(arm, folder, progress) for arm in bar(wanted, self.name, progress)}
-        singles = [self._row(arm, result, folder) for arm, result in results.items()]
-        pooled = _pooled(singles)
+        stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
+        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._all_arms())
+        results = {arm: stages.judged(arm.training, self.tier, seeds) for arm in bar(arms, self.name, progress)}
+        singles = [_row(arm, [arm], results, stages) for arm in results]
+        groups = list(_grouped(results))
+        pooled = [_row(group[0], group, results, stages) for group in groups]
+        differences = list(_differences(groups, results))
         return Report(
             name=self.name,
             question=self.question,
             settings=self._plain(),
-            targets=tuple(_targets(pooled)),
-            tables={"Cloning and asking": pooled, "Single trainings": singles},
-            notes=NOTES,
-            details={"failed_seeds": {arm.place: failed_seeds(result) for arm, result in results.items()}},
-            wall_time_s=sum(result.provenance["wall_time_s"] for result in results.values()),
+            targets=(*_targets(pooled), *_beside_control(differences)),
+            tables={
+                "Cloning and asking": pooled,
+                "Asking beside its controls": differences,
+                "Single trainings": [
+                    {"draw": a.training.source.draw, **r} for a, r in zip(results, singles, strict=True)
+                ],
+            },
+            notes=(*NOTES, *stages.origins()),
+            details={"failed_seeds": {f"{a.name}: {a.training.label}": failed_seeds(r) for a, r in results.items()}},
+            wall_time_s=stages.seconds(),
         )
 
-    def _result(self, arm: Arm, folder: Path, progress: bool) -> EvaluationResult:
-        judged = folder / "evaluations" / arm.place
-        if (judged / FILE_NAME).exists():
-            return load_result(judged)
-        policy = self._trained(arm, folder, progress)
-        env = self._environment(arm.task, min(self.num_envs, self.flown))
-        try:
-            seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.flown)
-            result = evaluate(env, policy, seeds, policy_name=arm.name, progress=progress)
-        finally:
-            env.close()
-        result.save(judged)
-        return result
-
-    def _trained(self, arm: Arm, folder: Path, progress: bool) -> Policy:
-        run, algorithm = folder / "training" / arm.place, self._algorithm(arm.name)
-        if algorithm is None:
-            shown = self._demonstrations(arm, self._wanted(arm, folder, progress), folder, progress)
-            return self.training.train(shown, self.policy, run=run, seed=arm.seed, progress=progress)
-        env, shown = self._environment(arm.task, self.episodes), self._demonstrations(arm, self.demos, folder, progress)
-        expert = aerial_il.expert(arm.robot, arm.task)
-        try:
-            return algorithm.train(
-                shown, self.policy, run=run, env=env, expert=expert, collect=collect, seed=arm.seed, progress=progress
-            )
-        finally:
-            env.close()
-
-    def _algorithm(self, name: str) -> DAgger | Dart | None:
-        common: dict[str, Any] = {
-            "rounds": self.rounds,
-            "episodes": self.episodes,
-            "training": self.training,
-            "between_steps": self.between_steps,
-        }
-        if name == "dart":
-            return Dart(scale=self.scale, **common)
-        gates: dict[str, Any] = {
-            "dagger": CoinGate(beta=self.beta),  # pyright: ignore[reportArgumentType]
-            "thrifty": ThriftyGate(ensemble=self.ensemble, alone=self.alone, alarms=self.alarms),
-        }
-        return DAgger(gate=gates[name], **common) if name in gates else None
-
-    def _wanted(self, arm: Arm, folder: Path, progress: bool) -> int:
-        """Return how many demonstrations an arm of cloning gets."""
-        if arm.name == START:
-            return self.demos
-        if arm.name == EPISODES:
-            return self.demos + self.rounds * self.episodes
-        asking = replace(arm, name="dagger")
-        self._result(asking, folder, progress)
-        labelled = read_metrics(folder / "training" / asking.place)[-1]["total/labelled_steps"]
-        count, steps = self.demos, 0
-        while steps < labelled:  # demonstrations are all about as long
-            steps = sum(map(len, self._demonstrations(arm, count, folder, progress)))
-            count += max(1, int((labelled - steps) / (steps / count))) if steps < labelled else 0
-        return count
-
-    def _demonstrations(self, arm: Arm, count: int, folder: Path, progress: bool) -> list[Episode]:
-        """Return the first ``count`` successful flights of the expert, flying those that are missing."""
-        dataset, flown = folder / "datasets" / arm.cell, count
-        while len(found := _successes(dataset)) < count:
-            if flown > 3 * count:
-                raise InvalidValueError(f"{dataset}: the expert fails too often to give {count} demonstrations.")
-            env = self._environment(arm.task, min(self.num_envs, count))
-            try:
-                expert = aerial_il.expert(arm.robot, arm.task, noise=self.noise)
-                collect(env, expert, range(flown), dataset, settings={"noise": self.noise}, progress=progress)
-            finally:
-                env.close()
-            flown += count
-        return [aerial_il.open_dataset(str(dataset))[uid] for uid in found[:count]]
-
-    def _environment(self, task: str, num_envs: int) -> BatchEnvironment:
-        return aerial_il.load_batch(self.robot, task, num_envs=num_envs, tier=self.tier, num_threads=self.threads)
-
-    def _row(self, arm: Arm, result: EvaluationResult, folder: Path) -> Row:
-        rows = read_metrics(folder / "training" / arm.place)
-        if arm.name in INTERACTIVE:
-            cost = {key: int(rows[-1][f"total/{key}"]) for key in ("episodes", "labelled_steps", "queries")}
-            cost["interventions"] = int(sum(row["interventions"] for row in rows))
-        else:
-            count = load_policy(folder / "training" / arm.place).origin["dataset"]["demonstrations"]
-            steps = sum(map(len, self._demonstrations(arm, count, folder, progress=False)))
-            cost = {"episodes": count, "labelled_steps": steps, "queries": 0, "interventions": 0}
-        judged = {k: v for k, v in success_row(result).items() if k != "episodes"} | {"flown": len(result.episodes)}
-        return {"task": arm.task, "arm": arm.name, "seed": arm.seed, **cost, **judged}
+    def _all_arms(self) -> Iterator[Arm]:
+        """Yield what is trained, draw by draw: each interactive arm with its controls."""
+        for draw, task in product(self.draws, self.tasks):
+            source = Source(robot=self.robot, task=task, tier=self.tier, noise=self.expert["noise"], draw=draw)
+            yield Arm(START, "", Cloned("bc", source, self.demos, self.policy, self.cloning))
+            for name in self.arms or tuple(self.asking):
+                asked = Asked(name, source, self.demos, self.policy, self.asking[name])
+                longer = replace(self.cloning, steps=asked.steps)
+                yield Arm(name, "", asked)
+                yield Arm(EPISODES, name, Cloned("bc", source, asked.episodes, self.policy, self.cloning))
+                yield Arm(STEPS, name, Cloned("bc", source, asked.episodes, self.policy, longer))
 
     def _plain(self) -> dict[str, Any]:
         """The settings as JSON gives them back."""
-        return json.loads(json.dumps(plain(self) | {"policy": {"name": self.policy.name, **self.policy.to_dict()}}))
+        return json.loads(json.dumps(plain(self) | {"policy": described(self.policy)}))
 
 
-def _successes(dataset: Path) -> list[str]:
-    """Return the uids of the successful flights by seed, which is how they are named."""
-    return sorted(file.stem for file in (dataset / "demos").glob("*.mcap"))
+def _grouped(results: Results) -> Iterator[list[Arm]]:
+    """Yield the trainings of each arm, which differ in their draws only."""
+    groups: dict[tuple[str, str, str], list[Arm]] = {}
+    for arm in results:
+        groups.setdefault((arm.training.source.task, arm.name, arm.control_of), []).append(arm)
+    yield from groups.values()
 
 
-def _pooled(singles: Sequence[Mapping[str, Any]]) -> list[Row]:
-    """Sum the trainings of each arm up: success over all their flights, cost of the mean one."""
-    rows = []
-    for task, arm in dict.fromkeys((row["task"], row["arm"]) for row in singles):
-        own = [row for row in singles if (row["task"], row["arm"]) == (task, arm)]
-        count, flown = (sum(row[key] for row in own) for key in ("success", "flown"))
-        low, high = wilson(count, flown)
-        cost = {k: round(sum(row[k] for row in own) / len(own)) for k in ("episodes", "labelled_steps", "queries")}
-        rate = {"success": count, "flown": flown, "percent": round(100 * count / flown, 1)}
-        interval = {"ci95_low": round(100 * low, 1), "ci95_high": round(100 * high, 1)}
-        rows.append({"task": task, "arm": arm, "seeds": len(own), **cost, **rate, **interval})
-    return rows
+def _row(head: Arm, arms: Sequence[Arm], results: Results, stages: Stages) -> Row:
+    """Return success of some trainings of one arm, and what the mean one cost."""
+    costs = [_cost(arm.training, stages) for arm in arms]
+    times = [e.time_to_success_s for arm in arms for e in results[arm].episodes if e.time_to_success_s is not None]
+    return {
+        "task": head.training.source.task,
+        "arm": head.name,
+        "control_of": head.control_of,
+        **{key: round(float(np.mean([cost[key] for cost in costs]))) for key in costs[0]},
+        **{("flown" if k == "episodes" else k): v for k, v in pooled_row(results[arm] for arm in arms).items()},
+        "time_s": round(float(np.mean(times)), 2) if times else None,
+    }
 
 
-def _targets(pooled: Sequence[Row]) -> list[Target]:
-    """Return what classic DAgger must reach on each task."""
-    return [
-        success_target(
-            f"{row['task']}: DAgger, {row['episodes']} episodes", DAGGER_PERCENT, row | {"episodes": row["flown"]}
-        )
-        for row in pooled
-        if row["arm"] == "dagger"
-    ]
+def _cost(training: Cloned | Asked, stages: Stages) -> dict[str, int]:
+    """Return episodes, optimisation steps, labelled steps and questions of a training."""
+    if isinstance(training, Asked):
+        last = read_metrics(stages.run_of(training))[-1]
+        counted = {key: int(last[f"total/{key}"]) for key in ("episodes", "labelled_steps", "queries")}
+        return {"steps": training.steps, **counted}
+    shown = stages.demonstrations(training.source, training.demos)
+    labelled = sum(map(len, shown))
+    return {
+        "steps": training.algorithm.steps, "episodes": training.demos, "labelled_steps": labelled, "queries": 0
+    }  # fmt: skip
+
+
+def _differences(groups: Sequence[Sequence[Arm]], results: Results) -> Iterator[Row]:
+    """Yield by how much each interactive arm is better than each of its controls, paired by draw."""
+    by_name = {(g[0].training.source.task, g[0].name, g[0].control_of): g for g in groups}
+    for (task, name, control_of), group in by_name.items():
+        if not control_of:
+            continue
+        asked = _rates(by_name[task, control_of, ""], results)
+        gain = 100 * (asked - _rates(group, results))
+        low, high = t_interval(gain)
+        yield {
+            "task": task,
+            "arm": control_of,
+            "control": name,
+            "difference": round(float(gain.mean()), 1),
+            "low": None if np.isnan(low) else round(low, 1),
+            "high": None if np.isnan(high) else round(high, 1),
+            "draws": len(gain),
+        }
+
+
+def _rates(arms: Sequence[Arm], results: Results) -> np.ndarray:
+    """(draws,) success of each training."""
+    return np.array([results[arm].success["rate"] for arm in arms])
+
+
+def _targets(pooled: Sequence[Row]) -> Iterator[Target]:
+    """Yield what classic DAgger must reach on each task."""
+    for row in pooled:
+        if row["arm"] == JUDGED:
+            yield pooled_target(f"{row['task']}: DAgger, {row['episodes']} episodes", JUDGED_PERCENT, row)
+
+
+def _beside_control(differences: Sequence[Row]) -> Iterator[Target]:
+    """Yield that asking must not be worse than cloning as many episodes with as many optimisation steps."""
+    for row in differences:
+        if row["control"] == STEPS:
+            known = row["low"] is not None
+            spread = f"trainings {row['low']:+g} to {row['high']:+g}, {row['draws']} draws" if known else "one draw"
+            what = f"{row['task']}: {row['arm']} less {STEPS}"
+            yield Target(what, "at least", 0.0, row["difference"], "points", spread)
 
 
 BENCHMARK = Interactive

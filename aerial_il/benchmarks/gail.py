@@ -2,15 +2,17 @@
 
 On Gymnasium's MuJoCo tasks experts are trained here, or were before, and their flights recorded; on the suite the
 scripted experts demonstrate. Every learner is then given the first few of them, and no reward. Beside each stands the
-same run without a demonstration: with flights of random actions in their place, and paid for being alive. Every stage
-leaves its result in the folder of the benchmark: killed at any moment, the same call continues.
+same run without a demonstration: with flights of random actions in their place, and paid for being alive. Trainings
+of an arm differ in demonstrations and weights. Every stage is kept by all that decides it: killed at any moment, the
+same call continues.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from importlib import metadata
 from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar
@@ -24,13 +26,17 @@ from aerial_il.algorithms.parts.learned_reward import reward_along, shuffled
 from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.algorithms.parts.settings import Control, Imitating
 from aerial_il.algorithms.sac import SoftActorCriticLearning
-from aerial_il.benchmarks.parts.claim import claim
+from aerial_il.benchmarks.parts.demonstrations import SEEDS_PER_DRAW
 from aerial_il.benchmarks.parts.figures import reward_lines
+from aerial_il.benchmarks.parts.ground import ground, learning_code
 from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.ratios import peer_rows, peer_targets, row, targets
+from aerial_il.benchmarks.parts.ratios import LIKE, peer_rows, peer_targets, row, targets
+from aerial_il.benchmarks.parts.record import Record
 from aerial_il.benchmarks.parts.report import Report
+from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, described, without_cadence
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import sha256_of
 from aerial_il.core.policy import Policy
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
@@ -40,17 +46,20 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from aerial_il.suite.outside.processes import processes_for
 
-EVALUATION_SEED = 10_000
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
 EXPERT, EXPERTS = "expert", "experts"
 CLONE = "clone alone"
+METHODS = ("dac", "gail", LIKE)
 NOTES = (
     "Experts of Gymnasium's tasks: soft actor-critic (of Walker2d: proximal policy optimisation, "
     "`experiments/gail/expert.py`), trained here, now or before; recorded and judged is their mean action.",
-    "Learners never see a reward. The final policy of each training is judged on the expert's own fixed seeds.",
-    "Ratio: mean return of the learner over that of the expert; its interval is a bootstrap (95 %) over episodes of "
-    "all seeds, and covers neither the spread between trainings, which the table of single trainings shows, "
-    "nor the expert's own.",
+    "Learners never see a reward. The final policy of each training is judged on the expert's own fixed seeds. "
+    "Trainings of an arm differ in their demonstrations (flown with other seeds) and in their weights.",
+    "Ratio: mean return of the learner over that of the expert, whose own spread no interval covers. Low and high: "
+    "bootstrap (95 %) over the flights of these very policies. Trainings: Student's 95 % interval with a training as "
+    "the unit.",
+    f"{LIKE}: gail with as many worlds as the other library's published settings fly. The other library has the same "
+    "demonstrations, steps and cores; published: its own tuned settings for Hopper, example: those of its tutorial.",
     "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: the "
     "same run paid 1 for every step before an end. What these reach is no imitation.",
     "dac, and on the suite gail, begin with a clone; clone alone: the same run without a step of reinforcement. On "
@@ -91,9 +100,9 @@ class Gail:
             learns, which success does not end. suite_policy, suite_gail: what differs on these, which ``gail`` learns.
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
         seeds: trainings of each arm. controls: trainings of each control run of a task's first method.
-        episodes: flown to judge one. num_envs: worlds flown at once of Gymnasium's tasks; gail_envs, suite_envs: by
-            ``gail`` there, and of the suite's. threads: of the suite's simulation, processes of Gymnasium's; 0 for all
-            cores.
+        episodes: flown to judge one. num_envs: worlds flown at once of Gymnasium's tasks; gail_envs, like_envs,
+            suite_envs: by ``gail`` there, by its arm that flies as many as another library, and of the suite's.
+            threads: of the suite's simulation, processes of Gymnasium's; 0 for all cores.
         experts: folder with experts of Gymnasium's tasks that were trained here before, one run for each, which are
             taken rather than trained anew. None to train all.
         peer: folder with results of another library, see ``experiments/gail/peer.py``; left out where it is missing.
@@ -125,6 +134,7 @@ class Gail:
     episodes: int = 100
     num_envs: int = 8
     gail_envs: int = 32
+    like_envs: int = 8
     suite_envs: int = 64
     threads: int = 0
     experts: str | None = "experiments/gail/experts"
@@ -132,8 +142,8 @@ class Gail:
 
     def __post_init__(self) -> None:
         for method in self.methods:
-            if method not in ("dac", "gail"):
-                raise InvalidValueError(f"{method!r} is no method of this study; it has dac and gail.")
+            if method not in METHODS:
+                raise InvalidValueError(f"{method!r} is no method of this study; it has {', '.join(METHODS)}.")
         for task, numbers in self.apart.items():
             if unknown := set(numbers) - {"steps", "seeds", "controls"}:
                 raise InvalidValueError(f"apart.{task} names {sorted(unknown)}; valid: steps, seeds, controls.")
@@ -142,11 +152,10 @@ class Gail:
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Train, record and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        free = ("methods", "outside", "suite", "seeds", "controls", "apart", "peer", "threads")
-        claim(folder, self._plain(), free=free)
-        experts = {task: self._expert(task, folder, progress) for task in (*self.outside, *self.suite)}
-        results = {point: self._result(point, folder, progress) for point in bar(self.points(), self.name, progress)}
-        return self._report(folder, experts, results)
+        record = Record(folder)
+        experts = {task: self._expert(task, record, progress) for task in (*self.outside, *self.suite)}
+        results = {point: self._result(point, record, progress) for point in bar(self.points(), self.name, progress)}
+        return self._report(record, experts, results)
 
     def points(self) -> list[Point]:
         """Return all trainings, the first seed of every arm first."""
@@ -176,76 +185,115 @@ class Gail:
     def environment(self, task: str, *, learner: str = "", judged: bool = False, at_most: int | None = None) -> Any:
         """Return worlds of a task, wherever it comes from: to demonstrate, to learn by a method or be ``judged`` in."""
         if task in self.outside:
-            num_envs = self.gail_envs if learner == "gail" else self.num_envs
-            num_envs = min(num_envs, at_most or num_envs)
+            num_envs = min(self._worlds(learner), at_most or self._worlds(learner))
             processes = processes_for(self.threads, num_envs)
             return aerial_il.load_gymnasium(task, num_envs=num_envs, processes=processes)
         num_envs, horizon = min(self.suite_envs, at_most or self.suite_envs), None if judged else self.suite[task]
         return aerial_il.load_batch(self.robot, task, num_envs=num_envs, horizon=horizon, num_threads=self.threads)
 
-    def pilot(self, task: str, folder: Path) -> Policy:
+    def pilot(self, task: str, record: Record) -> Policy:
         """Return the expert of a task: trained here, or scripted."""
         if task in self.outside:
-            return load_policy(self._expert_run(task, folder))
+            return load_policy(self._expert_run(task, record))
         return aerial_il.expert(self.robot, task, noise=self.noise)
 
-    def _expert_run(self, task: str, folder: Path) -> Path:
-        """Return where the expert of one of Gymnasium's tasks is, or will be: kept from before, or below ``folder``."""
-        return self._kept(task) or folder / EXPERTS / task
+    def _expert_run(self, task: str, record: Record) -> Path:
+        """Return where the expert of one of Gymnasium's tasks is, or will be: kept from before, or in the record."""
+        decided_by = {"algorithm": without_cadence(self.expert), "policy": described(self.policy)}
+        return self._kept(task) or record.place(EXPERTS, task, decided_by)
 
     def _kept(self, task: str) -> Path | None:
         kept = Path(self.experts) / task if self.experts else None
         return kept if kept is not None and (kept / "policy").is_dir() else None
 
-    def _expert(self, task: str, folder: Path, progress: bool) -> EvaluationResult:
+    def _expert(self, task: str, record: Record, progress: bool) -> EvaluationResult:
         """Train the expert of a task where there is none, and judge it."""
         if task in self.outside and self._kept(task) is None:
             env = self.environment(task)
             try:
-                self.expert.train(None, self.policy, env=env, run=folder / EXPERTS / task, progress=progress)
+                self.expert.train(None, self.policy, env=env, run=self._expert_run(task, record), progress=progress)
             finally:
                 env.close()
-        return self._judged(task, self.pilot(task, folder), folder / "evaluations" / task / EXPERT, EXPERT, progress)
+        judged = record.place("evaluations", f"{task}/{EXPERT}", self._flown_by(task, record) | self._judging)
+        return self._judged(task, lambda: self.pilot(task, record), judged, EXPERT, progress)
 
-    def demonstrations(self, task: str, folder: Path, progress: bool) -> list[Episode]:
-        """Return the first successful flights of the expert, recording what is missing."""
-        dataset = DatasetFolder(folder / "datasets" / task)
+    @property
+    def _judging(self) -> dict[str, Any]:
+        return {"seeds": [EVALUATION_SEED, EVALUATION_SEED + self.episodes]}
+
+    def _flown_by(self, task: str, record: Record) -> dict[str, Any]:
+        """Return what decides the expert's flights."""
+        if task not in self.outside:
+            return {"noise": self.noise, "ground": ground(self.robot, task, "calm", self.suite[task])}
+        versions = {name: metadata.version(name) for name in ("gymnasium", "mujoco")}
+        return {"expert": sha256_of(self._expert_run(task, record) / "policy" / "manifest.json"), **versions}
+
+    def _shown_by(self, task: str, record: Record, draw: int) -> dict[str, Any]:
+        """Return what decides the demonstrations of a draw."""
+        return {"task": task, "draw": draw, **self._flown_by(task, record)}
+
+    def demonstrations(self, task: str, draw: int, record: Record, progress: bool) -> list[Episode]:
+        """Return the first successful flights of the expert in a draw, recording what is missing."""
+        dataset = DatasetFolder(record.place("datasets", f"{task}/{draw}", self._shown_by(task, record, draw)))
         wanted = flown = self.trajectories if task in self.outside else self.suite_demos
+        first = SEEDS_PER_DRAW * draw
         while (missing := wanted - len(dataset.files())) > 0:
             if flown > 4 * wanted:
                 raise InvalidValueError(f"{dataset.path}: the expert fails too often to give {wanted} demonstrations.")
             env = self.environment(task, at_most=flown)
             try:
-                collect(env, self.pilot(task, folder), range(flown), dataset.path, progress=progress)
+                collect(env, self.pilot(task, record), range(first, first + flown), dataset.path, progress=progress)
             finally:
                 env.close()
             flown += missing
         return list(islice(_successes(dataset.path), wanted))
 
-    def _result(self, point: Point, folder: Path, progress: bool) -> EvaluationResult:
-        judged = folder / "evaluations" / point.place
-        if (judged / FILE_NAME).exists():
-            return load_result(judged)
+    def _result(self, point: Point, record: Record, progress: bool) -> EvaluationResult:
+        judged = record.place("evaluations", str(point.place), self._decided_by(point, record) | self._judging)
+        return self._judged(
+            point.task, lambda: self._trained(point, record, progress), judged, str(point.place), progress
+        )
+
+    def _trained(self, point: Point, record: Record, progress: bool) -> Policy:
         env = self.environment(point.task, learner=point.method)
         try:
-            policy = self._learner(point).train(
-                self.demonstrations(point.task, folder, progress),
+            return self._learner(point).train(
+                self.demonstrations(point.task, point.seed, record, progress),
                 self._policy(point),
                 env=env,
-                run=folder / "training" / point.place,
+                run=self.run_of(point, record),
                 seed=point.seed,
                 progress=progress,
             )
         finally:
             env.close()
-        return self._judged(point.task, policy, judged, str(point.place), progress)
+
+    def run_of(self, point: Point, record: Record) -> Path:
+        """Return the folder of a training."""
+        return record.place("training", str(point.place), self._decided_by(point, record))
+
+    def _decided_by(self, point: Point, record: Record) -> dict[str, Any]:
+        """Return all that decides a training."""
+        outside = point.task in self.outside
+        return {
+            "shown": self._shown_by(point.task, record, point.seed),
+            "demos": self.trajectories if outside else self.suite_demos,
+            "algorithm": without_cadence(self._learner(point)),
+            "policy": described(self._policy(point)),
+            "worlds": self._worlds(point.method) if outside else self.suite_envs,
+            "learning": learning_code("dac" if point.method == "dac" else "gail", "sac", "ppo"),
+        }
+
+    def _worlds(self, method: str) -> int:
+        """Return how many of Gymnasium's worlds a method flies at once."""
+        return {"gail": self.gail_envs, LIKE: self.like_envs}.get(method, self.num_envs)
 
     def _learner(self, point: Point) -> Any:
         """Return the algorithm of a training."""
         if point.task not in self.outside:
             learner = self._fitted(replace(self.gail, **self.suite_gail), point)
             return replace(learner, steps=learner.rollout, warmup=learner.rollout) if point.method == CLONE else learner
-        if point.method == "gail":
+        if point.method in ("gail", LIKE):
             return self._fitted(replace(self.gail, subsample=self.subsample), point)
         learner = self._fitted(replace(self.dac, subsample=self.subsample), point)
         return replace(learner, steps=self.num_envs) if point.method == CLONE else learner
@@ -257,54 +305,62 @@ class Gail:
     def _policy(self, point: Point) -> SquashedGaussianConfig:
         if point.task not in self.outside:
             return replace(self.policy, **self.suite_policy)
-        return replace(self.policy, **self.differs.get("dac" if point.method == CLONE else point.method, {}))
+        method = {CLONE: "dac", LIKE: "gail"}.get(point.method, point.method)
+        return replace(self.policy, **self.differs.get(method, {}))
 
-    def _judged(self, task: str, policy: Policy, judged: Path, name: str, progress: bool) -> EvaluationResult:
+    def _judged(
+        self, task: str, policy: Callable[[], Policy], judged: Path, name: str, progress: bool
+    ) -> EvaluationResult:
+        """Return the kept evaluation, or that of the policy that is made then."""
         if (judged / FILE_NAME).exists():
             return load_result(judged)
-        env = self.environment(task, judged=True, at_most=self.episodes)
+        made, env = policy(), self.environment(task, judged=True, at_most=self.episodes)
         try:
             seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
-            result = evaluate(env, policy, seeds, policy_name=name, progress=progress)
+            result = evaluate(env, made, seeds, policy_name=name, progress=progress)
         finally:
             env.close()
         result.save(judged)
         return result
 
     def _report(
-        self, folder: Path, experts: Mapping[str, EvaluationResult], results: Mapping[Point, EvaluationResult]
+        self, record: Record, experts: Mapping[str, EvaluationResult], results: Mapping[Point, EvaluationResult]
     ) -> Report:
         arms = dict.fromkeys((p.task, p.method, p.control) for p in results)
         rows = [row(task, EXPERT, "none", [result], result, []) for task, result in experts.items()]
         for arm in arms:
             points = [point for point in results if (point.task, point.method, point.control) == arm]
-            runs = [folder / "training" / point.place for point in points]
+            runs = [self.run_of(point, record) for point in points]
             rows.append(row(*arm, [results[point] for point in points], experts[arm[0]], runs))
         rows += peer_rows(Path(self.peer), experts)
         singles = [
-            row(p.task, p.method, p.control, [r], experts[p.task], [folder / "training" / p.place])
-            for p, r in results.items()
+            row(p.task, p.method, p.control, [r], experts[p.task], [self.run_of(p, record)]) for p, r in results.items()
         ]
         return Report(
             name=self.name,
             question=self.question,
             settings=self._plain(),
             targets=(
-                *targets([found for found in rows if found["method"] == self._methods(found["task"])[0]]),
+                *targets(
+                    [found for found in rows if found["method"] == self._methods(found["task"])[0]],
+                    {found["task"]: found for found in rows if found["method"] == CLONE},
+                ),
                 *peer_targets(rows),
             ),
             tables={"Learners, controls and experts": rows, "Single trainings": singles},
             notes=NOTES,
-            figures={"reward.svg": reward_lines(self._rewards(folder, results))},
-            wall_time_s=_seconds(folder, list(experts.values()) + list(results.values()), results),
+            figures={"reward.svg": reward_lines(self._rewards(record, results))},
+            wall_time_s=_seconds(
+                record, [*experts.values(), *results.values()], [self.run_of(p, record) for p in results]
+            ),
         )
 
-    def _rewards(self, folder: Path, results: Mapping[Point, EvaluationResult]) -> dict[str, dict[str, np.ndarray]]:
+    def _rewards(self, record: Record, results: Iterable[Point]) -> dict[str, dict[str, np.ndarray]]:
         """Return the learned reward along a demonstration and along the same with its actions shuffled, per task."""
         panels = {}
         for point in results:
             if point.seed == 0 and point.control == "none" and point.method == self._methods(point.task)[0]:
-                run, shown = folder / "training" / point.place, self.demonstrations(point.task, folder, False)[0]
+                run, shown = self.run_of(point, record), self.demonstrations(point.task, 0, record, False)[0]
                 lines = {"demonstration": shown, "its actions shuffled": shuffled(shown)}
                 panels[point.task] = {label: reward_along(run, episode) for label, episode in lines.items()}
         return panels
@@ -318,10 +374,10 @@ def _successes(dataset: Path) -> Iterator[Episode]:
     return (episode for episode in aerial_il.open_dataset(str(dataset)) if episode.success)
 
 
-def _seconds(folder: Path, evaluations: list[EvaluationResult], points: Mapping[Point, EvaluationResult]) -> float:
+def _seconds(record: Record, evaluations: Iterable[EvaluationResult], runs: Iterable[Path]) -> float:
     """Return how long training and judging took, whenever it was done."""
-    runs = [folder / "training" / point.place for point in points] + list((folder / EXPERTS).glob("*"))
-    return sum(read_metrics(run)[-1]["elapsed_s"] for run in runs) + sum(
+    trained = [*runs, *(record.folder / EXPERTS).glob("*")]
+    return sum(read_metrics(run)[-1]["elapsed_s"] for run in trained) + sum(
         result.provenance["wall_time_s"] for result in evaluations
     )
 

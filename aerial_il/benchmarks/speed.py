@@ -1,14 +1,17 @@
-"""How fast worlds are flown: the batch environment against the bare engine and against Gymnasium's own vectorisation.
+"""How fast worlds are flown: beside the bare engine, beside this package at an earlier commit, and beside Gymnasium.
 
-An expert's flight is recorded once and flown again by every arm, so that all do the same work, contacts included: the
-bare engine is fed with the recorded actuator commands and wrenches and ends in the same state bit for bit. The arms
-take turns, and ratios are formed within a turn.
+An expert's flight is recorded once and flown again by the batch environment and the bare engine, so that both do the
+same work, contacts included: the bare engine is fed with the recorded actuator commands and wrenches and ends in the
+same state bit for bit. The earlier commit flies its own flights, in a process of its own, and so do we beside it. The
+arms of a comparison take turns, and ratios are formed within a turn.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -16,7 +19,9 @@ from typing import ClassVar
 import numpy as np
 
 import aerial_il
+from aerial_il.benchmarks.parts.earlier import Checkout
 from aerial_il.benchmarks.parts.figures import time_shares
+from aerial_il.benchmarks.parts.parent import Rivals, first_flights, rivals
 from aerial_il.benchmarks.parts.processes import process_arms
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
@@ -26,26 +31,30 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.rollouts import rollouts
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.suite.scene import SUBSTEPS
 
 MANIPULATION = "pick_place"
-RAW_RATIO, RAW_RATIO_MANIPULATION = 0.8, 0.85
+RAW_RATIO, RAW_RATIO_MANIPULATION = 0.70, 0.80
 GYMNASIUM_RATIO, SB3_RATIO = 3.5, 4.0
-DEMONSTRATIONS_PER_MINUTE, RESETS_PERCENT = 3000, 3.0
-FLOWN_ALONE = 8  # demonstrations that one environment at a time flies for comparison
-SECTIONS = ("flight", "observation", "judgement", "bookkeeping")
+FLIGHTS_RATIO, FLIGHTS_RATIO_MANIPULATION, FLIGHTS_RATIO_MEAN = 1.05, 1.35, 1.1  # to the parent
+ALONE_RATIO, COLLECTED_RATIO = 4.0, 2.0  # to the parent
+DEMONSTRATIONS_PER_MINUTE, RESETS_PERCENT, RECORDING_PERCENT = 3000, 3.0, 15.0
+SERIAL_WORLDS, SERIAL_US, FIRST_FLIGHT_S = 2048, 1.0, 3.0
+SECTIONS = ("flight", "python")
 NOTES = (
     "Steps per second: control steps of 20 ms (five physics steps) of all worlds together.",
-    "Raw: mujoco.batch on the same model, threads and inputs, one call per control step, for a policy has to see all "
-    "worlds before it acts. Untimed: the same without the timers that MuJoCo's Python package switches on, and we off. "
-    "Uninterrupted: in one call for the whole flight, which keeps each world in cache.",
+    "Raw: mujoco.batch.Batch as its defaults give it, on the same model, threads and inputs, MuJoCo's timers off, one "
+    "call per control step, for a policy has to see all worlds before it acts. Recorded: the same, handing out a state "
+    "row of each world. Uninterrupted: in one call for the whole flight, which keeps each world in cache: the ceiling.",
     "Gymnasium: AsyncVectorEnv, SB3: Stable-Baselines3's SubprocVecEnv, over the single environment with the same "
     "actions, in pick_place; each of their processes steps one world.",
+    "Parent: this package at an earlier commit. Both fly their own experts in processes of their own, turn by turn. "
+    "Flights: all of it, resets and expert included, nothing recorded. Env: the environment's steps alone. Alone: "
+    "those of a single world. Collected: demonstrations on disk.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is the faster.",
-    "Time of a control step: the batch environment's own parts, timed around each call; flight is controller, "
-    "air and physics; bookkeeping checks actions and states, counts steps and updates success and crash flags.",
-    "Demonstrations: the expert from reset to success, flown without recording, and recorded as MCAP files; one at a "
-    "time: the same with a single world.",
+    "Time of a control step: flight is what the compiled threads do; python is the rest, done by one thread.",
+    "Demonstrations: the expert from reset to success, flown without recording, and recorded as MCAP files; recording: "
+    "the share of collecting that flying does not explain.",
+    "First flight: a fresh process from the import to the end of its first control step, kernels compiled before.",
 )
 
 
@@ -57,11 +66,12 @@ class Speed:
         robots, tasks: names; empty for all. num_envs: worlds of the batch. steps: control steps of the flight.
         repetitions: turns that each arm takes. processes: of the other libraries, in pick_place; 0 leaves them out.
         demonstrations: episodes flown to count demonstrations per minute; 0 leaves them out.
+        parent: folder with a checkout of an earlier commit to fly beside; None leaves it out.
         seed: the first one flown. threads: of the simulation; 0 for all cores.
     """
 
     name: ClassVar[str] = "speed"
-    question: ClassVar[str] = "How much of the bare engine's speed does the batch environment keep?"
+    question: ClassVar[str] = "How much of the bare engine's speed is kept, and how much faster than before is it?"
 
     robots: tuple[str, ...] = ()
     tasks: tuple[str, ...] = ()
@@ -70,6 +80,7 @@ class Speed:
     repetitions: int = 7
     processes: int = 8
     demonstrations: int = 1024
+    parent: str | None = None
     seed: int = 10_000
     threads: int = 0
 
@@ -84,31 +95,66 @@ class Speed:
         """Time every cell; see :class:`Benchmark`."""
         started = time.perf_counter()
         cells = [c for c in aerial_il.list_cells() if c[0] in (self.robots or c) and c[1] in (self.tasks or c)]
-        rows, shares, demonstrations, details = [], [], [], []
-        for robot, task in bar(cells, self.name, progress):
-            env = aerial_il.load_batch(robot, task, num_envs=self.num_envs, num_threads=self.threads)
-            try:
-                work = record(env, self.seed + np.arange(self.num_envs), self.steps)
-                rates = self._rates(env, work)
-                shares.append({"robot": robot, "task": task, **time_of_a_step(env, work)})
-                if task == MANIPULATION and self.demonstrations:
-                    demonstrations.append({"robot": robot, **self._demonstrations(env)})
-            finally:
-                env.close()
-            rows.append({"robot": robot, "task": task, **_compared(rates)})
-            details.append({"robot": robot, "task": task, "rates": {k: v.round(1).tolist() for k, v in rates.items()}})
-        tables = {"Speed": rows, "Time of a control step": shares, "Demonstrations per minute": demonstrations}
+        rows, shares, demonstrations, serial, beside, collecting, details = [], [], [], [], [], [], []
+        with ExitStack() as stack:
+            parent = self._rivals(stack)
+            for robot, task in bar(cells, self.name, progress):
+                head = {"robot": robot, "task": task}
+                rates, share, flown = self._cell(robot, task)
+                rows.append({**head, **_compared(rates)})
+                shares.append({**head, **share})
+                demonstrations += [{**head, **row} for row in flown]
+                details.append({**head, "rates": {k: v.round(1).tolist() for k, v in rates.items()}})
+                serial += [{**head, **self._serial(robot, task)}] if task == MANIPULATION else []
+                if parent:
+                    beside.append({**head, **parent.flights(robot, task, seed=self.seed, steps=self.steps)})
+                if parent and task == MANIPULATION and self.demonstrations:
+                    found = parent.collecting(robot, task, seed=self.seed, episodes=self.demonstrations)
+                    collecting.append({**head, **found})
+        first = self._first(*cells[0])
+        tables = {
+            "Speed": rows,
+            "Beside the parent": beside,
+            "Collecting beside the parent": collecting,
+            "Time of a control step": shares,
+            f"Time of a control step of {SERIAL_WORLDS} worlds": serial,
+            "Demonstrations per minute": demonstrations,
+            "First flight": [first],
+        }
         return Report(
             name=self.name,
             question=self.question,
             settings=asdict(self),
-            targets=(*(t for row in rows for t in _targets(row)), *(t for row in demonstrations for t in _goals(row))),
+            targets=(
+                *(t for row in rows for t in _targets(row)),
+                *_parent_targets(beside, collecting),
+                *(t for row in demonstrations for t in _goals(row)),
+                *(t for row in serial for t in _serial_targets(row)),
+                Target("first flight of a fresh process", "at most", FIRST_FLIGHT_S, first["ours_s"], "s"),
+            ),
             tables={title: found for title, found in tables.items() if found},
-            notes=NOTES,
+            notes=(*NOTES, *self._commits()),
             figures={"speed.svg": time_shares(shares, [f"{name}_us" for name in SECTIONS])},
             details={"repetitions": details},
             wall_time_s=time.perf_counter() - started,
         )
+
+    def _rivals(self, stack: ExitStack) -> Rivals | None:
+        """Start the processes of both commits, where there is an earlier one."""
+        if self.parent is None:
+            return None
+        numbers = {"repetitions": self.repetitions, "num_envs": self.num_envs, "threads": self.threads}
+        return stack.enter_context(rivals(Path(self.parent), **numbers))
+
+    def _cell(self, robot: str, task: str) -> tuple[dict[str, np.ndarray], Row, list[Row]]:
+        """Time a cell in this process: rates of all arms, parts of a step, demonstrations per minute."""
+        env = aerial_il.load_batch(robot, task, num_envs=self.num_envs, num_threads=self.threads)
+        try:
+            work = record(env, self.seed + np.arange(self.num_envs), self.steps)
+            flown = [self._demonstrations(env)] if task == MANIPULATION and self.demonstrations else []
+            return self._rates(env, work), time_of_a_step(env, work), flown
+        finally:
+            env.close()
 
     def _rates(self, env: BatchEnvironment, work: Workload) -> dict[str, np.ndarray]:
         """Control steps per second of each arm, one number per repetition."""
@@ -118,7 +164,7 @@ class Speed:
                 lambda: fly_again(env, work), units=work.world_steps, prepare=lambda: env.set_state(work.start)
             ),
             "raw": Arm(raw.step, units=work.world_steps, prepare=raw.rewind),
-            "untimed": Arm(raw.step_untimed, units=work.world_steps, prepare=raw.rewind),
+            "recorded": Arm(raw.step_recorded, units=work.world_steps, prepare=raw.rewind),
             "uninterrupted": Arm(raw.roll_out, units=work.world_steps, prepare=raw.rewind),
         }
         count = min(self.processes, self.num_envs) if env.spec.task == MANIPULATION else 0
@@ -126,7 +172,7 @@ class Speed:
             return interleave({**arms, **others}, self.repetitions)
 
     def _demonstrations(self, env: BatchEnvironment) -> Row:
-        """Successful episodes of the expert per minute, flown alone and recorded, and what the resets cost."""
+        """Successful episodes of the expert per minute, flown and recorded, and what resets and recording cost."""
         robot, task, clock = env.spec.robot, env.spec.task, Stopwatch()
         seeds = range(self.seed, self.seed + self.demonstrations)
         with clock.section("flown"):
@@ -135,40 +181,51 @@ class Speed:
             recorded = collect(env, aerial_il.expert(robot, task), seeds, folder, progress=False)
         with clock.section("resets"):
             env.reset(self.seed)
-        alone = aerial_il.load_batch(robot, task, num_envs=1)
-        with clock.section("alone"):
-            single = list(rollouts(alone, aerial_il.expert(robot, task), seeds[:FLOWN_ALONE]))
-        alone.close()
-        flown = 60 * sum(f.success for f in flights) / clock.seconds["flown"]
         resets = clock.seconds["resets"] * len(flights) / env.num_envs
         return {
-            "flown_per_minute": round(flown),
+            "flown_per_minute": round(60 * sum(f.success for f in flights) / clock.seconds["flown"]),
             "recorded_per_minute": round(60 * len(recorded.demos) / clock.seconds["recorded"]),
-            "one_at_a_time": round(60 * len(single) / clock.seconds["alone"]),
-            "ratio": round(flown * clock.seconds["alone"] / (60 * len(single)), 2),
             "mean_steps": round(float(np.mean([len(f) for f in flights]))),
             "resets_percent": round(100 * resets / clock.seconds["flown"], 2),
+            "recording_percent": round(100 * (1 - clock.seconds["flown"] / clock.seconds["recorded"]), 1),
         }
+
+    def _serial(self, robot: str, task: str) -> Row:
+        """Time the parts of a step of very many worlds, in which what a single thread does weighs most."""
+        env = aerial_il.load_batch(robot, task, num_envs=SERIAL_WORLDS, num_threads=self.threads)
+        try:
+            return time_of_a_step(env, record(env, self.seed + np.arange(SERIAL_WORLDS), max(1, self.steps // 4)))
+        finally:
+            env.close()
+
+    def _first(self, robot: str, task: str) -> Row:
+        path = Path(self.parent) if self.parent else None
+        return first_flights(
+            path, robot, task, num_envs=self.num_envs, threads=self.threads, times=min(3, self.repetitions)
+        )
+
+    def _commits(self) -> list[str]:
+        """Return a note that names the earlier commit."""
+        return [f"The parent stands at commit {Checkout(Path(self.parent)).commit}."] if self.parent else []
 
 
 def time_of_a_step(env: BatchEnvironment, work: Workload) -> Row:
-    """Return µs per world and control step of each part of the batch environment's step, and of them all together."""
-    simulation, clock = env.simulation, Stopwatch()
-    env.set_state(work.start)
-    for actions in work.actions:
-        with clock.section("bookkeeping"):
-            simulation.receive(actions)
+    """Return µs per world and control step in the compiled flight, in the rest, and of both together."""
+    clock, fly = Stopwatch(), env.simulation.fly
+
+    def timed(steps: int) -> None:
         with clock.section("flight"):
-            simulation.fly(SUBSTEPS)
-        with clock.section("bookkeeping"):
-            simulation.settle()
-        with clock.section("judgement"):
-            simulation.judge()
-        with clock.section("observation"):
-            env.observe()
-    parts = {f"{name}_us": 1e6 * clock.seconds[name] / work.world_steps for name in SECTIONS}
-    rounded = {name: round(value, 2) for name, value in parts.items()}
-    return {**rounded, "total_us": round(sum(parts.values()), 2)}
+            fly(steps)
+
+    env.set_state(work.start)
+    env.simulation.fly = timed  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        with clock.section("total"):
+            fly_again(env, work)
+    finally:
+        del env.simulation.fly
+    flight, total = (1e6 * clock.seconds[name] / work.world_steps for name in ("flight", "total"))
+    return {"flight_us": round(flight, 2), "python_us": round(total - flight, 2), "total_us": round(total, 2)}
 
 
 def _compared(rates: dict[str, np.ndarray]) -> Row:
@@ -188,41 +245,49 @@ def _targets(row: Row) -> list[Target]:
     """What a cell's ratios should be."""
     raw = RAW_RATIO_MANIPULATION if row["task"] == MANIPULATION else RAW_RATIO
     wanted = (
-        ("raw", raw, "raw mj_step"),
+        ("recorded", raw, "raw mj_step with a state row per world"),
         ("gymnasium", GYMNASIUM_RATIO, "AsyncVectorEnv"),
         ("sb3", SB3_RATIO, "SubprocVecEnv"),
     )
     return [
-        Target(
-            what=f"{row['robot']}, {row['task']}: batch environment / {what}",
-            sense="at least",
-            limit=limit,
-            measured=row[f"ratio_{key}"],
-            spread=f"{row[f'range_{key}']} over repetitions",
-        )
+        _ratio(f"{row['robot']}, {row['task']}: batch environment / {what}", limit, row, key)
         for key, limit, what in wanted
         if f"ratio_{key}" in row
     ]
 
 
+def _parent_targets(beside: Sequence[Row], collecting: Sequence[Row]) -> Iterator[Target]:
+    """Yield how much faster than the earlier commit all should be."""
+    for row in beside:
+        name, manipulation = f"{row['robot']}, {row['task']}", row["task"] == MANIPULATION
+        limit = FLIGHTS_RATIO_MANIPULATION if manipulation else FLIGHTS_RATIO
+        yield _ratio(f"{name}: flights / the parent's", limit, row, "flights")
+        yield _ratio(f"{name}: one world alone / the parent's", ALONE_RATIO, row, "alone")
+    if beside:
+        mean = float(np.exp(np.mean([np.log(row["ratio_flights"]) for row in beside])))
+        what = f"flights / the parent's, geometric mean of {len(beside)} cells"
+        yield Target(what, "at least", FLIGHTS_RATIO_MEAN, round(mean, 3))
+    for row in collecting:
+        yield _ratio(f"{row['robot']}: demonstrations on disk / the parent's", COLLECTED_RATIO, row, "collected")
+
+
+def _ratio(what: str, limit: float, row: Row, key: str) -> Target:
+    return Target(what, "at least", limit, row[f"ratio_{key}"], "", f"{row[f'range_{key}']} over repetitions")
+
+
 def _goals(row: Row) -> list[Target]:
     """What collecting demonstrations should reach."""
+    robot, flown = row["robot"], row["flown_per_minute"]
     return [
-        Target(
-            what=f"{row['robot']}: demonstrations flown per minute",
-            sense="at least",
-            limit=DEMONSTRATIONS_PER_MINUTE,
-            measured=row["flown_per_minute"],
-            spread=f"{row['ratio']} times one environment at a time",
-        ),
-        Target(
-            what=f"{row['robot']}: share of the resets",
-            sense="at most",
-            limit=RESETS_PERCENT,
-            measured=row["resets_percent"],
-            unit="%",
-        ),
+        Target(f"{robot}: demonstrations flown per minute", "at least", DEMONSTRATIONS_PER_MINUTE, flown),
+        Target(f"{robot}: share of the resets", "at most", RESETS_PERCENT, row["resets_percent"], "%"),
+        Target(f"{robot}: recording's share", "at most", RECORDING_PERCENT, row["recording_percent"], "%"),
     ]
+
+
+def _serial_targets(row: Row) -> list[Target]:
+    what = f"{row['robot']}, {row['task']}: Python's time per world of {SERIAL_WORLDS}"
+    return [Target(what, "at most", SERIAL_US, row["python_us"], "µs")]
 
 
 BENCHMARK = Speed

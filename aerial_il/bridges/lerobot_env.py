@@ -7,7 +7,8 @@ With the package of ``plugins/lerobot_env_aerial_il`` installed, lerobot finds i
 
 Observations and actions are those of the datasets that ``aerial-il convert`` writes: proprioception as the state, the
 task's fields as the environment's state, colour cameras as images, actions in SI units. An episode ends as in our own
-evaluation: at the first success, at a crash, or when its time is up; equal seeds are equal episodes.
+evaluation: at the first success, a crash, the loss of its object or when its time is up; equal seeds are equal
+episodes.
 """
 
 from __future__ import annotations

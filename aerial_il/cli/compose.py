@@ -10,6 +10,7 @@ from typing import Any
 from aerial_il.cli import conf, keys
 from aerial_il.cli.commands import Command
 from aerial_il.cli.overrides import prepare
+from aerial_il.cli.quoting import uninterpolated
 from aerial_il.core.errors import AerialError, InvalidValueError
 
 _log = logging.getLogger(__name__)
@@ -76,7 +77,7 @@ def typed(command: Command, cfg: Any) -> Any:
 
     target = keys.output_key(command.config)
     if target and HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN:
-        cfg[target] = os.path.relpath(HydraConfig.get().runtime.output_dir)
+        cfg[target] = uninterpolated(os.path.relpath(HydraConfig.get().runtime.output_dir))
     missing = sorted(OmegaConf.missing_keys(cfg))
     if missing:
         wanted = " ".join(f"{name.removesuffix('.path').removesuffix('.name')}=..." for name in missing)

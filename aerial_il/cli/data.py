@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
+
+log = logging.getLogger(__name__)
 
 
 def demonstrations(
@@ -40,6 +43,21 @@ def demonstrations(
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
         return open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
     return chosen
+
+
+def warn_of_changes(path: str) -> None:
+    """Say what has changed since demonstrations were recorded: the meaning of their tier, or the engine."""
+    from aerial_il.data.provenance import engine_of
+    from aerial_il.suite.changes import engine_note, tier_note
+
+    for note in dict.fromkeys(
+        note
+        for episode in open_dataset(path).one_of_each()
+        if not episode.spec.is_outside
+        for note in (tier_note(episode.spec), engine_note(engine_of(episode.provenance)))
+        if note
+    ):
+        log.warning("%s: %s It is learned from as it is.", path, note)
 
 
 def check_origin(path: str, expected: Mapping[str, str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import aerial_il
+from aerial_il.cli import words
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
 from aerial_il.core.rendering import require_rendering
@@ -23,11 +25,13 @@ from aerial_il.experts.outside import load_expert
 from aerial_il.policies import find_lerobot, load_policy
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
+from aerial_il.suite.changes import tier_note
 from aerial_il.suite.outside.processes import processes_for
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
+log = logging.getLogger(__name__)
 EXPERT = "expert"
 DEFAULT_ACTION, DEFAULT_CONTROLLER = "ee_pose", "geometric_observer"
 SEEDS_TRIED = 3
@@ -42,7 +46,7 @@ class Pilot:
     robot: str
     task: str
     action: str
-    words: str
+    words: tuple[str, ...]
     env: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     cameras: tuple[str, ...] = ()
@@ -91,43 +95,47 @@ def pilot(
         if robot is None or task is None:
             raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
         policy = aerial_il.expert(robot, task) if source == EXPERT else BASELINES[source]()
-        words = f"policy={source} robot={robot} task={task}" + (f" action={action}" if action else "")
-        return Pilot(policy, robot, task, action or DEFAULT_ACTION, words)
+        said = _cell_words(source, robot, task, action)
+        return Pilot(policy, robot, task, action or DEFAULT_ACTION, said)
     if found := find_lerobot(Path(source)):
         return _from_lerobot(source, found, robot=robot, task=task, action=action)
     policy = load_policy(source)
     spec = policy.spec
+    if note := tier_note(spec):
+        log.warning("%s: %s It was trained under the older one.", source, note)
     if env is not None or (spec.is_outside and robot is None):
-        key, chosen = env or outside.key_of(spec), {**spec.options, **(options or {})}
+        key, chosen = env or outside.key_of(spec), {**outside.checked_options(spec), **(options or {})}
         if key is None:
             raise InvalidValueError(f"{source} was trained in an environment made by a caller; say env=KEY.")
         return Pilot(policy, spec.robot, spec.task, spec.action.level, _words(source, key, options), key, chosen)
     if task is None and len(known := tasks_of(spec)) > 1:
         raise InvalidValueError(f"{source} flies several tasks, say which: task=... Valid: {', '.join(known)}.")
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
-    words, (cameras, size) = f"policy={source} robot={robot} task={task} action={action}", _sight(policy)
-    return Pilot(policy, robot, task, action, words, cameras=cameras, image_size=size)
+    said, (cameras, size) = _cell_words(source, robot, task, action), _sight(policy)
+    return Pilot(policy, robot, task, action, said, cameras=cameras, image_size=size)
 
 
-def pilots_of(policy: ChunkPolicy, source: str = "a policy in training") -> tuple[Pilot, ...]:
+def pilots_of(
+    policy: ChunkPolicy, source: str = "a policy in training", *, typed: str | None = None
+) -> tuple[Pilot, ...]:
     """Return a policy with the environment that it was trained in, once for each of its tasks.
 
     Args:
-        policy: what flies. source: its name in errors.
+        policy: what flies. source: its name in errors. typed: ``env=`` as the user typed it.
     """
     specs = (replace(policy.spec, task=task) for task in tasks_of(policy.spec))
-    return tuple(_pilot_in(spec, policy, source) for spec in specs)
+    return tuple(_pilot_in(spec, policy, source, typed) for spec in specs)
 
 
-def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str) -> Pilot:
+def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str, typed: str | None) -> Pilot:
     if spec.is_outside:
-        key = outside.key_of(spec)
+        key = outside.key_of(spec, typed=typed)
         if key is None:
             raise InvalidValueError(f"{source} learns in an environment made by a caller, which cannot be made again.")
-        words = _words(source, key, None)
-        return Pilot(policy, spec.robot, spec.task, spec.action.level, words, key, dict(spec.options))
+        said = _words(source, key, None)
+        return Pilot(policy, spec.robot, spec.task, spec.action.level, said, key, outside.checked_options(spec))
     cameras, size = _sight(policy)
-    return Pilot(policy, spec.robot, spec.task, spec.action.level, "", cameras=cameras, image_size=size)
+    return Pilot(policy, spec.robot, spec.task, spec.action.level, (), cameras=cameras, image_size=size)
 
 
 def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | None, action: str | None) -> Pilot:
@@ -141,9 +149,9 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
         raise InvalidValueError(f"{source} does not tell what it was trained on: say robot=... and task=... too.")
     if policy.cameras:
         require_rendering(f"a policy that sees {', '.join(policy.cameras)}")
-    words = f"policy={source} robot={robot} task={task} action={action}"
+    said = _cell_words(source, robot, task, action)
     sight = {"cameras": policy.cameras, "image_size": policy.image_size or IMAGE_SIZE}
-    return Pilot(policy, robot, task, action, words, **sight)
+    return Pilot(policy, robot, task, action, said, **sight)
 
 
 def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
@@ -205,6 +213,11 @@ def given(**options: Any) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _words(source: str, env: str, options: Mapping[str, Any] | None) -> str:
-    chosen = "".join(f" {name}={value}" for name, value in (options or {}).items())
-    return f"policy={source} env={env}{chosen}"
+def _words(source: str, env: str, options: Mapping[str, Any] | None) -> tuple[str, ...]:
+    chosen = (f"{name}={value}" for name, value in (options or {}).items())
+    return (words.path("policy", source), f"env={env}", *chosen)
+
+
+def _cell_words(source: str, robot: str, task: str, action: str | None) -> tuple[str, ...]:
+    chosen = (f"action={action}",) if action else ()
+    return (words.path("policy", source), f"robot={robot}", f"task={task}", *chosen)

@@ -135,6 +135,10 @@ def takes_many(field: Field[Any]) -> bool:
     return bool(field.metadata.get("many"))
 
 
+def takes_texts_by_number(config: type, field: Field[Any]) -> bool:
+    return typing.get_type_hints(config)[field.name] == dict[int, str]
+
+
 def default_text(field: Field[Any]) -> str:
     """Return the default as it would be typed, empty if the user must say."""
     value = field.default_factory() if field.default_factory is not NO_DEFAULT else field.default

@@ -10,17 +10,23 @@ from typing import Any, get_type_hints
 
 from aerial_il.cli import conf, keys
 from aerial_il.cli.commands import Command
+from aerial_il.cli.quoting import is_sweep, literal, literals, mapping
+from aerial_il.cli.words import flat
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
 _TAKES_VALUE = ("--cfg",)
 _PLAIN = re.compile(r"[\w.\-]+")
 _COMPOSED = re.compile(r"[+-]")
-_SWEEP = re.compile(r"(choice|range|glob|interval|shuffle|sort|tag)\(")
+_NAME = re.compile(r"[\w.@-]+|hydra/.*")
+_SWEEPING = frozenset(("-m", "--multirun"))
 
 
 def prepare(command: Command, words: list[str]) -> list[str]:
-    """Return the words for Hydra, paths put where they belong and sweeps given their folders.
+    """Return the words for Hydra, paths put where they belong and quoted, and sweeps given their folders.
+
+    A path, and whatever else is text, is taken as it stands, commas, quotes and ``$`` included. Only in a sweep do
+    commas part values; there a path with a comma is put in quotes that the shell leaves: ``dataset="'a,b',c"``.
 
     Args:
         command: the command that they follow.
@@ -35,8 +41,10 @@ def prepare(command: Command, words: list[str]) -> list[str]:
     chosen |= {k: v for k, _, v in (w.partition("=") for w in words) if k in chosen}
     for group in chosen.keys() - {field.name for field in fields(command.config)}:
         _check_fits(group, chosen)
+    several = bool(_SWEEPING & set(words))
     prepared = [_prepared(command, word, chosen) for word in words]
-    return _flags_first(prepared + _sweep_folders(command, prepared))
+    prepared = [_as_text(command, word, chosen, several) for word in prepared]
+    return _flags_first(prepared + (_sweep_folders(command, prepared) if several else []))
 
 
 def _flags_first(words: list[str]) -> list[str]:
@@ -88,11 +96,12 @@ def _is_bare(word: str, known: Mapping[str, Any]) -> bool:
     """Whether ``word`` is a value without its key; a path may hold an equals sign, as folders of sweeps do."""
     if word.startswith(("-", "+", "~")):
         return False
-    return "=" not in word or (word.partition("=")[0] not in known and "/" in word and Path(word).exists())
+    name, equals, _ = word.partition("=")
+    return not equals or not _NAME.fullmatch(name) or (name not in known and Path(word).exists())
 
 
 def _list(values: list[str]) -> str:
-    return "[" + ",".join("'" + value.replace("'", "\\'") + "'" for value in values) + "]"
+    return "[" + ",".join(literal(value) for value in values) + "]"
 
 
 def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str:
@@ -110,13 +119,42 @@ def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str
     field = {f.name: f for f in fields(command.config)}.get(plain_name)
     if field is not None and keys.takes_path(field) and not _all_options(plain_name, value, chosen):
         return f"{sign}{plain_name}.path={value}"
-    if field is not None and keys.takes_many(field) and not value.startswith("["):
+    if field is not None and keys.takes_many(field) and not (value.startswith("[") and value.endswith("]")):
         return f"{sign}{plain_name}={_list([value])}"
+    if field is not None and keys.takes_texts_by_number(command.config, field) and value[:1] + value[-1:] == "{}":
+        return f"++{plain_name}={mapping(value)}"  # a number is a key that was not there before
     if field is not None and keys.takes_composition(field) and (plain_name not in chosen or _COMPOSED.search(value)):
         return f"{sign}{plain_name}.name={value}"
     if plain_name in chosen and equals:
         _check_choice(plain_name, value, field)
     return word
+
+
+def _as_text(command: Command, word: str, chosen: dict[str, str | None], several: bool) -> str:
+    """Return ``word`` with its value quoted, where the value is text; several of them where a sweep may part them."""
+    name, equals, value = word.partition("=")
+    texts = _texts(command, chosen)
+    usual = texts.get(name.lstrip("+"), False)
+    if word.startswith("-") or not equals or usual is False or (value == "null" and usual is None):
+        return word
+    return f"{name}={literals(value) if several else literal(value)}"
+
+
+def _texts(command: Command, chosen: dict[str, str | None]) -> dict[str, Any]:
+    """Return ``key -> what it is if nothing is said`` of the keys whose values are text, such as paths."""
+    hints, found = get_type_hints(command.config), {}
+    for field in fields(command.config):
+        if hints[field.name] in (str, str | None):
+            found[field.name] = field.default
+        if keys.takes_path(field):
+            optional = get_type_hints(hints[field.name])["path"] == str | None
+            found[f"{field.name}.path"] = None if optional else field.default
+    for group, option in chosen.items():
+        if option in conf.options(group) and option is not None:
+            content, prefix = conf.read_option(group, option), f"{group}." if group in hints else ""
+            leaves = ((prefix + key, value) for key, value in flat(content).items())
+            found |= {key: value for key, value in leaves if isinstance(value, str) and not key.endswith("_target_")}
+    return found
 
 
 def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> None:
@@ -157,7 +195,7 @@ def _siblings(name: str, known: tuple[str, ...]) -> list[str]:
 
 
 def _check_choice(group: str, value: str, field: Field[Any] | None) -> None:
-    if _SWEEP.match(value) or "$" in value or (value == "null" and (field is None or field.default is None)):
+    if value.endswith(")") or "$" in value or (value == "null" and (field is None or field.default is None)):
         return
     for part in value.split(","):
         if _PLAIN.fullmatch(part) and part not in conf.options(group):
@@ -170,9 +208,7 @@ def _all_options(group: str, value: str, chosen: dict[str, str | None]) -> bool:
 
 def _sweep_folders(command: Command, words: list[str]) -> list[str]:
     """Name each job's folder by what is swept: ``run/seed=0``, ``run/seed=1``, ..."""
-    if not {"-m", "--multirun"} & set(words):
-        return []
-    swept = [name for name, _, value in (w.partition("=") for w in words) if _is_sweep(value)]
+    swept = [name for name, _, value in (w.partition("=") for w in words) if is_sweep(value)]
     target = keys.output_key(command.config)
     if target in swept:
         raise InvalidValueError(f"{target} cannot be swept: each job gets a folder of its own below {target}=FOLDER.")
@@ -180,8 +216,3 @@ def _sweep_folders(command: Command, words: list[str]) -> list[str]:
     parts = [f"{k}=" + (f"${{hydra:runtime.choices.{k}}}" if k in groups else f"${{{k}}}") for k in swept]
     folder = ",".join(parts).replace("'", "")
     return [f"hydra.sweep.subdir='{folder or '.'}'"]
-
-
-def _is_sweep(value: str) -> bool:
-    outside = re.sub(r"\[[^\]]*\]|\{[^}]*\}|\([^)]*\)|'[^']*'|\"[^\"]*\"", "", value)
-    return "," in outside or bool(_SWEEP.match(value))

@@ -27,6 +27,7 @@ class Trials:
         tier: how rough the air is; None for the dataset's.
         num_envs: worlds flown at once. threads: of the simulation, or processes of worlds from outside; 0 for all
             cores.
+        env: ``env=`` as the user typed it, which alone may name a module to import.
     """
 
     episodes: int
@@ -34,6 +35,7 @@ class Trials:
     tier: str | None = None
     num_envs: int = 64
     threads: int = 0
+    env: str | None = None
     _envs: tuple[Any, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
@@ -63,7 +65,7 @@ class Trials:
         from aerial_il.cli.flying import pilots_of
 
         if not self._envs:
-            pilots, tier, law = pilots_of(policy), self.tier or policy.spec.tier, policy.spec.controller
+            pilots, tier, law = pilots_of(policy, typed=self.env), self.tier or policy.spec.tier, policy.spec.controller
             worlds = min(self.num_envs, self._share(len(pilots)))
             for pilot in pilots:  # one by one, so that those that were opened are closed if the next one fails
                 env = pilot.environment(tier, num_envs=worlds, threads=self.threads, controller=law)
@@ -99,4 +101,5 @@ def _summary(episodes: list[EpisodeRecord]) -> dict[str, float]:
         "mean_reward": sum(episode.mean_reward for episode in episodes) / len(episodes),
         "time_to_success_s": sum(times) / len(times) if times else float("nan"),
         "crashes": sum(episode.end == "crash" for episode in episodes),
+        "dropped": sum(episode.end == "dropped" for episode in episodes),
     }

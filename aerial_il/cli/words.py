@@ -8,6 +8,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from aerial_il.cli import conf
+from aerial_il.cli.quoting import literal
+
+
+def path(key: str, place: str) -> str:
+    """Return ``key=place`` such that ``place`` is not taken for one of the files of ``conf/<key>/``, or for nothing."""
+    meant = key in conf.groups() and place in conf.options(key)
+    return f"{key}=./{place}" if meant or place == "null" else f"{key}={place}"
 
 
 def of_group(group: str, settings: Mapping[str, Any], *, default: str) -> list[str]:
@@ -26,13 +33,14 @@ def of_group(group: str, settings: Mapping[str, Any], *, default: str) -> list[s
 
 
 def changed(prefix: str, usual: Mapping[str, Any], chosen: Mapping[str, Any]) -> list[str]:
-    """Return ``~prefix.key`` for all that ``chosen`` lacks, ``prefix.key=value`` for every value that ``usual`` lacks.
-
-    Words that a shell would take apart are quoted.
-    """
+    """Return ``~prefix.key`` for all that ``chosen`` lacks, ``prefix.key=value`` for what ``usual`` has not."""
     before = flat(usual)
-    given = [f"{prefix}.{key}={typed(value)}" for key, value in flat(chosen).items() if before.get(key) != value]
-    return [*(f"'~{prefix}.{key}'" for key in removed(usual, chosen)), *map(quoted, given)]
+    given = [
+        f"{prefix}.{key}={value if isinstance(before.get(key), str) and isinstance(value, str) else typed(value)}"
+        for key, value in flat(chosen).items()
+        if before.get(key) != value
+    ]
+    return [*(f"~{prefix}.{key}" for key in removed(usual, chosen)), *given]
 
 
 def removed(usual: Mapping[str, Any], chosen: Mapping[str, Any], prefix: str = "") -> list[str]:
@@ -56,11 +64,10 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def typed(value: Any) -> str:
     """Return a value as it is typed: without quotes where its strings are plain words."""
-    text = json.dumps(value, separators=(",", ":"))
-    strings = re.findall(r'"([^"]*)"', text)
-    return text.replace('"', "") if all(re.fullmatch(r"[\w./+-]*", string) for string in strings) else text
-
-
-def quoted(word: str) -> str:
-    """Return a word of a command line as a shell must be given it."""
-    return f"'{word}'" if re.search(r"[\s\"]", word) else word
+    if isinstance(value, str):
+        return value if re.fullmatch(r"[\w./+-]*", value, re.ASCII) else literal(value)
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(typed, value)) + "]"
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{name}:{typed(inner)}" for name, inner in value.items()) + "}"
+    return json.dumps(value)

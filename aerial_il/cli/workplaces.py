@@ -34,7 +34,7 @@ def workplace(
     Args:
         algorithm: its attribute ``needs`` names what it wants: ``env``, ``expert``, ``collect``.
         dataset: folder of the demonstrations, which say what environment they come from.
-        place: where to fly without any.
+        place: where to fly without any; beside them, what the user typed of theirs.
         images: camera fields that the policy sees.
         expert: file of an expert from outside; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
@@ -58,8 +58,9 @@ def workplace(
         env = (place or Place()).load(tier, num_envs=worlds, threads=threads)
     else:
         spec = aerial_il.open_dataset(dataset).spec
-        asked = _expert(spec, expert) if "expert" in needs else None
-        env = _environment(spec, images, tier, worlds, threads)
+        typed = place.env if place else None
+        asked = _expert(spec, expert, typed) if "expert" in needs else None
+        env = _environment(spec, images, tier, worlds, threads, typed)
     try:
         handed = {"env": env, "expert": asked, "collect": collect}
         yield {name: handed[name] for name in needs}
@@ -67,7 +68,9 @@ def workplace(
         env.close()
 
 
-def _environment(spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_envs: int, threads: int) -> Any:
+def _environment(
+    spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_envs: int, threads: int, typed: str | None
+) -> Any:
     import aerial_il
     from aerial_il.suite import outside
     from aerial_il.suite.outside.processes import processes_for
@@ -75,7 +78,8 @@ def _environment(spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_e
 
     if spec.is_outside:
         processes = processes_for(threads, num_envs)
-        return outside.load(_key(spec), num_envs=num_envs, processes=processes, **spec.options)
+        options = outside.checked_options(spec)
+        return outside.load(_key(spec, typed), num_envs=num_envs, processes=processes, **options)
     sizes = {spec.observation[name].shape[:2] for name in images}
     seen = {"cameras": tuple(name.removesuffix("_rgb") for name in images), "image_size": sizes.pop()} if images else {}
     return aerial_il.load_batch(
@@ -91,23 +95,23 @@ def _environment(spec: EnvSpec, images: tuple[str, ...], tier: str | None, num_e
     )
 
 
-def _expert(spec: EnvSpec, file: str | None) -> Policy:
+def _expert(spec: EnvSpec, file: str | None, typed: str | None) -> Policy:
     import aerial_il
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.experts.outside import load_expert
 
     if file is not None:
-        return load_expert(file, _key(spec), noise=0.0)
+        return load_expert(file, _key(spec, typed), noise=0.0)
     if spec.is_outside:
         raise InvalidValueError(f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE.")
     return aerial_il.expert(spec.robot, spec.task)
 
 
-def _key(spec: EnvSpec) -> str:
+def _key(spec: EnvSpec, typed: str | None) -> str:
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.suite import outside
 
-    key = outside.key_of(spec)
+    key = outside.key_of(spec, typed=typed)
     if key is None:
         where = f"{spec.robot}/{spec.task}"
         raise InvalidValueError(f"{where} is no environment that can be loaded by name: train in Python, see docs.")

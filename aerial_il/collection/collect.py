@@ -7,6 +7,8 @@ import os
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent import futures
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -15,12 +17,13 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
+from aerial_il.collection.mixture import check_unmixed
+from aerial_il.core.errors import AerialError, InvalidValueError, SimulationDivergedError, StorageError
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
-from aerial_il.data.provenance import episode_provenance, episode_uid
-from aerial_il.data.recorder import Recorder
+from aerial_il.data.provenance import DROPPED, Origin
+from aerial_il.data.recorder import Recorded, Recorder
 from aerial_il.data.writer import BusyError, EpisodeWriter
 
 log = logging.getLogger(__name__)
@@ -64,15 +67,19 @@ def collect(
     policy_name: str = "expert",
     settings: Mapping[str, Any] | None = None,
     expert: Policy | None = None,
+    mix: bool = False,
     progress: bool = True,
 ) -> Collection:
     """Record one episode for each seed that ``out`` does not hold yet.
 
-    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash or the time limit.
-    Successes go to ``demos/``, all others,
-    labelled so, to ``failures/``. Files are equal byte for byte whatever the number of worlds, processes and restarts,
-    as long as the policy treats each row of a batch alike. Killed at any moment, it loses no finished episode; those in
-    flight stay as ``.part`` files and are flown anew, identically, when the same call is made again.
+    Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash, the loss of its object
+    or the time limit. Successes go to ``demos/``, all others, labelled so, to ``failures/``; where the object was lost,
+    the outcome has the note ``dropped``. Files are equal byte for byte whatever the number of worlds, processes and
+    restarts, as long as the policy treats each row of a batch alike.
+
+    Other threads write while the worlds fly; a world gets its next seed when the file of its last one has its name. So
+    a kill at any moment costs each world at most one episode: no finished file is lost, and what was being flown or
+    written stays as a ``.part`` file and is flown anew, identically, when the same call is made again.
 
     Args:
         env: a batch environment; it records the cameras it was loaded with.
@@ -82,18 +89,22 @@ def collect(
         policy_name: who flies, for the provenance; part of what makes two episodes the same.
         settings: plain values that change the flight, e.g. the expert's noise; likewise.
         expert: labels each observation with what it would do, while ``policy`` flies.
+        mix: whether flights of another tier, flight law, pilot or with other settings may join those of ``out``.
         progress: show a progress bar, and in the end a summary.
 
     Raises:
         SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
         StorageError: the disk is full or the folder not writable; finished episodes are intact.
-        InvalidValueError: seeds repeat, or ``out`` holds episodes of another environment.
+        InvalidValueError: seeds repeat, or ``out`` holds episodes of another environment, or, without ``mix``, some
+            that were made otherwise.
     """
     seeds = _checked(seeds)
     folder = DatasetFolder(out)
     folder.claim(env.spec)
-    folder.keep_model(env.model_xml)
     flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}))
+    if not mix:
+        check_unmixed(folder, flight.origin.uid(seeds[0]), flight.told_of(seeds[0]))
+    folder.keep_model(env.model_xml)
     with (
         _accounted(flight, seeds, progress),
         tqdm(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
@@ -122,31 +133,50 @@ class _Flight:
         self._minds = [mind for mind in (policy, expert) if mind is not None]
         self.result = Collection(folder)
         self.recorder = Recorder(env.spec, env.model.nu, env.num_envs)
-        self._name, self._settings = name, settings
+        self.written: dict[str, str] = {}  # uid -> SHA-256
+        self.origin = Origin(
+            env.spec,
+            name,
+            settings,
+            env.model_xml,
+            phases=tuple(getattr(policy, "phase_names", ())),
+            engine=getattr(env, "engine", None),
+        )
+        self._landed: dict[int, tuple[bool, Future[Recorded]]] = {}  # world -> its outcome, and its file to be
         self._uids = [""] * env.num_envs
         self._seeds = np.zeros(env.num_envs, np.int64)
         self._steps = np.zeros(env.num_envs, np.int64)
+
+    def told_of(self, seed: int) -> dict[str, Any]:
+        """Return where the episode of ``seed`` comes from."""
+        return self.origin.provenance(seed, self.env.drawn(seed) if hasattr(self.env, "drawn") else None)
 
     def fly(self, seeds: Iterable[int]) -> Iterator[None]:
         """Fly all ``seeds``; yield whenever the result has changed."""
         waiting = deque(seeds)
         for mind in self._minds:
             attach(mind, self.env)
-        fresh = self._launch(waiting, np.ones(self.env.num_envs, bool))
-        yield
-        if not fresh.any():
-            return
-        obs = self._reset(None)
+        obs, free = None, np.ones(self.env.num_envs, bool)
+        while free.any():
+            fresh = self._launch(waiting, free)
+            yield
+            if fresh.any():
+                obs = self._reset(fresh if obs is not None else None)
+            obs, free = self._fly_on(obs)
+
+    def _fly_on(self, obs: Observation | None) -> tuple[Observation | None, np.ndarray]:
+        """Fly until files are written; return what is seen, and the worlds (n,) that wrote them: none at the end."""
         while (flying := self.recorder.recording.copy()).any():
+            assert obs is not None
             result = self._step(obs, flying)
             obs = result.obs
             won = result.info["success"] & getattr(self.env, "ends_at_success", True)
             ended = flying & (won | result.terminated | result.truncated)
             if ended.any():
                 self._land(ended, result)
-                fresh = self._launch(waiting, ended)
-                obs = self._reset(fresh) if fresh.any() else obs
-                yield
+            if (free := self.settle()).any():
+                return obs, free
+        return obs, self.settle(wait=True)
 
     def _launch(self, waiting: deque[int], free: np.ndarray) -> np.ndarray:
         """Give each free world the next seed that is not recorded yet; return the worlds (n,) that got one."""
@@ -154,7 +184,7 @@ class _Flight:
         for world in np.flatnonzero(free):
             while waiting and not launched[world]:
                 seed = waiting.popleft()
-                uid = episode_uid(self.env.spec, seed=seed, policy=self._name, settings=self._settings)
+                uid = self.origin.uid(seed)
                 if writer := self._open(uid, seed):
                     self.recorder.begin(int(world), writer)
                     self._uids[world], self._seeds[world], self._steps[world] = uid, seed, 0
@@ -165,18 +195,14 @@ class _Flight:
         if self.folder.find(uid):
             self.result.skipped.append(seed)
             return None
-        origin = episode_provenance(
-            self.env.spec,
-            seed=seed,
-            policy=self._name,
-            settings=self._settings,
-            model_xml=self.env.model_xml,
-            phases=tuple(getattr(self.policy, "phase_names", ())),
-            drawn=self.env.drawn(seed) if hasattr(self.env, "drawn") else None,
-        )
+        origin = self.told_of(seed)
         try:
             return EpisodeWriter(
-                self.folder.file(uid), self.recorder.layout, uid=uid, provenance=origin, model_xml=self.env.model_xml
+                self.folder.file(uid),
+                self.recorder.layout,
+                uid=uid,
+                provenance=origin,
+                model_xml=self.origin.model_xml,
             )
         except BusyError:
             self.result.busy.append(seed)
@@ -218,7 +244,7 @@ class _Flight:
         broken = flying & ~np.isfinite(actions).all(axis=1)
         if broken.any():
             world = int(np.argmax(broken))
-            what = f"An action of {self._name!r} became non-finite"
+            what = f"An action of {self.origin.policy!r} became non-finite"
             raise SimulationDivergedError(what, seed=int(self._seeds[world]), step=int(self._steps[world]))
         return self.env.spec.action.clip(actions)
 
@@ -232,11 +258,29 @@ class _Flight:
         """Finish the episodes of the worlds in ``ended`` (n,)."""
         self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
         crash = result.info.get("crash", result.terminated)
+        dropped = result.info.get("dropped", np.zeros(self.env.num_envs, bool))
         for world in np.flatnonzero(ended).tolist():
             success = bool(result.info["success"][world] and not crash[world])
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
-            self.recorder.finish(world, success=success, path=path)
+            note = DROPPED if dropped[world] else ""
+            self._landed[world] = success, self.recorder.finish(world, success=success, path=path, note=note)
+
+    def settle(self, *, wait: bool = False) -> np.ndarray:
+        """Count the episodes whose files have their names; return the worlds (n,) that flew them.
+
+        Args:
+            wait: until there is one, if any is being written.
+        """
+        if wait and self._landed:
+            futures.wait([file for _, file in self._landed.values()], return_when=futures.FIRST_COMPLETED)
+        written = np.zeros(self.env.num_envs, bool)
+        done = [world for world, (_, file) in self._landed.items() if file.done()]
+        for world in sorted(done, key=lambda world: self._landed[world][1].exception() is not None):  # errors last
+            success, file = self._landed.pop(world)
+            self.written[self._uids[world]] = file.result().sha256
             (self.result.demos if success else self.result.failures).append(int(self._seeds[world]))
+            written[world] = True
+        return written
 
 
 @contextmanager
@@ -246,9 +290,11 @@ def _accounted(flight: _Flight, seeds: list[int], progress: bool) -> Iterator[No
 
     def account() -> None:
         result = flight.result
-        result.seconds = time.perf_counter() - clock
         flight.recorder.close()
-        flight.folder.write_index(flight.env.spec)
+        with suppress(AerialError):  # it was raised where it was met
+            flight.settle()
+        flight.folder.write_index(flight.env.spec, flight.written)
+        result.seconds = time.perf_counter() - clock
         counts = {name: len(getattr(result, name)) for name in ("demos", "failures", "skipped", "busy")}
         run = {"started": started, "seconds": round(result.seconds, 3), "num_envs": flight.env.num_envs}
         flight.folder.log({**run, "seeds": [min(seeds), max(seeds)], **counts, "provenance": provenance()})

@@ -39,7 +39,8 @@ def address_of(compiled: Any, signature: Any) -> int:
     """
     key = compiled, signature
     if key not in _handed_out:
-        callback = CFunc(compiled.py_func, sigutils.normalize_signature(signature), {}, {"nopython": True, **OPTIONS})
+        given = sigutils.normalize_signature(signature)
+        callback: Any = CFunc(compiled.py_func, given, {}, {"nopython": True, **OPTIONS})
         callback.enable_caching()
         _mark(callback._cache, compiled.py_func)
         callback.compile()

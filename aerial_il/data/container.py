@@ -5,9 +5,12 @@ The records are those of the `mcap` package; only the hot path is our own: whole
 
 from __future__ import annotations
 
+import hashlib
 import struct
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import BinaryIO
 
 import numpy as np
@@ -18,7 +21,6 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Header,
@@ -32,7 +34,10 @@ from mcap.records import (
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "aerial_il"
-COMPRESSION_LEVEL = 1
+COMPRESSION_LEVEL = -3  # two thirds of the time of level 1, for files 1 to 2 % larger
+CHUNK_HEAD = struct.Struct("<BQQQQI")  # opcode, length, first and last time, size and CRC of the content
+
+Content = bytes | np.ndarray
 
 
 def record_bytes(record: McapRecord) -> bytes:
@@ -41,18 +46,38 @@ def record_bytes(record: McapRecord) -> bytes:
     return builder.end()
 
 
+@dataclass(frozen=True)
+class Definitions:
+    """Everything that messages refer to: the same in every file of an environment.
+
+    Attributes:
+        schemas, channels: the records.
+    """
+
+    schemas: tuple[Schema, ...]
+    channels: tuple[Channel, ...]
+
+    @cached_property
+    def schema_bytes(self) -> bytes:
+        return b"".join(map(record_bytes, self.schemas))
+
+    @cached_property
+    def channel_bytes(self) -> bytes:
+        return b"".join(map(record_bytes, self.channels))
+
+
 class ContainerWriter:
     """Appends records to an open file and closes it with an index.
 
     Args:
         file: opened for writing, at its beginning.
-        schemas, channels: everything that messages will refer to.
+        definitions: what messages will refer to.
     """
 
-    def __init__(self, file: BinaryIO, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
+    def __init__(self, file: BinaryIO, definitions: Definitions) -> None:
         self._file, self._crc, self._offset = file, 0, 0
-        self._schemas, self._channels = tuple(schemas), tuple(channels)
-        self._counts = {channel.id: 0 for channel in channels}
+        self._definitions, self._sha256 = definitions, hashlib.sha256()
+        self._counts = {channel.id: 0 for channel in definitions.channels}
         self._times: list[int] = []
         self._indexes: dict[Opcode, list[McapRecord]] = {
             Opcode.ATTACHMENT_INDEX: [],
@@ -61,7 +86,12 @@ class ContainerWriter:
         }
         self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL)
         self._put(MAGIC + record_bytes(Header("ros2", LIBRARY)))
-        self._put(b"".join(record_bytes(record) for record in (*self._schemas, *self._channels)))
+        self._put(definitions.schema_bytes + definitions.channel_bytes)
+
+    @property
+    def sha256(self) -> str:
+        """Of all bytes so far."""
+        return self._sha256.hexdigest()
 
     def metadata(self, name: str, entries: dict[str, str]) -> None:
         """Append a metadata record."""
@@ -77,69 +107,79 @@ class ContainerWriter:
         self._put(raw)
 
     def chunk(
-        self, content: bytes, channels: Sequence[int], times: np.ndarray, offsets: np.ndarray, *, compress: bool = True
+        self,
+        content: Content,
+        channels: Sequence[int],
+        times: np.ndarray,
+        offsets: np.ndarray,
+        *,
+        compress: bool = True,
     ) -> None:
         """Append one chunk of message records and hand it to the operating system.
 
         Args:
-            content: the records, one after the other.
+            content: the records, one after the other; an array is contiguous.
             channels: ids of the c channels that have messages in it.
             times: (k,) log times, ascending, in nanoseconds; each channel has one message at each of them.
             offsets: (c, k) where the records begin in ``content``.
             compress: False for content that is compressed already, such as images.
         """
-        first, last = int(times[0]), int(times[-1])
-        data, name = (self._compressor.compress(content), "zstd") if compress else (content, "")
-        raw = record_bytes(Chunk(name, data, last, first, zlib.crc32(content), len(content)))
-        index = _message_index(channels, times, offsets)
-        starts = self._offset + len(raw) + np.arange(len(index)) * index.itemsize
-        places = dict(zip(channels, starts.tolist(), strict=True))
-        entry = ChunkIndex(len(raw), self._offset, name, len(data), last, index.nbytes, places, first, len(content))
+        first, last, size = int(times[0]), int(times[-1]), memoryview(content).nbytes
+        data, name = (self._compressor.compress(memoryview(content)), b"zstd") if compress else (bytes(content), b"")
+        rest = struct.pack(f"<I{len(name)}sQ", len(name), name, len(data))
+        length = CHUNK_HEAD.size - 9 + len(rest) + len(data)
+        head = CHUNK_HEAD.pack(Opcode.CHUNK, length, first, last, size, zlib.crc32(content)) + rest
+        index, start = _message_index(channels, times, offsets), self._offset
+        self._put(head)
+        self._put(data)
+        places = dict(zip(channels, (self._offset + np.arange(len(index)) * index.itemsize).tolist(), strict=True))
+        entry = ChunkIndex(
+            len(head) + len(data), start, name.decode(), len(data), last, index.nbytes, places, first, size
+        )
         self._indexes[Opcode.CHUNK_INDEX].append(entry)
         for channel in channels:
             self._counts[channel] += len(times)
         self._times += [first, last]
-        self._put(raw + index.tobytes())
+        self._put(index.tobytes())
         self._file.flush()
 
     def finish(self) -> None:
         """Write the end of the data section, the summary and the footer."""
-        self._file.write(record_bytes(DataEnd(self._crc)))
-        start = self._offset + len(record_bytes(DataEnd(0)))
+        self._put(record_bytes(DataEnd(self._crc)))
+        start = self._offset
         groups = {
-            Opcode.SCHEMA: self._schemas,
-            Opcode.CHANNEL: self._channels,
-            Opcode.STATISTICS: [self._statistics()],
-            **self._indexes,
+            Opcode.SCHEMA: self._definitions.schema_bytes,
+            Opcode.CHANNEL: self._definitions.channel_bytes,
+            Opcode.STATISTICS: record_bytes(self._statistics()),
+            **{opcode: b"".join(map(record_bytes, records)) for opcode, records in self._indexes.items()},
         }
         summary, offsets = b"", b""
-        for opcode, records in groups.items():
-            group = b"".join(record_bytes(record) for record in records)
+        for opcode, group in groups.items():
             if group:
                 offsets += record_bytes(SummaryOffset(opcode, start + len(summary), len(group)))
             summary += group
-        offset_start = start + len(summary)
-        footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
-        self._file.write(summary + offsets + footer)
-        self._file.write(struct.pack("<I", zlib.crc32(summary + offsets + footer)) + MAGIC)
+        footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, start + len(summary))
+        self._put(summary + offsets + footer)
+        self._put(struct.pack("<I", zlib.crc32(summary + offsets + footer)) + MAGIC)
         self._file.flush()
 
     def _statistics(self) -> Statistics:
         return Statistics(
             attachment_count=len(self._indexes[Opcode.ATTACHMENT_INDEX]),
-            channel_count=len(self._channels),
+            channel_count=len(self._definitions.channels),
             channel_message_counts=self._counts,
             chunk_count=len(self._indexes[Opcode.CHUNK_INDEX]),
             message_count=sum(self._counts.values()),
             message_end_time=max(self._times, default=0),
             message_start_time=min(self._times, default=0),
             metadata_count=len(self._indexes[Opcode.METADATA_INDEX]),
-            schema_count=len(self._schemas),
+            schema_count=len(self._definitions.schemas),
         )
 
     def _put(self, raw: bytes) -> None:
         self._file.write(raw)
         self._crc = zlib.crc32(raw, self._crc)
+        self._sha256.update(raw)
         self._offset += len(raw)
 
 

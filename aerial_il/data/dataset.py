@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
 from pathlib import Path
 
 from aerial_il.core.errors import DemoError
@@ -11,7 +14,10 @@ from aerial_il.core.files import sha256_of
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
+from aerial_il.data.provenance import made_by
 from aerial_il.data.reader import read_episode
+
+AHEAD = 2  # episodes that are read while another one is used
 
 Cameras = bool | Sequence[str]
 COLLECT = "Record some with: aerial-il collect robot=R task=T episodes=100 out={}"
@@ -43,7 +49,14 @@ class Dataset:
         return len(self._loaders)
 
     def __iter__(self) -> Iterator[Episode]:
-        return (load() for load in self._loaders.values())
+        """Yield the episodes in order; while one is used, threads read the next ones."""
+        with ThreadPoolExecutor(AHEAD) as pool:
+            loaders, ahead = iter(self._loaders.values()), deque[Future[Episode]]()
+            ahead.extend(pool.submit(load) for load in islice(loaders, AHEAD))
+            while ahead:
+                episode = ahead.popleft().result()
+                ahead.extend(pool.submit(load) for load in islice(loaders, 1))
+                yield episode
 
     def __getitem__(self, key: int | str) -> Episode:
         """Read one episode by index or uid."""
@@ -62,6 +75,11 @@ class Dataset:
         for part in self.parts:
             found.setdefault(part.spec.task, {}).update(part._loaders)
         return [Dataset(self.path, loaders) for loaders in found.values()]
+
+    def one_of_each(self) -> list[Episode]:
+        """Return an episode for every way in which those of the dataset, by their names, were made."""
+        found = {(id(part), made_by(uid)): part._loaders[uid] for part in self.parts for uid in reversed(part.uids)}
+        return [load() for load in found.values()]
 
     def only(self, uids: Iterable[str]) -> Dataset:
         """Return the dataset of some of the episodes, in the order of ``uids``."""
@@ -128,12 +146,21 @@ def _open_files(path: Path, files: Sequence[Path], cameras: Cameras) -> Dataset:
 
 
 def altered_files(path: str | os.PathLike[str]) -> list[Path]:
-    """Return the files of a dataset folder whose SHA-256 differs from the index."""
-    folder = DatasetFolder(path)
-    index = folder.read_index()
-    return [
-        file
-        for kind in (DEMOS, FAILURES)
-        for file in folder.files(kind)
-        if index.get(kind, {}).get(file.stem, sha256_of(file)) != sha256_of(file)
-    ]
+    """Return the recordings whose SHA-256 differs from the index of their dataset folder.
+
+    Args:
+        path: a dataset folder, a folder of such folders, or one recording, judged by the index where it lies.
+    """
+    path = Path(path)
+    if path.is_file():
+        home = path.resolve().parent
+        return [path] if path.resolve() in _altered(DatasetFolder(home.parent), home.name, path.stem) else []
+    folders = [DatasetFolder(index.parent) for index in (path / INDEX, *sorted(path.glob(f"*/{INDEX}")))]
+    return [file for folder in folders for kind in (DEMOS, FAILURES) for file in _altered(folder, kind)]
+
+
+def _altered(folder: DatasetFolder, kind: str, uid: str = "*") -> list[Path]:
+    """Return the files of a kind, or that of one episode, which are not what the folder's index lists."""
+    listed = folder.read_index().get(kind, {})
+    files = [file for file in folder.files(kind) if uid in ("*", file.stem)]
+    return [file for file in files if listed.get(file.stem, digest := sha256_of(file)) != digest]

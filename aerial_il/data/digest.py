@@ -6,6 +6,8 @@ import hashlib
 import json
 from collections.abc import Mapping
 
+import numpy as np
+
 
 class ContentDigest:
     """Collects SHA-256 sums of topics, metadata and attachments; independent of chunks and compression."""
@@ -13,8 +15,8 @@ class ContentDigest:
     def __init__(self) -> None:
         self._topics: dict[str, hashlib._Hash] = {}
 
-    def update(self, topic: str, records: bytes) -> None:
-        """Add message records of ``topic``, in order; how they are split over calls does not matter."""
+    def update(self, topic: str, records: bytes | np.ndarray) -> None:
+        """Add message records of ``topic``, in order (contiguous); how they are split over calls does not matter."""
         self._topics.setdefault(topic, hashlib.sha256()).update(records)
 
     def hexdigest(self, metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> str:

@@ -11,6 +11,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -86,15 +87,21 @@ class DatasetFolder:
                 f"{'; '.join(differing[:3])}. Choose another folder with out=PATH."
             )
 
-    def write_index(self, spec: EnvSpec) -> None:
-        """List all finished episodes with their SHA-256, which is computed only for those not listed yet."""
+    def write_index(self, spec: EnvSpec, written: Mapping[str, str] = MappingProxyType({})) -> None:
+        """List all finished episodes with their SHA-256.
+
+        Args:
+            spec: the environment.
+            written: uid -> SHA-256 of what was just written; of others not listed yet the file is read.
+        """
         known = self.read_index()
         listed = {
             kind: {
-                file.stem: known.get(kind, {}).get(file.stem) or sha256_of(file) for file in self.files(kind)
+                file.stem: known.get(kind, {}).get(file.stem) or written.get(file.stem) or sha256_of(file)
+                for file in self.files(kind)
             }
             for kind in KINDS
-        }  # fmt: skip
+        }
         head = {"schema": 1, "robot": spec.robot, "task": spec.task, "action": spec.action.level}
         tree = {**head, "spec": spec.to_dict(), **listed}
         with storing(self.path / INDEX):

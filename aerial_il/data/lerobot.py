@@ -18,9 +18,12 @@ folder from whole recordings and renamed when it is complete, as lerobot cannot 
 
 from __future__ import annotations
 
+import fcntl
+import glob
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +36,12 @@ from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
+from aerial_il.data.lerobot_states import StateWriter
 from aerial_il.data.writer import storing
 
 PROVENANCE = "meta/provenance.json"
 DEFAULT_OUT = "derived/lerobot"
+NEW, OLD = "new", "old"  # in the temporary folder
 
 
 def convert_to_lerobot(
@@ -66,49 +71,101 @@ def convert_to_lerobot(
     names = _camera_names(spec, cameras)
     dataset = open_dataset(path, cameras=names)
     out = Path(out) if out else Path(path) / DEFAULT_OUT
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
-        with storing(out):
-            out.parent.mkdir(parents=True, exist_ok=True)
+    with storing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        _clear_leftovers(out)
+        with _temporary(out) as temporary:
             _build(temporary, spec, names, tqdm(dataset, desc="convert", unit="ep", disable=not progress))
             _replace(temporary, out)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
     return out
+
+
+@contextmanager
+def _temporary(out: Path) -> Iterator[Path]:
+    """Name a new folder beside ``out`` and remove what is left of it; it is locked as long as the process lives."""
+    holder = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    holder.mkdir()
+    handle = os.open(holder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield holder / NEW
+    finally:
+        shutil.rmtree(holder, ignore_errors=True)
+        os.close(handle)
+
+
+def _clear_leftovers(out: Path) -> None:
+    """Remove what killed conversions have left beside ``out``; the older dataset comes back if none replaced it."""
+    for holder in out.parent.glob(f".{glob.escape(out.name)}.*.tmp"):
+        handle = os.open(holder, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if (holder / OLD).exists() and not out.exists():
+                os.replace(holder / OLD, out)
+            shutil.rmtree(holder, ignore_errors=True)
+        except BlockingIOError:  # its process lives
+            continue
+        finally:
+            os.close(handle)
 
 
 def _build(root: Path, spec: EnvSpec, cameras: Sequence[str], episodes: Iterable[Episode]) -> None:
     """Write a complete dataset to ``root``."""
     os.environ.setdefault("HF_HUB_OFFLINE", "1")
+    origins = []
+
+    def noted() -> Iterator[Episode]:
+        for episode in episodes:
+            yield episode
+            origins.append({"uid": episode.uid, "success": episode.success, "provenance": dict(episode.provenance)})
+
+    if cameras:
+        write_with_lerobot(root, spec, cameras, noted())
+    else:
+        write_states(root, spec, noted())
+    files = {str(f.relative_to(root)): f.stat().st_size for f in sorted(root.rglob("*")) if f.is_file()}
+    write_json(root / PROVENANCE, {"schema": 1, "spec": spec.to_dict(), "episodes": origins, "files": files})
+
+
+def write_states(root: Path, spec: EnvSpec, episodes: Iterable[Episode]) -> None:
+    """Write episodes without images to ``root``; equal to what :func:`write_with_lerobot` writes."""
+    dataset = StateWriter(root, **_described(spec), features=features_of(spec, ()))
+    try:
+        for episode in episodes:
+            dataset.add(columns_of(episode), episode.spec.instruction)
+    finally:
+        dataset.close()
+
+
+def write_with_lerobot(root: Path, spec: EnvSpec, cameras: Sequence[str], episodes: Iterable[Episode]) -> None:
+    """Write episodes to ``root`` with lerobot's own writer, which encodes videos."""
     os.environ.setdefault("SVT_LOG", "1")  # the video encoder reports errors only
     from datasets.utils.logging import disable_progress_bar
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
     disable_progress_bar()  # one bar for each episode
     dataset = LeRobotDataset.create(
-        f"local/{spec.robot}-{spec.task}",
-        fps=round(1 / spec.control_dt_s),
+        **_described(spec),
         features=features_of(spec, cameras),
         root=root,
-        robot_type=spec.robot,
         use_videos=bool(cameras),
         video_backend="pyav",  # torchcodec needs a system FFmpeg
         streaming_encoding=bool(cameras),
         encoder_queue_maxsize=spec.max_steps + 1,  # a full queue drops frames
     )
-    origins = []
     try:
         for episode in episodes:
             for frame in frames_of(episode, cameras):
                 dataset.add_frame(frame)
             dataset.save_episode()
-            origins.append({"uid": episode.uid, "success": episode.success, "provenance": dict(episode.provenance)})
     finally:
         dataset.finalize()  # else it would write on when it is collected as garbage
     _check_videos(root, dataset.meta.total_frames)
-    files = {str(f.relative_to(root)): f.stat().st_size for f in sorted(root.rglob("*")) if f.is_file()}
-    write_json(root / PROVENANCE, {"schema": 1, "spec": spec.to_dict(), "episodes": origins, "files": files})
+
+
+def _described(spec: EnvSpec) -> dict[str, Any]:
+    name = f"local/{spec.robot}-{spec.task}"
+    return {"repo_id": name, "fps": round(1 / spec.control_dt_s), "robot_type": spec.robot}
 
 
 def _check_videos(root: Path, frames: int) -> None:
@@ -141,25 +198,35 @@ def features_of(spec: EnvSpec, cameras: Sequence[str]) -> dict[str, dict[str, An
     return {name: feature for name, feature in features.items() if 0 not in feature["shape"]}
 
 
-def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Yield the T frames of an episode as lerobot wants them."""
-    spec = episode.spec.observation
+def columns_of(episode: Episode) -> dict[str, np.ndarray]:
+    """Return the T rows of an episode by feature: (T, D), or (T,) where a feature has one element."""
+    spec, steps = episode.spec.observation, len(episode)
     vectors = {
-        key: episode.flat_obs(tuple(f.name for f in fields))
+        key: episode.flat_obs(tuple(f.name for f in fields))[:steps]
         for key, fields in ((STATE, spec.of_group("proprio")), (ENVIRONMENT, spec.of_group("task")))
         if fields
     }
-    labels = episode.labels
+    done = np.arange(steps) == steps - 1
+    columns = {
+        **vectors,
+        ACTION: episode.labels,
+        "next.reward": episode.rewards,
+        "next.done": done,
+        "next.success": done & episode.success,
+        "demo.uid": np.full(steps, episode.uid),
+    }
+    return {name: values[:, 0] if values.shape[1:] == (1,) else values for name, values in columns.items()}
+
+
+def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Yield the T frames of an episode as lerobot wants them."""
+    columns = columns_of(episode)
     for t in range(len(episode)):
-        done = t == len(episode) - 1
         yield {
-            **{key: values[t].copy() for key, values in vectors.items()},
+            **{
+                key: values[t] if key == "demo.uid" else np.array(values[t], ndmin=1) for key, values in columns.items()
+            },
             **{image_key(name): episode.obs[name][t].copy() for name in cameras},
-            ACTION: labels[t].copy(),
-            "next.reward": episode.rewards[t : t + 1].copy(),
-            "next.done": np.array([done]),
-            "next.success": np.array([done and episode.success]),
-            "demo.uid": episode.uid,
             "task": episode.spec.instruction,
         }
 
@@ -185,10 +252,8 @@ def _camera_names(spec: EnvSpec, cameras: Sequence[str] | bool) -> tuple[str, ..
 
 
 def _replace(new: Path, path: Path) -> None:
-    """Put ``new`` in the place of ``path``."""
-    old = path.with_name(f".{path.name}.{os.getpid()}.old")
+    """Put ``new`` in the place of ``path``, which goes beside ``new``."""
     if path.exists():
-        os.replace(path, old)
+        os.replace(path, new.with_name(OLD))
     os.replace(new, path)
     sync_folder(path.parent)
-    shutil.rmtree(old, ignore_errors=True)

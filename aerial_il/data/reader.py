@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data import images
 from aerial_il.data.digest import ContentDigest
 from aerial_il.data.episode import Episode
-from aerial_il.data.scan import Contents, scan
+from aerial_il.data.packing import first_difference
+from aerial_il.data.scan import Contents, Stream, scan
 from aerial_il.data.schema import RECORD_HEAD, RECORD_HEAD_SIZE, VERSION, Camera, Layout, Topic, nanoseconds
 from aerial_il.data.validation import Report, check_episode
-from aerial_il.data.writer import EPISODE, MODEL, OUTCOME, PROVENANCE, schemas_and_channels
+from aerial_il.data.writer import EPISODE, MODEL, OUTCOME, PROVENANCE, definitions
 
 MAX_ELEMENTS = 1_000_000  # of one message; keeps a forged specification from allocating
 
@@ -62,7 +64,7 @@ def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> 
     episode = build_episode(head, messages, outcome)
     check_episode(report, episode)
     check_views(report, head.layout, messages)
-    _check_digest(path, contents, head.layout)
+    _check_digest(path, contents, head.layout, messages)
     wanted = [c for c in head.layout.cameras if cameras is True or (cameras and c.field in cameras)]
     pictures = {c.field: _decode(report, c, messages.images[c.field]) for c in wanted}
     return replace(episode, obs={**episode.obs, **pictures})
@@ -86,35 +88,43 @@ def read_head(path: Path, contents: Contents) -> Head:
     if MODEL not in contents.attachments:
         raise DemoError(path, f"lacks the attachment {MODEL!r}.")
     try:
-        spec = EnvSpec.from_dict(json.loads(entries["spec"]))
-        ctrl_size = int(entries["ctrl_size"])
+        layout = _layout(entries["spec"], int(entries["ctrl_size"]))
         provenance = {key: json.loads(value) for key, value in contents.metadata[PROVENANCE].items()}
         model_xml = contents.attachments[MODEL].decode()
-        sizes = [*(f.size for f in spec.observation.fields), spec.state_size, ctrl_size, spec.action.size]
-        if not all(0 <= size <= MAX_ELEMENTS for size in sizes):
-            raise ValueError(f"sizes {sizes} are not within 0..{MAX_ELEMENTS}")
-        return Head(entries["uid"], Layout(spec, ctrl_size), provenance, model_xml)
+        return Head(entries["uid"], layout, provenance, model_xml)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, AerialError) as error:
         raise DemoError(path, f"has malformed metadata ({error}).") from error
 
 
+@lru_cache(maxsize=8)
+def _layout(spec_json: str, ctrl_size: int) -> Layout:
+    """Return the layout of a specification, which all files of a dataset have in common."""
+    spec = EnvSpec.from_dict(json.loads(spec_json))
+    sizes = [*(f.size for f in spec.observation.fields), spec.state_size, ctrl_size, spec.action.size]
+    if not all(0 <= size <= MAX_ELEMENTS for size in sizes):
+        raise ValueError(f"sizes {sizes} are not within 0..{MAX_ELEMENTS}")
+    return Layout(spec, ctrl_size)
+
+
 def check_channels(path: Path, contents: Contents, layout: Layout) -> None:
     """Require exactly the layout's channels, types and definitions."""
-    schemas, channels = schemas_and_channels(layout)
-    definitions = {schema.id: (schema.name, schema.encoding, schema.data) for schema in schemas}
+    expected = definitions(layout)
+    types = {schema.id: (schema.name, schema.encoding, schema.data) for schema in expected.schemas}
     found = {c.topic: c for c in contents.channels.values()}
-    for channel in channels:
+    for channel in expected.channels:
         other = found.get(channel.topic)
         if other is None:
             raise DemoError(path, "lacks a topic.", topic=channel.topic, got=sorted(found))
         schema = contents.schemas.get(other.schema_id)
-        mine = definitions[channel.schema_id]
+        mine = types[channel.schema_id]
         if schema is None or (schema.name, schema.encoding, schema.data) != mine or other.message_encoding != "cdr":
             theirs = None if schema is None else (schema.name, schema.encoding)
             raise DemoError(path, "has a topic of another type.", topic=channel.topic, expected=mine[:2], got=theirs)
         if other.id != channel.id:
             raise DemoError(path, "has another channel id.", topic=channel.topic, expected=channel.id, got=other.id)
-    if extra := found.keys() - {c.topic for c in channels} or contents.messages.keys() - {c.id for c in channels}:
+    if extra := found.keys() - {c.topic for c in expected.channels} or contents.messages.keys() - {
+        c.id for c in expected.channels
+    }:
         raise DemoError(path, f"has topics or messages that no specification asks for: {sorted(map(str, extra))}.")
 
 
@@ -203,18 +213,17 @@ def read_outcome(path: Path, contents: Contents) -> Outcome:
 
 def _records(report: Report, topic: Topic, contents: Contents, count: int, *, first: int = 0) -> np.ndarray:
     """Return the message records of one topic (count,), equal to its template outside the slots."""
-    messages = contents.messages.get(topic.channel, [])
+    messages = contents.messages.get(topic.channel, Stream())
     if len(messages) != count:
         report.fail("has another number of messages than steps.", topic.name, expected=count, got=len(messages))
     size = len(topic.record_template)
-    for i, message in enumerate(messages):
-        if len(message) != size:
-            report.fail("has a message of another size.", topic.name, step=i, expected=size, got=len(message))
-    raw = np.frombuffer(b"".join(messages), np.uint8).reshape(count, size)
-    mask = np.concatenate([np.zeros(RECORD_HEAD_SIZE, bool), topic.template.constant_mask])
-    wrong = (raw != np.frombuffer(topic.record_template, np.uint8)) & mask
-    if wrong.any():
-        step, byte = np.argwhere(wrong)[0].tolist()
+    try:
+        raw = messages.joined(size)
+    except ValueError:
+        step, got = next((i, len(message)) for i, message in enumerate(messages) if len(message) != size)
+        report.fail("has a message of another size.", topic.name, step=step, expected=size, got=got)
+    if wrong := first_difference(raw, np.frombuffer(topic.record_template, np.uint8), topic.constant_mask):
+        step, byte = wrong
         report.fail("differs from its specification.", topic.name, step=step, field=f"byte {byte - RECORD_HEAD_SIZE}")
     records = raw.view(topic.dtype)[:, 0]
     _check_stamps(report, topic, records, np.arange(first, first + count))
@@ -239,26 +248,24 @@ def check_views(report: Report, layout: Layout, messages: Messages) -> None:
     records = messages.records
     times, observed = records["/observation"]["log_time"], records["/observation"]["body"]["position"]
     blocks = (
-        (layout.observed, layout.with_quats({"observation": observed})),
-        (layout.acted, _fields(records["/step"]["body"])),
+        (layout.observed, {"observation": observed, **layout.quats(observed)}),
+        (layout.acted, records["/step"]["body"]),
     )
     for topic, block in ((topic, block) for topics, block in blocks for topic in topics):
         body = records[topic.name]["body"]
         report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], times[: len(body)])
-        mine = body.copy()
-        topic.fill(mine, block)
-        for slot in body.dtype.names or ():
+        for slot in topic.sources:
             if slot == "orientation" or slot.startswith("rotation"):
                 report.check_unit(topic.name, slot, body[slot])
-            else:
-                report.check_equal(topic.name, slot, body[slot], mine[slot])
+            elif topic.name not in ("/observation", "/step"):  # which the others are compared with
+                report.check_equal(topic.name, slot, body[slot], topic.expected(slot, block))
     sim_time = records["/step"]["body"]["sim_time"]
     report.check_equal("/step", "sim_time", nanoseconds(sim_time), times[: len(sim_time)])
 
 
 def _images(report: Report, camera: Camera, contents: Contents, times: np.ndarray) -> list[bytes]:
     """Return the compressed images of one camera, one for each of ``times``."""
-    messages = contents.messages.get(camera.channel, [])
+    messages = contents.messages.get(camera.channel, Stream())
     if len(messages) != len(times):
         report.fail(
             "has another number of images than observations.", camera.name, expected=len(times), got=len(messages)
@@ -274,7 +281,7 @@ def _images(report: Report, camera: Camera, contents: Contents, times: np.ndarra
             report.fail("is out of order.", camera.name, step=i, expected=(i, time), got=got)
         if int(record["body"]["size"]) != len(message) - dtype.itemsize:
             report.fail("has a message of another size.", camera.name, step=i)
-        found.append(bytes(message[dtype.itemsize :]))
+        found.append(message[dtype.itemsize :].tobytes())
     return found
 
 
@@ -289,10 +296,13 @@ def _decode(report: Report, camera: Camera, compressed: list[bytes]) -> np.ndarr
     return np.stack(decoded)
 
 
-def _check_digest(path: Path, contents: Contents, layout: Layout) -> None:
+def _check_digest(path: Path, contents: Contents, layout: Layout, messages: Messages) -> None:
     digest = ContentDigest()
-    for topic in (*layout.topics, *layout.cameras):
-        digest.update(topic.name, b"".join(contents.messages[topic.channel]))
+    for topic in layout.topics:
+        digest.update(topic.name, messages.records[topic.name])
+    for camera in layout.cameras:
+        for message in contents.messages[camera.channel]:
+            digest.update(camera.name, message)
     outcome = dict(contents.metadata[OUTCOME])
     expected = outcome.pop("digest")
     got = digest.hexdigest({**contents.metadata, OUTCOME: outcome}, contents.attachments)

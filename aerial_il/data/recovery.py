@@ -17,11 +17,10 @@ from aerial_il.data.reader import (
     read_outcome,
     read_whole_steps,
 )
-from aerial_il.data.recorder import STEPS_KEPT
 from aerial_il.data.scan import Contents, scan
 from aerial_il.data.schema import Layout
 from aerial_il.data.validation import Report
-from aerial_il.data.writer import OUTCOME, EpisodeWriter, is_being_written
+from aerial_il.data.writer import OUTCOME, STEPS_PER_CHUNK, EpisodeWriter, is_being_written
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,8 @@ def recover_episode(source: Path | str, target: Path | str) -> Recovered:
     writer = EpisodeWriter(target, head.layout, uid=head.uid, provenance=head.provenance, model_xml=head.model_xml)
     try:
         steps, images = len(messages.block["step"]), messages.images
-        for start in range(0, steps, STEPS_KEPT):
-            rows = slice(start, min(start + STEPS_KEPT, steps))
+        for start in range(0, steps, STEPS_PER_CHUNK):
+            rows = slice(start, min(start + STEPS_PER_CHUNK, steps))
             block = {name: values[rows] for name, values in messages.block.items()}
             writer.append(block, {name: data[rows] for name, data in images.items()})
         writer.finish(messages.last, {name: data[-1:] for name, data in images.items()}, success=success, note=note)
@@ -125,7 +124,7 @@ def _salvage(source: Path, contents: Contents, layout: Layout) -> tuple[Messages
         if steps < 2:
             raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=steps)
         for channel in (*layout.observed, *layout.acted, *layout.cameras):
-            del contents.messages[channel.channel][steps:]
+            contents.messages[channel.channel] = contents.messages[channel.channel].first(steps)
         messages, success = read_whole_steps(report, contents, layout, steps), False
         messages.block["truncated"] = messages.block["truncated"].copy()
         messages.block["truncated"][-1] = not messages.block["terminated"][-1]

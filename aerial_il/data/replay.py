@@ -11,6 +11,7 @@ import numpy as np
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
+from aerial_il.data.provenance import engine_of
 
 
 def replay(env: Any, episode: Episode, *, starts: Sequence[int] = (0,), path: str | os.PathLike[str] = "") -> int:
@@ -34,6 +35,17 @@ def replay(env: Any, episode: Episode, *, starts: Sequence[int] = (0,), path: st
     for first in range(0, len(starts), env.num_envs):
         compared += _replay_some(env, episode, np.asarray(starts[first : first + env.num_envs]), path)
     return compared
+
+
+def check_engine(engine: str | None, episode: Episode, path: str) -> None:
+    """Raise :class:`DemoError` if a recording was flown with another version of the suite's engine than ``engine``.
+
+    None stands for an environment that is not the suite's.
+    """
+    recorded = engine_of(episode.provenance)
+    if engine is not None and not episode.spec.is_outside and recorded != engine:
+        hint = "Its bits cannot come again. It may still be trained on, converted and viewed."
+        raise DemoError(path, "was flown with another version of the engine.", expected=engine, got=recorded, hint=hint)
 
 
 def _replay_some(env: Any, episode: Episode, starts: np.ndarray, path: str) -> int:
@@ -94,6 +106,7 @@ def _compare_outcome(result: Any, episode: Episode, current: np.ndarray, active:
 def _check_same(env: Any, episode: Episode, path: str) -> None:
     if not episode.states.size:
         raise DemoError(path, "holds no simulator states and cannot be replayed.")
+    check_engine(getattr(env, "engine", None), episode, path)
     if differing := env.spec.differences(episode.spec, ignore=()):
         raise DemoError(path, f"was flown in another environment: {'; '.join(differing[:3])}.")
     recorded = str(episode.provenance.get("mujoco", mujoco.__version__))

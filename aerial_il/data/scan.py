@@ -9,11 +9,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -28,7 +30,44 @@ MAX_DECOMPRESSED_BYTES = 256 << 20
 MAX_MESSAGES = 1_000_000
 RECOVER = "Salvage what it holds with: aerial-il recover path={}"
 FOOTER_SIZE, MIN_MESSAGE = 29, 22
+HEAD_SIZE = 11  # of a message: opcode, length and channel
 _RECORD_HEAD = struct.Struct("<BQ")
+
+
+class Stream:
+    """The message records of one channel in file order, with their heads, in pieces of equal records."""
+
+    def __init__(self) -> None:
+        self._pieces: list[np.ndarray] = []
+        self._count = 0
+
+    def add(self, records: np.ndarray) -> None:
+        """Append records (k, size) uint8."""
+        self._pieces.append(records)
+        self._count += len(records)
+
+    def __len__(self) -> int:
+        """Return the number of records."""
+        return self._count
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """Yield each record (size,)."""
+        return (record for piece in self._pieces for record in piece)
+
+    def first(self, count: int) -> Stream:
+        """Return the stream of the first ``count`` records."""
+        found = Stream()
+        for piece in self._pieces:
+            found.add(piece[: max(0, count - len(found))])
+        return found
+
+    def joined(self, size: int) -> np.ndarray:
+        """Return all records as one array (k, size).
+
+        Raises:
+            ValueError: one has another size; :meth:`__iter__` finds it.
+        """
+        return np.concatenate([np.empty((0, size), np.uint8), *self._pieces])
 
 
 @dataclass
@@ -39,7 +78,7 @@ class Contents:
         profile: the header's profile.
         schemas, channels: by their ids.
         metadata, attachments: by their names.
-        messages: for each channel id, its message records in file order, with their heads.
+        messages: for each channel id, its message records.
         damage: None for a whole file; for a salvaged one, what ended the reading.
     """
 
@@ -48,7 +87,7 @@ class Contents:
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
-    messages: dict[int, list[memoryview]] = field(default_factory=lambda: defaultdict(list))
+    messages: dict[int, Stream] = field(default_factory=lambda: defaultdict(Stream))
     damage: str | None = None
 
 
@@ -138,11 +177,11 @@ class _Scanner:
         self.contents.profile = Header.read(_stream(body)).profile
 
     def _schema(self, body: memoryview) -> None:
-        schema = Schema.read(_stream(body))
+        schema = _schema_of(bytes(body))
         _add(self.contents.schemas, schema.id, schema, "schema")
 
     def _channel(self, body: memoryview) -> None:
-        channel = Channel.read(_stream(body))
+        channel = _channel_of(bytes(body))
         _add(self.contents.channels, channel.id, channel, "channel")
 
     def _metadata(self, body: memoryview) -> None:
@@ -160,6 +199,37 @@ class _Scanner:
         content = memoryview(self._decompress(chunk))
         if zlib.crc32(content) != chunk.uncompressed_crc:
             raise _DamageError("fails the checksum of a chunk.")
+        if not self._rows(content):
+            self._records(content)
+        if self._count > MAX_MESSAGES:
+            raise _DamageError(f"has more than {MAX_MESSAGES} messages.")
+
+    def _rows(self, content: memoryview) -> bool:
+        """Read a chunk in which each row of messages has the layout of the first; return False if it is another."""
+        heads, position, channels = [], 0, set()
+        while position + HEAD_SIZE <= len(content):
+            opcode, length = _RECORD_HEAD.unpack_from(content, position)
+            channel = content[position + 9] | content[position + 10] << 8
+            if opcode != Opcode.MESSAGE or length < MIN_MESSAGE:
+                return False
+            if channel in channels:
+                break
+            heads.append((channel, position, position + 9 + length))
+            channels.add(channel)
+            position += 9 + length
+        if not heads or len(content) % position:
+            return False
+        rows = np.frombuffer(content, np.uint8).reshape(-1, position)
+        places = np.add.outer([start for _, start, _ in heads], np.arange(HEAD_SIZE)).ravel()
+        if (rows[:, places] != rows[0, places]).any():
+            return False
+        for channel, start, end in heads:
+            self.contents.messages[channel].add(rows[:, start:end])
+        self._count += len(rows) * len(heads)
+        return True
+
+    def _records(self, content: memoryview) -> None:
+        """Read any chunk, record by record."""
         position, size = 0, len(content)
         while position < size:
             opcode, length = _RECORD_HEAD.unpack_from(content, position) if position + 9 <= size else (0, size)
@@ -167,17 +237,14 @@ class _Scanner:
             if end > size:
                 raise _DamageError("has a chunk with a record that reaches past its end.")
             if opcode == Opcode.MESSAGE and length >= MIN_MESSAGE:
-                self.contents.messages[content[position + 9] | content[position + 10] << 8].append(
-                    content[position:end]
-                )
+                channel = content[position + 9] | content[position + 10] << 8
+                self.contents.messages[channel].add(np.frombuffer(content[position:end], np.uint8)[None])
                 self._count += 1
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._handlers[opcode](content[position + 9 : end])
             else:
                 raise _DamageError(f"has an unexpected record 0x{opcode:02x} inside a chunk.")
             position = end
-        if self._count > MAX_MESSAGES:
-            raise _DamageError(f"has more than {MAX_MESSAGES} messages.")
 
     def _decompress(self, chunk: Chunk) -> bytes:
         if chunk.compression == "":
@@ -203,6 +270,18 @@ def _read_file(path: Path) -> bytes:
     if data[: len(MAGIC)] != MAGIC:
         raise DemoError(path, "is not an MCAP file.", hint="List what a dataset holds with: aerial-il info path=FOLDER")
     return data
+
+
+@lru_cache(maxsize=256)
+def _schema_of(body: bytes) -> Schema:
+    """Parse a schema, which all files of a dataset have in common."""
+    return Schema.read(_stream(memoryview(body)))
+
+
+@lru_cache(maxsize=256)
+def _channel_of(body: bytes) -> Channel:
+    """Parse a channel, likewise."""
+    return Channel.read(_stream(memoryview(body)))
 
 
 def _stream(body: memoryview) -> ReadDataStream:

@@ -19,15 +19,18 @@ The topics above ``/step`` have T + 1 messages, as have the cameras; ``log_time`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data import messages
 from aerial_il.data.cdr import CdrTemplate
+from aerial_il.data.packing import Move, Packer
 from aerial_il.data.poses import quat_xyzw
 
 VERSION = 1
@@ -43,8 +46,11 @@ RECORD_HEAD_SIZE = np.dtype(RECORD_HEAD).itemsize
 MESSAGE_OPCODE = 5
 MESSAGE_HEAD_SIZE = RECORD_HEAD_SIZE - 9  # what the record's length counts besides the body
 
+ALL = slice(None)
+STAMPS = {"sequence": "step", "log_time": "time_ns", "publish_time": "time_ns"}  # of a record's head
+
 Block = Mapping[str, np.ndarray]
-Fill = Callable[[np.ndarray, Block], None]
+Sources = Mapping[str, tuple[str, slice]]
 
 
 @dataclass(frozen=True)
@@ -56,14 +62,14 @@ class Topic:
         name: topic name.
         type: ROS 2 message type.
         template: the message's bytes and slots.
-        fill: writes a block of k steps into the slots of k messages.
+        sources: slot -> field of a step, and which of its columns; time stamps fill themselves.
     """
 
     channel: int
     name: str
     type: str
     template: CdrTemplate
-    fill: Fill
+    sources: Sources = field(repr=False)
 
     @cached_property
     def dtype(self) -> np.dtype:
@@ -76,15 +82,21 @@ class Topic:
         names = self.template.dtype.names or ()
         return [n for n in names if n.startswith("sec")], [n for n in names if n.startswith("nanosec")]
 
-    def encode(self, records: np.ndarray, block: Block, steps: np.ndarray, time_ns: np.ndarray) -> None:
-        """Write k messages into ``records`` (k,) of :attr:`dtype`, which hold the template already."""
-        records["sequence"] = steps
-        records["log_time"] = records["publish_time"] = time_ns
-        body = records["body"]
-        for slots, part in zip(self.stamps, np.divmod(time_ns, np.uint64(10**9)), strict=True):
-            for slot in slots:
-                body[slot] = part
-        self.fill(body, block)
+    def expected(self, slot: str, block: Block | np.ndarray) -> np.ndarray:
+        """Return what a slot holds (k, ...) in messages of the steps of ``block``."""
+        name, columns = self.sources[slot]
+        values = block[name] if columns == ALL else block[name][:, columns]
+        return values.reshape(-1, *self.template.dtype[slot].shape)
+
+    def moves(self, row: np.dtype) -> Iterator[Move]:
+        """Yield which bytes of a step's ``row`` go where in a record."""
+        for slot, name in STAMPS.items():
+            yield _move(row, name, ALL, self.dtype, slot)
+        seconds, nanoseconds = self.stamps
+        stamps = {**dict.fromkeys(seconds, ("sec", ALL)), **dict.fromkeys(nanoseconds, ("nanosec", ALL))}
+        for slot, (name, columns) in {**stamps, **self.sources}.items():
+            source, target, size = _move(row, name, columns, self.template.dtype, slot)
+            yield source, target + RECORD_HEAD_SIZE, size
 
     @cached_property
     def record_template(self) -> bytes:
@@ -92,6 +104,12 @@ class Topic:
         head = np.zeros(1, RECORD_HEAD)
         head["opcode"], head["length"], head["channel"] = MESSAGE_OPCODE, MESSAGE_HEAD_SIZE + len(body), self.channel
         return head.tobytes() + body
+
+    @cached_property
+    def constant_mask(self) -> np.ndarray:
+        """(size,) uint8: 255 for the bytes of a record that are the same in every message, its head left out."""
+        mask = np.concatenate([np.zeros(RECORD_HEAD_SIZE, bool), self.template.constant_mask])
+        return np.where(mask, 255, 0).astype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -128,17 +146,22 @@ class Layout:
         self._channels = 0
         names = spec.observation.state_names
         labels = tuple(label for name in names for label in spec.observation[name].element_labels())
-        self.observed = [self._topic("/observation", messages.JOINT_STATE, messages.joint_state(labels), _observation)]
+        self.observed = [
+            self._topic(
+                "/observation", messages.JOINT_STATE, messages.joint_state(labels), {"position": ("observation", ALL)}
+            )
+        ]
         self.observed += self._joint_topics() + self._pose_topics()
         sizes = {"state_size": spec.state_size, "ctrl_size": ctrl_size, "action_size": spec.action.size}
-        self.step = self._topic("/step", messages.STEP, messages.step(**sizes), _copy_all)
+        step, last = messages.step(**sizes), messages.step(**{**sizes, "ctrl_size": 0, "action_size": 0})
+        action = messages.joint_state(spec.action.labels)
+        self.step = self._topic("/step", messages.STEP, step, _whole(step))
         self.acted = [
             self.step,
-            self._topic("/action", messages.JOINT_STATE, messages.joint_state(spec.action.labels), _action),
-            self._topic("/reward", messages.FLOAT_ARRAY, messages.float_array(1), _reward),
+            self._topic("/action", messages.JOINT_STATE, action, {"position": ("action", ALL)}),
+            self._topic("/reward", messages.FLOAT_ARRAY, messages.float_array(1), {"data": ("reward", ALL)}),
         ]
-        last = messages.step(state_size=spec.state_size, ctrl_size=0, action_size=0)
-        self.terminal = self._topic("/terminal", messages.STEP, last, _copy_all)
+        self.terminal = self._topic("/terminal", messages.STEP, last, _whole(last, ("step", "sim_time", "state")))
         self.cameras = [Camera(self._next_channel(), f.name, f.shape) for f in spec.observation.of_group("image")]
 
     @property
@@ -146,13 +169,27 @@ class Layout:
         return [*self.observed, *self.acted, self.terminal]
 
     @cached_property
+    def _state_fields(self) -> tuple[Field, ...]:
+        return tuple(self.spec.observation[name] for name in self.spec.observation.state_names)
+
+    @cached_property
     def observation_slices(self) -> dict[str, slice]:
         """Where each state field lies in the flat observation."""
-        ends = np.cumsum([self.spec.observation[name].size for name in self.spec.observation.state_names])
-        return {
-            name: slice(end - self.spec.observation[name].size, end)
-            for name, end in zip(self.spec.observation.state_names, ends.tolist(), strict=True)
-        }
+        ends = np.cumsum([field.size for field in self._state_fields]).tolist()
+        return {f.name: slice(end - f.size, end) for f, end in zip(self._state_fields, ends, strict=True)}
+
+    def finite_until(self, name: str) -> int:
+        """Return how many of the row's first numbers must be finite, up to and with the field ``name``."""
+        dtype, first = place_of(self.row, name)
+        return (first + dtype.itemsize) // 8
+
+    def name_of_number(self, column: int) -> tuple[str, list[int]]:
+        """Return the field that a number of the row belongs to, and where in it, for messages to people."""
+        assert self.row.fields is not None
+        for name, (dtype, first, *_) in self.row.fields.items():
+            if first <= 8 * column < first + dtype.itemsize:
+                return name, [column - first // 8] if dtype.shape else []
+        raise IndexError(column)
 
     @cached_property
     def step_bytes(self) -> int:
@@ -164,70 +201,114 @@ class Layout:
         field = self.spec.observation[name]
         return flat[:, self.observation_slices[name]].reshape(-1, *field.shape).astype(field.dtype, copy=False)
 
-    def steps(self, block: Block, first: int) -> np.ndarray:
-        """Encode k whole steps, beginning with step ``first``, as a structured array (k,) with one field a topic."""
-        return _encode([*self.observed, *self.acted], self.with_quats(block), first)
+    @cached_property
+    def spec_json(self) -> str:
+        """The specification as it stands in every file."""
+        return json.dumps(self.spec.to_dict(), allow_nan=False)
 
-    def last(self, block: Block, step: int) -> np.ndarray:
-        """Encode the terminal record (a block of one step) as a structured array (1,)."""
-        return _encode([*self.observed, self.terminal], self.with_quats(block), step)
+    @cached_property
+    def row(self) -> np.dtype:
+        """Structured dtype of one step as it is gathered.
+
+        First the numbers that must be finite, and of these first what a terminal step has too; then all others.
+        ``time_ns``, ``sec``, ``nanosec``, ``step`` and the quaternions follow from the rest; see :meth:`complete`.
+        """
+        observed, action = sum(f.size for f in self._state_fields), self.spec.action.size
+        sizes = {"observation": observed, "state": self.spec.state_size}
+        outcome = {"ctrl": self.ctrl_size, "action": action, "executed_action": action}
+        quats = {f"quat_{body}": 4 for body in self._bodies}
+        numbers: list[tuple] = [
+            ("sim_time", "<f8"),
+            *((name, "<f8", (size,)) for name, size in sizes.items()),
+            ("reward", "<f8"),
+            *((name, "<f8", (size,)) for name, size in {**outcome, "expert_action": action, **quats}.items()),
+        ]
+        counters = [("time_ns", "<u8"), ("sec", "<i4"), ("nanosec", "<u4"), ("step", "<u4"), ("phase", "<i4")]
+        flags = [(name, "u1") for name in ("is_intervention", "terminated", "truncated")]
+        return np.dtype([*numbers, *counters, *flags, ("padding", "u1", (5,))])
+
+    def rows(self, block: Block) -> np.ndarray:
+        """Return the steps (k,) of a block as rows."""
+        rows = np.zeros(len(block["sim_time"]), self.row)
+        for name in block.keys() & set(self.row.names or ()):
+            rows[name] = block[name]
+        return rows
+
+    def complete(self, rows: np.ndarray, first: int) -> None:
+        """Fill in what follows from the rest in ``rows`` (k,), which begin with step ``first``."""
+        rows["step"] = np.arange(first, first + len(rows))
+        rows["time_ns"] = nanoseconds(rows["sim_time"])
+        rows["sec"], rows["nanosec"] = np.divmod(rows["time_ns"], np.uint64(10**9))
+        for name, quats in self.quats(rows["observation"]).items():
+            rows[name] = quats
+
+    @cached_property
+    def steps(self) -> Packer:
+        """Makes the records of whole steps: of every topic one, in the order of ``observed`` and ``acted``."""
+        return self._packer([*self.observed, *self.acted])
+
+    @cached_property
+    def ending(self) -> Packer:
+        """Makes the records of the terminal step: of every topic of ``observed`` one, then ``terminal``."""
+        return self._packer([*self.observed, self.terminal])
+
+    def _packer(self, topics: Sequence[Topic]) -> Packer:
+        starts = np.cumsum([0, *(len(topic.record_template) for topic in topics)]).tolist()
+        moves = [
+            (source, start + target, size)
+            for topic, start in zip(topics, starts[:-1], strict=True)
+            for source, target, size in topic.moves(self.row)
+        ]
+        return Packer(b"".join(topic.record_template for topic in topics), moves)
 
     def _next_channel(self) -> int:
         self._channels += 1
         return self._channels
 
-    def _topic(self, name: str, message_type: str, template: CdrTemplate, fill: Fill) -> Topic:
-        return Topic(self._next_channel(), name, message_type, template, fill)
+    def _topic(self, name: str, message_type: str, template: CdrTemplate, sources: Sources) -> Topic:
+        return Topic(self._next_channel(), name, message_type, template, sources)
 
     def _joint_topics(self) -> list[Topic]:
         names = self.spec.observation.names
         if "joint_pos" not in names:
             return []
         labels, where = self.spec.observation["joint_pos"].element_labels(), self.observation_slices
-        velocity = where.get("joint_vel")
-
-        def fill(body: np.ndarray, block: Block) -> None:
-            body["position"] = block["observation"][:, where["joint_pos"]]
-            if velocity is not None:
-                body["velocity"] = block["observation"][:, velocity]
-
-        template = messages.joint_state(labels, velocity=velocity is not None)
-        return [self._topic("/joint_states", messages.JOINT_STATE, template, fill)]
+        sources = {"position": ("observation", where["joint_pos"])}
+        if moving := "joint_vel" in where:
+            sources["velocity"] = ("observation", where["joint_vel"])
+        return [
+            self._topic("/joint_states", messages.JOINT_STATE, messages.joint_state(labels, velocity=moving), sources)
+        ]
 
     def _pose_topics(self) -> list[Topic]:
         bodies = tuple(f.name.removesuffix("_pos") for f in self.spec.observation.fields if _is_position(f))
-        poses = [
-            self._topic(f"/pose/{b}", messages.POSE_STAMPED, messages.pose_stamped("world"), self._pose(b))
-            for b in bodies
-        ]
-
         self._bodies = bodies
-
-        def fill(body: np.ndarray, block: Block) -> None:
-            for i, name in enumerate(bodies):
-                body[f"translation{i}"] = block["observation"][:, self.observation_slices[f"{name}_pos"]]
-                body[f"rotation{i}"] = block[f"quat_{name}"]
-
+        places = {body: ("observation", self.observation_slices[f"{body}_pos"]) for body in bodies}
+        turns = {body: (f"quat_{body}", ALL) for body in bodies}
+        poses = [
+            self._topic(
+                f"/pose/{body}",
+                messages.POSE_STAMPED,
+                messages.pose_stamped("world"),
+                {"position": places[body], "orientation": turns[body]},
+            )
+            for body in bodies
+        ]
+        frames = {f"translation{i}": places[body] for i, body in enumerate(bodies)}
+        frames |= {f"rotation{i}": turns[body] for i, body in enumerate(bodies)}
         tree = messages.transforms("world", bodies)
-        return [*poses, self._topic("/tf", messages.TF_MESSAGE, tree, fill)] if bodies else []
+        return [*poses, self._topic("/tf", messages.TF_MESSAGE, tree, frames)] if bodies else []
 
-    def _pose(self, name: str) -> Fill:
-        def fill(body: np.ndarray, block: Block) -> None:
-            body["position"] = block["observation"][:, self.observation_slices[f"{name}_pos"]]
-            body["orientation"] = block[f"quat_{name}"]
-
-        return fill
-
-    def with_quats(self, block: Block) -> Block:
-        """Add to a block the unit quaternion ``quat_<body>`` (k, 4), x y z w, of every body that is shown."""
-        flat, where = block["observation"], self.observation_slices
-        quats = {f"quat_{body}": np.tile([0.0, 0.0, 0.0, 1.0], (len(flat), 1)) for body in self._bodies}
+    def quats(self, flat: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the unit quaternion ``quat_<body>`` (k, 4), x y z w, of every body, from flat observations (k, Do)."""
+        where = self.observation_slices
+        quats = {f"quat_{body}": np.array([[0.0, 0.0, 0.0, 1.0]]).repeat(len(flat), 0) for body in self._bodies}
         turning = [body for body in self._bodies if f"{body}_rot6d" in where]
         if turning:
             rot6d = np.concatenate([flat[:, where[f"{body}_rot6d"]] for body in turning])
-            parts = np.split(quat_xyzw(rot6d), len(turning))
+            parts = quat_xyzw(rot6d).reshape(len(turning), len(flat), 4)
             quats.update((f"quat_{body}", part) for body, part in zip(turning, parts, strict=True))
-        return {**block, **quats}
+        return quats
 
 
 def nanoseconds(sim_time: np.ndarray) -> np.ndarray:
@@ -235,33 +316,26 @@ def nanoseconds(sim_time: np.ndarray) -> np.ndarray:
     return np.round(np.asarray(sim_time) * 1e9).astype(np.uint64)
 
 
-def _encode(topics: list[Topic], block: Block, first: int) -> np.ndarray:
-    time_ns = nanoseconds(block["sim_time"])
-    count = len(time_ns)
-    row = b"".join(topic.record_template for topic in topics)
-    records = np.frombuffer(bytearray(row * count), np.dtype([(topic.name, topic.dtype) for topic in topics]))
-    for topic in topics:
-        topic.encode(records[topic.name], block, np.arange(first, first + count), time_ns)
-    return records
-
-
 def _is_position(field) -> bool:
     return field.name.endswith("_pos") and field.shape == (3,) and field.unit == "m"
 
 
-def _observation(body: np.ndarray, block: Block) -> None:
-    body["position"] = block["observation"]
+def _whole(template: CdrTemplate, names: Sequence[str] | None = None) -> Sources:
+    """Return sources for the slots of a template that bear the names of fields: all, or those in ``names``."""
+    slots = [slot for slot in template.dtype.names or () if slot not in ("sec", "nanosec")]
+    return {slot: (slot, ALL) for slot in slots if names is None or slot in names}
 
 
-def _action(body: np.ndarray, block: Block) -> None:
-    body["position"] = block["action"]
+def place_of(struct: np.dtype, name: str) -> tuple[np.dtype, int]:
+    """Return the dtype and the first byte of a field of a structured dtype."""
+    fields: Mapping[str, Any] = struct.fields or {}
+    return fields[name][0], fields[name][1]
 
 
-def _reward(body: np.ndarray, block: Block) -> None:
-    body["data"] = block["reward"][:, None]
-
-
-def _copy_all(body: np.ndarray, block: Block) -> None:
-    for name in body.dtype.names:
-        if name in block:
-            body[name] = block[name]
+def _move(row: np.dtype, name: str, columns: slice, record: np.dtype, slot: str) -> Move:
+    """Return which bytes of ``row`` fill ``slot`` of ``record``."""
+    (kind, source), (filled, target) = place_of(row, name), place_of(record, slot)
+    first, last, _ = columns.indices(kind.shape[0] if kind.shape else 1)
+    size = kind.base.itemsize
+    assert (last - first) * size == filled.itemsize, (name, slot)
+    return source + first * size, target, filled.itemsize

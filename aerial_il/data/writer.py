@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, BinaryIO
@@ -16,13 +17,15 @@ from mcap.records import Channel, Schema
 
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
 from aerial_il.data import messages
-from aerial_il.data.container import ContainerWriter
+from aerial_il.data.container import ContainerWriter, Definitions
 from aerial_il.data.digest import ContentDigest
 from aerial_il.data.episode import Episode
 from aerial_il.data.images import encode
-from aerial_il.data.schema import MESSAGE_HEAD_SIZE, MESSAGE_OPCODE, RECORD_HEAD, VERSION, Block, Camera, Layout
+from aerial_il.data.packing import Packer, first_not_finite
+from aerial_il.data.schema import MESSAGE_HEAD_SIZE, MESSAGE_OPCODE, RECORD_HEAD, VERSION, Block, Camera, Layout, Topic
 
-CHUNK_BYTES = 64 * 1024
+STEPS_PER_CHUNK = 64  # written at once; what a kill loses: 1.3 s at 50 Hz
+CHUNK_BYTES = 1 << 20  # at most, unless a step is larger
 EPISODE, PROVENANCE, OUTCOME = "aerial_il.episode", "aerial_il.provenance", "aerial_il.outcome"
 MODEL = "model.xml"
 FULL_DISK_HINT = "Finished episodes are intact: free some space and run the same command again."
@@ -38,7 +41,8 @@ class BusyError(Exception):
 class EpisodeWriter:
     """One episode on its way to the disk, under the name ``<path>.part`` until it is finished.
 
-    Equal calls give equal bytes: time stamps are simulation time, and wall time is nobody's business here.
+    Equal calls give equal bytes: time stamps are simulation time, and wall time is nobody's business here. Making one
+    only claims the file; all else may be done by another thread, one call after the other.
 
     Args:
         path: the file to be; a left-over ``.part`` of a killed process is overwritten.
@@ -54,41 +58,37 @@ class EpisodeWriter:
 
     def __init__(self, path: Path, layout: Layout, *, uid: str, provenance: Mapping[str, Any], model_xml: str) -> None:
         self.path, self.part = Path(path), part_of(path)
-        self._layout, self._seed = layout, int(provenance.get("seed", -1))
+        self._layout, self._uid, self._provenance = layout, uid, provenance
         self._steps, self._digest = 0, ContentDigest()
-        self._channels = {topic.name: topic.channel for topic in layout.topics}
-        self._rows_per_chunk = max(1, CHUNK_BYTES // layout.step_bytes)
+        self._rows_per_chunk = max(1, min(STEPS_PER_CHUNK, CHUNK_BYTES // layout.step_bytes))
         self._attachments = {MODEL: model_xml.encode()}
-        head = {"schema_version": str(VERSION), "uid": uid, "ctrl_size": str(layout.ctrl_size)}
-        self._metadata = {
-            EPISODE: {**head, "spec": json.dumps(layout.spec.to_dict(), allow_nan=False)},
-            PROVENANCE: {key: json.dumps(value, sort_keys=True) for key, value in provenance.items()},
-        }
+        self._metadata: dict[str, dict[str, str]] = {}
         with storing(self.part):
             self._file = _open_locked(self.part)
-            self._container = ContainerWriter(self._file, *schemas_and_channels(layout))
-            for name, entries in self._metadata.items():
-                self._container.metadata(name, entries)
-            self._container.attachment(MODEL, "application/xml", self._attachments[MODEL])
-            self._file.flush()
 
-    def append(self, block: Block, images: Images = NO_IMAGES) -> None:
-        """Append k steps as chunks of 64 KiB, and their images as one more.
+    def append(self, block: Block | np.ndarray, images: Images = NO_IMAGES) -> None:
+        """Append k steps, and their images as chunks of their own.
 
         Args:
-            block: ``sim_time`` (k,), ``observation`` (k, Do) flat, ``reward`` (k,) and the fields of ``Step``.
+            block: ``sim_time`` (k,), ``observation`` (k, Do) flat, ``reward`` (k,) and the fields of ``Step``; or the
+                rows (k,) of :attr:`Layout.row`, of which what follows from the rest is filled in.
             images: for each camera field, k compressed images.
 
         Raises:
             SimulationDivergedError: a value is not finite.
         """
-        self._require_finite(block)
-        count = len(block["sim_time"])
-        self._put(self._layout.steps(self._with_counters(block, count), self._steps), images)
-        self._steps += count
+        rows = self._rows(block, "executed_action")
+        self._put(rows, self._layout.steps, [*self._layout.observed, *self._layout.acted], images)
+        self._steps += len(rows)
 
     def finish(
-        self, last: Block, images: Images = NO_IMAGES, *, success: bool, path: Path | None = None, note: str = ""
+        self,
+        last: Block | np.ndarray,
+        images: Images = NO_IMAGES,
+        *,
+        success: bool,
+        path: Path | None = None,
+        note: str = "",
     ) -> Path:
         """Append the terminal record and give the file its name.
 
@@ -99,8 +99,8 @@ class EpisodeWriter:
             path: where it goes instead of ``self.path``.
             note: what is special about it, e.g. that it was salvaged.
         """
-        self._require_finite(last)
-        self._put(self._layout.last(self._with_counters(last, 1), self._steps), images)
+        rows = self._rows(last, "state")
+        self._put(rows, self._layout.ending, [*self._layout.observed, self._layout.terminal], images)
         outcome = {"success": json.dumps(bool(success)), "steps": str(self._steps), "note": note}
         digest = self._digest.hexdigest({**self._metadata, OUTCOME: outcome}, self._attachments)
         path = Path(path or self.path)
@@ -113,6 +113,11 @@ class EpisodeWriter:
             self._file.close()
         return path
 
+    @property
+    def sha256(self) -> str:
+        """Of the file as far as it is written."""
+        return self._container.sha256
+
     def discard(self) -> None:
         """Forget the episode."""
         self.part.unlink(missing_ok=True)
@@ -123,20 +128,46 @@ class EpisodeWriter:
         with suppress(OSError):  # a full disk was reported where it was met
             self._file.close()
 
-    def _put(self, records: np.ndarray, images: Images) -> None:
-        for name in records.dtype.names or ():
-            self._digest.update(name, records[name].tobytes())
-        with storing(self.part):
-            for start in range(0, len(records), self._rows_per_chunk):
-                self._put_chunk(records[start : start + self._rows_per_chunk])
-            if self._layout.cameras:
-                self._put_images(records["/observation"]["log_time"], images)
+    @cached_property
+    def _container(self) -> ContainerWriter:
+        """The file's records, of which those that precede all messages are written when it is first asked for."""
+        head = {"schema_version": str(VERSION), "uid": self._uid, "ctrl_size": str(self._layout.ctrl_size)}
+        self._metadata = {
+            EPISODE: {**head, "spec": self._layout.spec_json},
+            PROVENANCE: {key: json.dumps(value, sort_keys=True) for key, value in self._provenance.items()},
+        }
+        container = ContainerWriter(self._file, definitions(self._layout))
+        for name, entries in self._metadata.items():
+            container.metadata(name, entries)
+        container.attachment(MODEL, "application/xml", self._attachments[MODEL])
+        return container
 
-    def _put_chunk(self, records: np.ndarray) -> None:
-        first = [records.dtype.fields[name][1] for name in records.dtype.names]
-        offsets = np.add.outer(first, np.arange(len(records)) * records.dtype.itemsize)
-        channels = [self._channels[name] for name in records.dtype.names]
-        self._container.chunk(records.tobytes(), channels, records["/observation"]["log_time"], offsets)
+    def _rows(self, block: Block | np.ndarray, finite_until: str) -> np.ndarray:
+        """Return ``block`` as complete rows whose numbers are finite."""
+        rows = block if isinstance(block, np.ndarray) else self._layout.rows(block)
+        numbers = rows.view(np.float64).reshape(len(rows), -1)[:, : self._layout.finite_until(finite_until)]
+        if bad := first_not_finite(numbers):
+            name, where = self._layout.name_of_number(bad[1])
+            seed = int(self._provenance.get("seed", -1))
+            raise SimulationDivergedError(f"{name}{where} is not finite", seed=seed, step=self._steps + bad[0])
+        self._layout.complete(rows, self._steps)
+        return rows
+
+    def _put(self, rows: np.ndarray, packer: Packer, topics: Sequence[Topic], images: Images) -> None:
+        with storing(self.part):
+            for start in range(0, len(rows), self._rows_per_chunk):
+                self._put_chunk(rows[start : start + self._rows_per_chunk], packer, topics)
+            if self._layout.cameras:
+                self._put_images(rows["time_ns"], images)
+
+    def _put_chunk(self, rows: np.ndarray, packer: Packer, topics: Sequence[Topic]) -> None:
+        records = packer.pack(rows)
+        ends = np.cumsum([len(topic.record_template) for topic in topics])
+        starts = np.append(0, ends[:-1])
+        for topic, start, end in zip(topics, starts.tolist(), ends.tolist(), strict=True):
+            self._digest.update(topic.name, np.ascontiguousarray(records[:, start:end]))
+        offsets = np.add.outer(starts, np.arange(len(records)) * records.shape[1])
+        self._container.chunk(records, [topic.channel for topic in topics], rows["time_ns"], offsets)
 
     def _put_images(self, times: np.ndarray, images: Images) -> None:
         records = []
@@ -148,18 +179,6 @@ class EpisodeWriter:
         offsets = np.cumsum([0, *map(len, records[:-1])]).reshape(len(self._layout.cameras), -1)
         channels = [camera.channel for camera in self._layout.cameras]
         self._container.chunk(b"".join(records), channels, times, offsets, compress=False)
-
-    def _with_counters(self, block: Block, count: int) -> Block:
-        return {**block, "step": np.arange(self._steps, self._steps + count)}
-
-    def _require_finite(self, block: Block) -> None:
-        for name in ("observation", "state", "action", "executed_action", "ctrl", "reward", "sim_time"):
-            bad = ~np.isfinite(block[name]) if name in block else np.zeros(1, bool)
-            if bad.any():
-                where = tuple(int(i) for i in np.argwhere(bad)[0])
-                raise SimulationDivergedError(
-                    f"{name}{list(where[1:])} is not finite", seed=self._seed, step=self._steps + where[0]
-                )
 
 
 def write_episode(episode: Episode, path: Path) -> Path:
@@ -216,14 +235,15 @@ def is_being_written(part: Path) -> bool:
     return False
 
 
-def schemas_and_channels(layout: Layout) -> tuple[list[Schema], list[Channel]]:
+@lru_cache(maxsize=8)
+def definitions(layout: Layout) -> Definitions:
     """Return the MCAP schema and channel records of a layout."""
     types = sorted({t.type for t in layout.topics} | ({messages.COMPRESSED_IMAGE} if layout.cameras else set()))
     ids = {name: i for i, name in enumerate(types, 1)}
     schemas = [Schema(i, messages.definition(name).encode(), "ros2msg", name) for name, i in ids.items()]
     channels = [Channel(t.channel, t.name, "cdr", {}, ids[t.type]) for t in layout.topics]
     images = [Channel(c.channel, c.name, "cdr", {}, ids[messages.COMPRESSED_IMAGE]) for c in layout.cameras]
-    return schemas, channels + images
+    return Definitions(tuple(schemas), tuple(channels + images))
 
 
 def image_record(camera: Camera, sequence: int, time_ns: int, data: bytes) -> bytes:

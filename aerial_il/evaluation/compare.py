@@ -17,6 +17,7 @@ from aerial_il.evaluation import statistics
 from aerial_il.evaluation.metrics import EpisodeRecord, Metric, metrics_of
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval
+from aerial_il.suite.changes import disturbance_changes
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,16 @@ def compare(a: EvaluationResult, b: EvaluationResult) -> Comparison:
         only_b=tuple(only_b),
         changes=tuple(change for change in changes if change is not None),
     )
+
+
+def other_conditions(a: EvaluationResult, b: EvaluationResult) -> list[str]:
+    """Say, besides the tiers that were asked for, what differs between the conditions of two evaluations."""
+    engines = [result.provenance.get("engine") or "1" for result in (a, b)]
+    notes = [f"a was flown with version {engines[0]} of the engine, b with {engines[1]}."] * (engines[0] != engines[1])
+    meant = [result.provenance.get("environment", {}).get("disturbances", {}) for result in (a, b)]
+    if a.tier == b.tier and (differing := disturbance_changes(*meant)):
+        notes.append(f"Tier {a.tier} did not mean the same in both: {'; '.join(differing)}.")
+    return notes
 
 
 def _change(

@@ -13,8 +13,8 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.evaluation.statistics import bootstrap_mean, wilson
 from aerial_il.evaluation.traces import Trace
 
-End = Literal["success", "crash", "timeout"]
-ENDS: tuple[End, ...] = ("success", "crash", "timeout")
+End = Literal["success", "crash", "dropped", "timeout"]
+ENDS: tuple[End, ...] = ("success", "crash", "dropped", "timeout")
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class EpisodeRecord:
 
     Attributes:
         seed: seed of the episode.
-        end: why it ended: first success, crash, or the time limit.
+        end: why it ended: first success, crash, an object lost for good, or the time limit.
         steps: control steps flown.
         duration_s: simulated time flown.
         time_to_success_s: simulated time to the first success.
@@ -36,6 +36,8 @@ class EpisodeRecord:
         contact_events: times that the robot's body, rotors or arm came to touch the world.
         contact_time_s: time for which they touched it.
         subtasks: sub-task -> time at which it was first done, None if never.
+        force_in_band_raw: share of the time in contact, up to the end, in which the force before the sensor's filter
+            was as the task asks.
     """
 
     seed: int
@@ -52,6 +54,7 @@ class EpisodeRecord:
     contact_events: int
     contact_time_s: float
     subtasks: Mapping[str, float | None]
+    force_in_band_raw: float | None = None
 
     @property
     def success(self) -> bool:
@@ -97,6 +100,7 @@ METRICS = (
     Metric("effort_mean", "Control effort, squared rotor use", "", lambda e: e.effort_mean, "lower"),
     Metric("contact_events", "Unwanted contacts", "", lambda e: e.contact_events, "lower"),
     Metric("contact_time_s", "Time in unwanted contact", "s", lambda e: e.contact_time_s, "lower"),
+    Metric("force_in_band_raw", "Time with the unfiltered force as asked", "", lambda e: e.force_in_band_raw, "higher"),
 )
 
 
@@ -119,7 +123,7 @@ def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
     error = trace.ee_error_m[np.isfinite(trace.ee_error_m)]
     return EpisodeRecord(
         seed=trace.seed,
-        end="success" if trace.success else "crash" if trace.crash else "timeout",
+        end=why_ended(success=trace.success, crash=trace.crash, dropped=trace.dropped),
         steps=steps,
         duration_s=_tidy(steps * dt),
         time_to_success_s=(_first_time(trace.solved, dt) or _tidy(steps * dt)) if trace.success else None,
@@ -132,7 +136,13 @@ def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
         contact_events=onsets,
         contact_time_s=_tidy(np.count_nonzero(touching) * dt),
         subtasks={name: _first_time(trace.subtasks[:, k], dt) for k, name in enumerate(spec.subtasks)},
+        force_in_band_raw=_last_known(trace.force_in_band_raw),
     )
+
+
+def why_ended(*, success: bool, crash: bool, dropped: bool) -> End:
+    """Return why an episode ended; what is none of these ran out of time."""
+    return "success" if success else "crash" if crash else "dropped" if dropped else "timeout"
 
 
 def action_jerk_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> dict[str, float]:
@@ -159,6 +169,7 @@ def aggregate(episodes: Sequence[EpisodeRecord]) -> dict[str, Any]:
     return {
         **numbers,
         "crash": proportion([e.end == "crash" for e in episodes]),
+        "dropped": proportion([e.end == "dropped" for e in episodes]),
         "contact": proportion([e.contact_events > 0 for e in episodes]),
         "ends": {end: sum(e.end == end for e in episodes) for end in ENDS},
         "subtasks": {name: _subtask(name, episodes) for name in (episodes[0].subtasks if episodes else ())},
@@ -201,6 +212,11 @@ def _subtask(name: str, episodes: Sequence[EpisodeRecord]) -> dict[str, Any]:
 
 def _first_time(flags: np.ndarray, dt_s: float) -> float | None:
     return _tidy((int(np.argmax(flags)) + 1) * dt_s) if flags.any() else None
+
+
+def _last_known(values: np.ndarray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known[-1]) if known.size else None
 
 
 def _per_s3(unit: str) -> str:

@@ -14,7 +14,13 @@ from aerial_il.evaluation.page import END_WORDS
 STRIP_HEIGHT, MARGIN, TITLE, TEXT = 48, 12, 13, 12  # pixels of a frame of 640; wider ones are shown smaller
 SCALES = 0.84, 1.4
 INK, MUTED, GROUND = (236, 240, 243), (148, 160, 170), (17, 22, 28)
-COLOURS = {"success": (45, 190, 160), "crash": (244, 132, 68), "timeout": (226, 184, 74), "": (96, 165, 220)}
+COLOURS = {
+    "success": (45, 190, 160),
+    "crash": (244, 132, 68),
+    "dropped": (196, 120, 214),
+    "timeout": (226, 184, 74),
+    "": (96, 165, 220),
+}
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from aerial_il.core.files import write_atomic
 from aerial_il.evaluation.charts import tick_label
 
 TEMPLATES = Path(__file__).parent
-END_WORDS = {"success": "success", "crash": "crash", "timeout": "out of time"}
+END_WORDS = {"success": "success", "crash": "crash", "dropped": "dropped", "timeout": "out of time"}
 MEDIA_TYPES = {".mp4": "video/mp4", ".jpg": "image/jpeg", ".png": "image/png"}
 
 

@@ -54,6 +54,7 @@ def write_report(
         instruction=_instruction(result),
         success=result.success,
         crashes=result.metrics["crash"],
+        dropped=result.metrics["dropped"],
         ends=result.metrics["ends"],
         end_words=END_WORDS,
         rows=_metric_rows(result),

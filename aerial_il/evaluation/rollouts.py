@@ -16,6 +16,7 @@ from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, Simul
 from aerial_il.core.policy import Observation, Policy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
+from aerial_il.evaluation.journal import Journal, Kept
 from aerial_il.evaluation.metrics import measure
 from aerial_il.evaluation.result import EvaluationResult, Flight
 from aerial_il.evaluation.traces import Trace, TraceBuffer
@@ -28,13 +29,15 @@ def evaluate(
     *,
     policy_name: str,
     origin: Mapping[str, Any] | None = None,
+    journal: Journal | None = None,
     progress: bool = True,
 ) -> EvaluationResult:
     """Judge a policy in closed loop.
 
-    Every world flies until its first success, a crash or the time limit, then takes the next seed; where ``env`` says
-    that its episodes do not end at success (``ends_at_success`` is False), success is judged at the end. The result
-    does not depend on the number of worlds, as long as the policy treats each row of a batch alike.
+    Every world flies until its first success, a crash, the loss of its object or the time limit, then takes the next
+    seed; where ``env`` says that its episodes do not end at success (``ends_at_success`` is False), success is judged
+    at the end. The result does not depend on the number of worlds, as long as the policy treats each row of a batch
+    alike.
 
     Args:
         env: a batch environment (``aerial_il.load_batch``).
@@ -42,6 +45,7 @@ def evaluate(
         seeds: distinct non-negative episode seeds.
         policy_name: how the result names the policy, e.g. ``expert`` or a run folder.
         origin: plain values to keep in the result's provenance, e.g. the command.
+        journal: keeps each flight on disk as it ends; what it holds already is not flown again.
         progress: show a progress bar.
 
     Returns:
@@ -51,22 +55,29 @@ def evaluate(
         SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
         InvalidValueError: seeds repeat, or the policy's actions do not fit the environment.
     """
-    order, started = _checked(seeds), time.perf_counter()
-    records, flights = {}, {}
-    with tqdm(total=len(order), desc=f"evaluate {policy_name}", unit="ep", disable=not progress) as bar:
-        for trace in rollouts(env, policy, order):
-            records[trace.seed] = measure(trace, env.spec)
-            flights[trace.seed] = Flight.of(trace, getattr(policy, "phase_names", ()))
-            bar.set_postfix_str(f"success {sum(r.success for r in records.values())}/{len(records)}", refresh=False)
+    order, clock = _checked(seeds), time.perf_counter()
+    kept = journal.read(order) if journal else {}
+    waiting = [seed for seed in order if seed not in kept]
+    bar = tqdm(total=len(order), initial=len(kept), desc=f"evaluate {policy_name}", unit="ep", disable=not progress)
+    with bar:
+        for trace in rollouts(env, policy, waiting) if waiting else ():
+            now = time.perf_counter()
+            flight = Flight.of(trace, getattr(policy, "phase_names", ()))
+            kept[trace.seed], clock = Kept(measure(trace, env.spec), flight, now - clock), now
+            if journal:
+                journal.keep(kept[trace.seed])
+            bar.set_postfix_str(f"success {sum(k.record.success for k in kept.values())}/{len(kept)}", refresh=False)
             bar.update()
     return EvaluationResult(
         robot=env.spec.robot,
         task=env.spec.task,
         tier=env.spec.tier,
         policy=policy_name,
-        episodes=tuple(records[seed] for seed in order),
-        provenance=_provenance(env, policy, time.perf_counter() - started) | dict(origin or {}),
-        flights=flights,
+        episodes=tuple(kept[seed].record for seed in order),
+        provenance=origin_of(env, policy)
+        | {"wall_time_s": round(sum(each.wall_s for each in kept.values()), 3)}
+        | dict(origin or {}),
+        flights={seed: kept[seed].flight for seed in order},
     )
 
 
@@ -90,10 +101,11 @@ def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
         obs = result.obs
         buffer.add(actions, result, getattr(policy, "phase", None), flying)
         success, crash = result.info["success"], result.info.get("crash", result.terminated)
+        dropped = result.info.get("dropped", np.zeros(env.num_envs, bool))
         ended = flying & (success & stops | result.terminated | result.truncated)
         for world in np.flatnonzero(ended):
             won, seed = bool(success[world] and not crash[world]), int(current[world])
-            yield buffer.cut(world, seed=seed, success=won, crash=bool(crash[world]))
+            yield buffer.cut(int(world), seed=seed, success=won, crash=bool(crash[world]), dropped=bool(dropped[world]))
         renewed = _take_next(waiting, ended, current, flying)
         if renewed.any():
             obs = env.reset(current, renewed)
@@ -145,11 +157,13 @@ def _act(
     return actions
 
 
-def _provenance(env: Any, policy: Policy, wall_time_s: float) -> dict[str, Any]:
+def origin_of(env: Any, policy: Policy) -> dict[str, Any]:
+    """Return where a result of ``policy`` in ``env`` comes from: code, packages, machine, environment and weights."""
     spec, torch = env.spec, sys.modules.get("torch")
     saved = getattr(policy, "to_checkpoint", None)
     return {
         **provenance(),
+        "engine": getattr(env, "engine", None),
         "environment": {
             "instruction": spec.instruction,
             "action_level": spec.action.level,
@@ -162,5 +176,4 @@ def _provenance(env: Any, policy: Policy, wall_time_s: float) -> dict[str, Any]:
         },
         "policy_sha256": checkpoint.digest(saved()) if saved else None,
         "torch_threads": torch.get_num_threads() if torch else None,
-        "wall_time_s": round(wall_time_s, 3),
     }

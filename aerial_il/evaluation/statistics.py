@@ -80,6 +80,24 @@ def bootstrap_mean(
     return Interval(float(lo), float(hi))
 
 
+def t_interval(values: np.ndarray, *, level: float = 0.95) -> Interval:
+    """Return Student's interval of a mean of few independent observations, e.g. one number of each training.
+
+    Args:
+        values: (N,) independent observations, taken as normal.
+        level: confidence level in (0, 1).
+
+    Returns:
+        The interval; NaN for fewer than two observations, which say nothing of their spread.
+    """
+    values = _finite(values)
+    _quantile(level)  # refuses levels outside (0, 1)
+    if values.size < 2:
+        return NO_INTERVAL
+    half = stats.t.ppf((1 + level) / 2, values.size - 1) * values.std(ddof=1) / math.sqrt(values.size)
+    return Interval(float(values.mean() - half), float(values.mean() + half))
+
+
 def bootstrap_macro(
     counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator, level: float = 0.95, resamples: int = 4000
 ) -> Interval:

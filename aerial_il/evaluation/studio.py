@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from PIL import Image
 
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import can_render
 from aerial_il.suite.rendering import Renderer
 from aerial_il.suite.worlds import STATE
@@ -67,7 +68,11 @@ class Studio:
     """
 
     def __init__(self, model_xml: str) -> None:
-        self.model = mujoco.MjModel.from_xml_string(model_xml)
+        try:
+            self.model = mujoco.MjModel.from_xml_string(model_xml)
+        except ValueError as error:
+            hint = "Its states and actions can be seen all the same: aerial-il info PATH"
+            raise InvalidValueError(f"The recorded scene cannot be drawn: {error}. {hint}") from error
         self.data = mujoco.MjData(self.model)
         self._renderers: dict[tuple[int, int], Renderer] = {}
 

@@ -19,7 +19,7 @@ class Trace:
     Attributes:
         seed: seed of the episode.
         success: the task's success held at the last step.
-        crash: the environment terminated the episode.
+        crash: the environment terminated the episode for a crash. dropped: or because an object is lost for good.
         reward: (T,) in [0, 1].
         ee_error_m: (T,) distance between commanded and actual end effector; NaN where none is commanded.
         effort: (T,) mean squared rotor use in [0, 1].
@@ -30,6 +30,7 @@ class Trace:
         ee_pos: (T, 3) end effector in the world after each step, m; NaN where it is not observed.
         phase: (T,) phase of a scripted policy, -1 for policies without phases.
         solved: (T,) bool, the task's success after each step; empty where it was not kept.
+        force_in_band_raw: (T,) share of the time in contact with the unfiltered force as asked; NaN where none is.
     """
 
     seed: int
@@ -44,7 +45,9 @@ class Trace:
     executed: np.ndarray
     ee_pos: np.ndarray
     phase: np.ndarray
+    dropped: bool = False
     solved: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    force_in_band_raw: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.reward)
@@ -71,6 +74,7 @@ class TraceBuffer:
             "ee_pos": np.full((*shape, 3), np.nan),
             "phase": np.full(shape, NO_PHASE, dtype=np.int16),
             "solved": np.zeros(shape, dtype=bool),
+            "force_in_band_raw": np.full(shape, np.nan),
         }
 
     def add(self, actions: np.ndarray, result: Any, phase: np.ndarray | None, mask: np.ndarray) -> None:
@@ -83,6 +87,7 @@ class TraceBuffer:
             "ee_pos": result.obs.get("ee_pos"),
             "phase": phase,
             "solved": info["success"],
+            "force_in_band_raw": info.get("force_in_band_raw"),
         }
         row |= {name: info[name] for name in ("ee_error_m", "effort", "contacts", "subtasks")}
         worlds = np.flatnonzero(mask)
@@ -91,9 +96,9 @@ class TraceBuffer:
                 self._columns[name][self.steps[worlds], worlds] = np.asarray(values)[worlds]
         self.steps[worlds] += 1
 
-    def cut(self, world: int, *, seed: int, success: bool, crash: bool) -> Trace:
+    def cut(self, world: int, *, seed: int, success: bool, crash: bool, dropped: bool = False) -> Trace:
         """Return the episode of one world and make room for its next."""
         length = int(self.steps[world])
         self.steps[world] = 0
         columns = {name: column[:length, world].copy() for name, column in self._columns.items()}
-        return Trace(seed=seed, success=success, crash=crash, **columns)
+        return Trace(seed=seed, success=success, crash=crash, dropped=dropped, **columns)

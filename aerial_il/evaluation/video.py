@@ -20,7 +20,8 @@ from tqdm import tqdm
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
-from aerial_il.evaluation.metrics import End, EpisodeRecord
+from aerial_il.data.provenance import DROPPED
+from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
 from aerial_il.evaluation.overlay import Caption, compose
 from aerial_il.evaluation.result import EvaluationResult, Flight
 from aerial_il.evaluation.studio import Studio, Viewpoint
@@ -190,7 +191,8 @@ def _picture(
 
 def end_of(episode: Episode) -> End:
     """Return how a recorded flight ended."""
-    return "success" if episode.success else "crash" if episode.terminated[-1] else "timeout"
+    dropped = episode.provenance.get("note") == DROPPED
+    return why_ended(success=episode.success, crash=bool(episode.terminated[-1]) and not dropped, dropped=dropped)
 
 
 def phase_at(episode: Episode, step: int) -> str:

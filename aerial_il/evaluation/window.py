@@ -37,7 +37,6 @@ def has_screen() -> bool:
 
 def show_live(env: Any, policy: Policy, first_seed: int) -> None:
     """Let ``policy`` fly seed after seed in world 0 of ``env``, a batch environment of one world, in a window."""
-    worlds = env.simulation.worlds
 
     def moments() -> Iterator[bool]:
         attach(policy, env)
@@ -49,10 +48,10 @@ def show_live(env: Any, policy: Policy, first_seed: int) -> None:
                 result = env.step(policy.act(obs))
                 obs = result.obs
                 over = bool((result.info["success"] | result.terminated | result.truncated)[0])
-                worlds.data(0)  # brings the window's copy up to date
+                env.data(0)  # brings the window's copy up to date
                 yield over
 
-    _run(env.model, worlds.data(0), moments(), env.spec.control_dt_s)
+    _run(env.model, env.data(0), moments(), env.spec.control_dt_s)
 
 
 def show_recording(episode: Episode) -> None:

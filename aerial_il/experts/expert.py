@@ -153,3 +153,21 @@ def facing(mat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     normal, side = mat[:, [2, 5, 8]], mat[:, [1, 4, 7]]
     return np.concatenate([-normal, side], axis=1), normal
+
+
+def turned_towards(mat: np.ndarray, rot6d: np.ndarray, most: float) -> np.ndarray:
+    """Return the attitude (n, 6) on the way from ``mat`` to ``rot6d`` (n, 6) about ``most`` rad ahead, or its end.
+
+    Both axes are blended in a straight line, which is nearly even for turns well below half a turn.
+
+    Args:
+        mat: (n, 9) world from tool, row by row.
+    """
+    x, y, to_x, to_y = mat[:, 0::3], mat[:, 1::3], rot6d[:, :3], rot6d[:, 3:]
+    chord = np.maximum(length(to_x - x), length(to_y - y))
+    share = np.minimum(1.0, most / np.maximum(chord, 1e-9))[:, None]
+    ahead, side = x + share * (to_x - x), y + share * (to_y - y)
+    ahead = ahead / length(ahead)[:, None]
+    across = ahead[:, 0] * side[:, 0] + ahead[:, 1] * side[:, 1] + ahead[:, 2] * side[:, 2]
+    side = side - across[:, None] * ahead
+    return np.concatenate([ahead, side / length(side)[:, None]], axis=1)

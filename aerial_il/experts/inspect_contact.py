@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.core.arrays import length
-from aerial_il.experts.expert import Expert, facing
+from aerial_il.experts.expert import Expert, facing, turned_towards
 from aerial_il.suite import measured
 from aerial_il.suite.props.plate import PRELOAD_N, STIFFNESS
 from aerial_il.suite.tasks import inspect_contact
@@ -19,7 +19,8 @@ ALIGNED_M, ALIGNED_COS = 0.015, np.cos(np.deg2rad(4.0))  # off the spot and off 
 LOST_ALIGNMENT_M = 0.035
 NOISE_WHILE_PRESSING = 0.2  # a newton or so
 SLIPPED_M = 0.018  # then the contact is better begun anew
-AIM_N = 5.4  # to get 5: the loop has no integral part, so that it depends on the present alone
+AIM_N = 5.9  # to get 5: the loop has no integral part, so that it depends on the present alone
+TURN_RAD = 0.1  # the tool is turned at most this far ahead: else a long arm runs into its joints' stops
 COMPLIANCE_M_N = 0.012  # of the admittance: depth added per newton that is missing
 
 normal, slip = measured.vector(inspect_contact.normal), measured.vector(inspect_contact.slip)
@@ -50,6 +51,7 @@ class InspectContactExpert(Expert):
         missing = np.where(in_touch(view), AIM_N - normal_force(view), 0.0)
         depth = np.where(self.phase == PRESS, sprung + COMPLIANCE_M_N * missing, -STAND_OFF_M) - travel
         tip = view.site_pos("plate") - depth[:, None] * out + self._sideways()
+        rot6d = turned_towards(view.tool_mat, rot6d, TURN_RAD)
         return tip + view.robot.gripper.tip_distance * out, rot6d, np.zeros(view.n)
 
     def noise_share(self) -> np.ndarray:

@@ -177,6 +177,12 @@ class Robot:
         """How far the tool hangs below the base's origin when it points straight down, m."""
         return -float(self.tool_at(self.rest_down)[0][2])
 
+    @cached_property
+    def longest_reach(self) -> float:
+        """Farthest that fingertips ever get from the origin of the base's body, m: no limit if that can fly."""
+        stretched = float(np.linalg.norm(self.arm.mount)) + self.arm.reach + self.gripper.finger_length
+        return stretched if self.fixed else np.inf
+
     def posture_for(self, pos: np.ndarray, rot: np.ndarray) -> np.ndarray | None:
         """Joint positions (J,) rad that bring a FIXED robot's tool to a pose, or None if it is out of reach.
 

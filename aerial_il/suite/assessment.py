@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -32,10 +33,11 @@ from aerial_il.suite.world import (
     unwanted_contacts,
 )
 
-DWELL, CRASHED, STEP, USERDATA_SIZE = mem.DWELL, mem.CRASHED, mem.STEP, mem.USERDATA_SIZE
+DWELL, CRASHED, LOST = mem.DWELL, mem.CRASHED, mem.DROPPED
+STEP, USERDATA_SIZE = mem.STEP, mem.USERDATA_SIZE
 EE_POSE, EE_DELTA = int(ActionLevel.EE_POSE), int(ActionLevel.EE_DELTA)
-REWARD, SUCCESS, CRASH, TRUNCATED, EE_ERROR, EFFORT, CONTACTS = range(7)
-NUM_VERDICTS = 7
+REWARD, SUCCESS, CRASH, DROPPED, TRUNCATED, EE_ERROR, EFFORT, CONTACTS, FORCE_IN_BAND_RAW = range(9)
+NUM_VERDICTS = 9
 
 
 @dataclass(frozen=True)
@@ -44,26 +46,31 @@ class Judgement:
 
     Attributes:
         reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something,
-            turned over or flew away. truncated: the time is up. subtasks: flags at this instant. ee_error: distance
-            between commanded and actual tool position, m (NaN where the action level commands none). effort: mean
-            squared rotor use, in [0, 1]. contacts: robot parts, gripper aside, that touch something.
+            turned over or flew away. dropped: the task's object is out of reach for good. truncated: the time is up.
+        subtasks: flags at this instant. ee_error: distance between commanded and actual tool position, m (NaN where the
+            action level commands none). effort: mean squared rotor use, in [0, 1].
+        contacts: robot parts, gripper aside, that touch something. force_in_band_raw: share of the time in contact in
+            which the force before the sensor's filter was as the task asks (NaN without contact, or a force asked for).
     """
 
     reward: np.ndarray
     success: np.ndarray
     crash: np.ndarray
+    dropped: np.ndarray
     truncated: np.ndarray
     subtasks: np.ndarray
     ee_error: np.ndarray
     effort: np.ndarray
     contacts: np.ndarray
+    force_in_band_raw: np.ndarray
 
 
 class Rules(NamedTuple):
     """What is asked of every world.
 
     Attributes:
-        observe, solved, progress, reward, remember: addresses of the task's compiled functions; 0 for none.
+        observe, solved, progress, reward, remember, lost, force_in_band_raw: addresses of the task's compiled
+            functions; 0 for none.
         dwell_steps: control steps for which ``solved`` must hold. max_steps: control steps until the time is up.
         level: action level. proprioception: numbers of the robot's own observation, which comes first.
         rotor_max: (R,) largest thrusts, N. perception: how observations differ from the truth.
@@ -74,6 +81,8 @@ class Rules(NamedTuple):
     progress: int
     reward: int
     remember: int
+    lost: int
+    force_in_band_raw: int
     dwell_steps: int
     max_steps: int
     level: int
@@ -111,6 +120,8 @@ def rules_of(scenario: Scenario, proprioception: int, perception: Perception) ->
         progress=address_of(kernels.progress, WRITES_ROW),
         reward=address_of(kernels.reward, RETURNS_NUMBER),
         remember=address_of(kernels.remember, RETURNS_NOTHING) if kernels.remember else 0,
+        lost=address_of(kernels.lost, RETURNS_NUMBER) if kernels.lost else 0,
+        force_in_band_raw=address_of(kernels.force_in_band_raw, RETURNS_NUMBER) if kernels.force_in_band_raw else 0,
         dwell_steps=dwell_steps(task),
         max_steps=spec.max_steps,
         level=int(scenario.level),
@@ -146,17 +157,19 @@ def judgement_of(found: Found) -> Judgement:
         reward=verdicts[:, REWARD],
         success=verdicts[:, SUCCESS] > 0.0,
         crash=verdicts[:, CRASH] > 0.0,
+        dropped=verdicts[:, DROPPED] > 0.0,
         truncated=verdicts[:, TRUNCATED] > 0.0,
         subtasks=found.subtasks > 0.0,
         ee_error=verdicts[:, EE_ERROR],
         effort=verdicts[:, EFFORT],
         contacts=verdicts[:, CONTACTS],
+        force_in_band_raw=verdicts[:, FORCE_IN_BAND_RAW],
     )
 
 
 @kernel
 def settle(rules, found, i, action):
-    """Note in the memory of world ``i`` what a control step has brought: command, task's memory, dwell.
+    """Note in the memory of world ``i`` what a control step has brought: command, task's memory, loss, dwell.
 
     Args:
         rules, found: see above. action: (Da,) as it was sent.
@@ -169,7 +182,10 @@ def settle(rules, found, i, action):
         put(row_at(found.commanded, i), 0, vec(userdata, TARGET_POS))
     if rules.remember != 0:
         call_nothing(rules.remember, world)
-    held = call_number(rules.solved, world) > 0.0 and userdata[CRASHED] == 0.0
+    if rules.lost != 0 and call_number(rules.lost, world) > 0.0:
+        userdata[LOST] = 1.0
+    over = userdata[CRASHED] > 0.0 or userdata[LOST] > 0.0
+    held = call_number(rules.solved, world) > 0.0 and not over
     userdata[DWELL] = userdata[DWELL] + 1.0 if held else 0.0
 
 
@@ -184,10 +200,14 @@ def assess(rules, found, i):
     verdicts[SUCCESS] = success
     verdicts[REWARD] = 1.0 if success > 0.0 else call_number(rules.reward, world)
     verdicts[CRASH] = 1.0 if userdata[CRASHED] > 0.0 else 0.0
+    verdicts[DROPPED] = 1.0 if userdata[LOST] > 0.0 else 0.0
     verdicts[TRUNCATED] = 1.0 if userdata[STEP] >= rules.max_steps else 0.0
     verdicts[EE_ERROR] = norm(sub(vec(row_at(found.commanded, i), 0), tool_pos(world)))
     verdicts[EFFORT] = _effort(rules, world)
     verdicts[CONTACTS] = unwanted_contacts(world)
+    verdicts[FORCE_IN_BAND_RAW] = math.nan
+    if rules.force_in_band_raw != 0:
+        verdicts[FORCE_IN_BAND_RAW] = call_number(rules.force_in_band_raw, world)
     call_row(rules.progress, world, row_at(found.subtasks, i))
     seen = record_at(found.seen + i * found.record_size)
     if rules.perception.active != 0:

@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.assessment import Judgement
+from aerial_il.suite.engine import ENGINE
+from aerial_il.suite.physics_model import physics_model
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.simulation import Simulation
-from aerial_il.suite.worlds import Worlds
+from aerial_il.suite.worlds import STATE, Worlds
 
 
 @dataclass(frozen=True)
@@ -22,9 +25,10 @@ class StepResult:
     """What n worlds answer to an action.
 
     Attributes:
-        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed. truncated: (n,) bool, time is
-            up. info: ``success``, ``crash``, ``sparse_reward``, ``ee_error_m``, ``effort``, ``contacts`` (each (n,)),
-            ``subtasks`` (n, K), ``executed_action`` (n, Da).
+        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed or dropped its object.
+        truncated: (n,) bool, time is up. info: ``success``, ``crash``, ``dropped``, ``sparse_reward``, ``ee_error_m``,
+            ``effort``, ``contacts``, ``force_in_band_raw`` (each (n,)), ``subtasks`` (n, K), ``executed_action``
+            (n, Da).
     """
 
     obs: dict[str, np.ndarray]
@@ -40,11 +44,13 @@ class BatchEnvironment:
     The environment does not end an episode on success and does not reset by itself: whoever runs it decides, per world.
 
     Attributes:
-        ends_at_success: whether it should.
+        ends_at_success: whether it should. engine: version of what simulates.
 
     Args:
         scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
     """
+
+    engine = ENGINE
 
     def __init__(self, scenario: Scenario, num_envs: int, num_threads: int = 0, gains: Gains | None = None) -> None:
         if num_envs < 1:
@@ -52,7 +58,9 @@ class BatchEnvironment:
         self.scenario, self.num_envs = scenario, num_envs
         self.ends_at_success = scenario.horizon is None
         self.model = scenario.compile()
-        self.simulation = Simulation(scenario, Worlds.many(self.model, num_envs), gains, num_threads)
+        worlds = Worlds.many(physics_model(self.model, scenario.xml), num_envs)
+        self.simulation = Simulation(scenario, worlds, gains, num_threads)
+        self._shown = mujoco.MjData(self.model)
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
         height, width = scenario.image_size
         self._images = {
@@ -118,7 +126,7 @@ class BatchEnvironment:
         return StepResult(
             obs=self._seen(mask),
             reward=judgement.reward,
-            terminated=judgement.crash,
+            terminated=judgement.crash | judgement.dropped,
             truncated=judgement.truncated,
             info=info_of(judgement, executed),
         )
@@ -154,7 +162,16 @@ class BatchEnvironment:
     def shoot(self, world: int, request: CameraRequest, height: int, width: int) -> np.ndarray:
         """Render one request of one world."""
         cameraman = self._cameramen.setdefault((height, width), Cameraman(self.model, height, width))
-        return cameraman.shoot(self.simulation.worlds.data(world), request)
+        return cameraman.shoot(self.data(world), request)
+
+    def data(self, world: int) -> mujoco.MjData:
+        """One world as an ``MjData`` of :attr:`model`, with all that eyes see; overwritten by the next call."""
+        worlds = self.simulation.worlds
+        state = np.empty(self.spec.state_size)
+        mujoco.mj_getState(worlds.model, worlds.data(world), state, STATE)
+        mujoco.mj_setState(self.model, self._shown, state, STATE)
+        mujoco.mj_forward(self.model, self._shown)
+        return self._shown
 
     def close(self) -> None:
         """Free graphics contexts and end threads."""
@@ -169,10 +186,12 @@ def info_of(judgement: Judgement, executed: np.ndarray) -> dict[str, np.ndarray]
     return {
         "success": judgement.success,
         "crash": judgement.crash,
+        "dropped": judgement.dropped,
         "sparse_reward": judgement.success.astype(float),
         "subtasks": judgement.subtasks,
         "ee_error_m": judgement.ee_error,
         "effort": judgement.effort,
         "contacts": judgement.contacts,
+        "force_in_band_raw": judgement.force_in_band_raw,
         "executed_action": executed,
     }

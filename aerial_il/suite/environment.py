@@ -11,7 +11,7 @@ from dm_env import specs
 
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.specs import EnvSpec
-from aerial_il.suite.assessment import Judgement
+from aerial_il.suite.assessment import CRASH, DROPPED, REWARD
 from aerial_il.suite.batch import info_of
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
@@ -29,21 +29,19 @@ class SuiteTask(control.Task):
 
     def __init__(self, simulation: Simulation, first_seed: int) -> None:
         self.simulation, self.next_seed = simulation, first_seed
-        self.judgement: Judgement | None = None
         self.executed: np.ndarray | None = None
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
 
     def initialize_episode(self, physics: Physics) -> None:
         self.simulation.reset(np.array([self.next_seed]))
         self.next_seed += 1
-        self.judgement, self.executed = None, None
+        self.executed = None
 
     def before_step(self, action: np.ndarray, physics: Physics) -> None:
         self.executed = self.simulation.receive(np.asarray(action)[None])
 
     def after_step(self, physics: Physics) -> None:
         self.simulation.settle()
-        self.judgement = self.simulation.judgement
 
     def action_spec(self, physics: Physics) -> specs.BoundedArray:
         action = self.simulation.spec.action
@@ -54,8 +52,7 @@ class SuiteTask(control.Task):
         return OrderedDict((f.name, specs.Array(f.shape, np.dtype(f.dtype), name=f.name)) for f in fields)
 
     def get_observation(self, physics: Physics) -> OrderedDict[str, np.ndarray]:
-        obs = OrderedDict((k, v[0]) for k, v in self.simulation.observations.items())
-        scenario = self.simulation.scenario
+        obs, scenario = OrderedDict(self.simulation.observation(0)), self.simulation.scenario
         obs.update((r.key, self.shoot(physics, r, *scenario.image_size)) for r in scenario.camera_requests)
         return obs
 
@@ -71,15 +68,11 @@ class SuiteTask(control.Task):
         self._cameramen.clear()
 
     def get_reward(self, physics: Physics) -> float:
-        return float(self._judged().reward[0])
+        return self.simulation.verdict(0, REWARD)
 
     def get_termination(self, physics: Physics) -> float | None:
-        return 0.0 if self._judged().crash[0] else None
-
-    def _judged(self) -> Judgement:
-        if self.judgement is None:
-            self.judgement = self.simulation.judge()
-        return self.judgement
+        verdict = self.simulation.verdict
+        return 0.0 if verdict(0, CRASH) or verdict(0, DROPPED) else None
 
 
 class AerialEnvironment(control.Environment):
@@ -117,9 +110,8 @@ class AerialEnvironment(control.Environment):
     def info(self) -> dict[str, np.ndarray]:
         """Measurements of the last step by name, as in the batch's ``StepResult.info``, without the world axis."""
         task = self._suite_task
-        judgement = task.judgement or self.simulation.judge()
         executed = np.zeros((1, self.spec.action.size)) if task.executed is None else task.executed
-        return {name: value[0] for name, value in info_of(judgement, executed).items()}
+        return {name: value[0] for name, value in info_of(self.simulation.judgement, executed).items()}
 
     def reset(self, seed: int | None = None) -> dm_env.TimeStep:
         """Start the next episode, or the one of ``seed``."""
@@ -138,7 +130,6 @@ class AerialEnvironment(control.Environment):
     def set_state(self, states: np.ndarray) -> None:
         """Continue from a state (1, S) that :meth:`get_state` returned, here or in a batch."""
         self.simulation.set_state(states)
-        self._suite_task.judgement = None
         self._step_count, self._reset_next_step = int(self.simulation.steps[0]), False
 
     def render(self, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb") -> np.ndarray:

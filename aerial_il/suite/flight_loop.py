@@ -16,7 +16,7 @@ from aerial_il.suite import memory as mem
 from aerial_il.suite.aerodynamics import air_wrench, falling_share, lagged_command
 from aerial_il.suite.assessment import assess, settle
 from aerial_il.suite.estimation import advance_sight
-from aerial_il.suite.force_sensing import sense_forces
+from aerial_il.suite.force_sensing import keep_sample, sense_forces
 from aerial_il.suite.native import draw, mj_step1, mj_step2, row_at
 from aerial_il.suite.sensing import advance_noise, measure, vehicle_state
 from aerial_il.suite.wind import advance_wind
@@ -125,6 +125,7 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
             mj_step1(worlds.models[i], worlds.datas[i])
             vehicle_state(vehicle, qpos, qvel, pos, vel)
             sense_forces(sensordata, flight.force_addresses, forces, dt)
+            keep_sample(sensordata, flight.force_addresses, forces, userdata, int(userdata[TICK]) % flight.substeps)
             userdata[TICK] += 1.0
         complete = userdata[TICK] % flight.substeps == 0.0
         if complete:

@@ -1,6 +1,7 @@
 """What a force sensor reports of a contact: the net force, low-passed, and the largest value of an episode.
 
-The measurement is kept in the episode's own memory, so that it belongs to the state that is stored and restored.
+The measurement is taken at every physics step and kept in the episode's own memory, so that it belongs to the state
+that is stored and restored.
 """
 
 from __future__ import annotations
@@ -8,9 +9,14 @@ from __future__ import annotations
 import math
 
 from aerial_il.core.kernels import kernel
-from aerial_il.suite.memory import MAX_FORCES
+from aerial_il.suite.memory import MAX_FORCES, SAMPLES
 
-BANDWIDTH_RAD_S = 100.0  # of the sensor: anything much shorter than a control step is the contact solver's doing
+# First order. Sensors for the wrist of a robot filter so: OptoForce (now OnRobot) HEX offers 500, 150, 50, 15, 5 and
+# 1.5 Hz, of which its ROS driver (shadow-robot/optoforce, optoforce.launch) takes 15 Hz; Robotiq's FT 300-S sends 100
+# values a second (instruction manual, 4.4.2), so that it can tell nothing beyond 50 Hz.
+BANDWIDTH_HZ = 15.0
+BANDWIDTH_RAD_S = 2.0 * math.pi * BANDWIDTH_HZ
+FIRST_SAMPLE = SAMPLES.start
 
 
 @kernel
@@ -29,3 +35,13 @@ def sense_forces(sensordata, addresses, forces, dt):
             forces[i] += share * (sensordata[addresses[k] + axis] - forces[i])
             total += forces[i] * forces[i]
         forces[3 * MAX_FORCES + k] = max(forces[3 * MAX_FORCES + k], math.sqrt(total))
+
+
+@kernel
+def keep_sample(sensordata, addresses, forces, userdata, tick):
+    """Keep the first force, as measured and raw, of physics step ``tick`` of the present control step."""
+    if addresses.size > 0:
+        start = FIRST_SAMPLE + 6 * tick
+        for axis in range(3):
+            userdata[start + axis] = forces[axis]
+            userdata[start + 3 + axis] = sensordata[addresses[0] + axis]

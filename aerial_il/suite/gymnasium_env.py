@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from aerial_il.control.actions import ActionLevel
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
 from aerial_il.suite.environment import AerialEnvironment
@@ -26,16 +27,17 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
     Actions are in SI units too; float32 ones are taken as they are, and values outside the bounds are clipped.
 
     ``reset(seed=s)`` starts the episode with seed s, further resets take the seeds that follow. ``info`` holds
-    ``seed``, ``success``, ``is_success``, ``crash``, ``subtasks`` (K,) named by ``env.unwrapped.aerial.spec.subtasks``,
-    ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``, and ``ee_error_m`` where a tool position is
-    commanded.
+    ``seed``, ``success``, ``is_success``, ``crash``, ``dropped``, ``subtasks`` (K,) named by
+    ``env.unwrapped.aerial.spec.subtasks``, ``sparse_reward``, ``effort``, ``contacts``, ``executed_action``,
+    ``ee_error_m`` at levels that command a tool position, and ``force_in_band_raw`` in tasks that ask for a force: the
+    same keys from the reset on, where nothing has been commanded or touched yet zero.
 
     Attributes:
         aerial: the dm_control environment behind it; experts attach to this.
 
     Args:
         robot, task, tier, action, cameras, image_size, seed, controller: as for :func:`aerial_il.load`.
-        terminate_on_success: end an episode when its task is done; otherwise only a crash ends it.
+        terminate_on_success: end an episode when its task is done; otherwise only a crash or a lost object ends it.
         render_mode: None or ``rgb_array``. render_camera: which camera. render_size: (height, width), pixels.
     """
 
@@ -63,6 +65,7 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         self.aerial = AerialEnvironment(scenario, seed)
         self.observation_space = observation_space(scenario.spec.observation)
         self.action_space = action_space(scenario.spec.action)
+        self._absent = _absent(scenario)
         self._over = True
 
     def reset(
@@ -84,7 +87,8 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
             raise gymnasium.error.ResetNeeded("No episode is running; call env.reset() first.")
         timestep = self.aerial.step(action)
         info = self._info()
-        terminated = info["crash"] or (self.terminate_on_success and info["success"])
+        lost = info["crash"] or info["dropped"]
+        terminated = lost or (self.terminate_on_success and info["success"])
         truncated = bool(self.aerial.simulation.steps[0] >= self.aerial.spec.max_steps)
         self._over = terminated or truncated
         return dict(timestep.observation), float(timestep.reward), terminated, truncated, info
@@ -98,9 +102,16 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         self.aerial.close()
 
     def _info(self) -> dict[str, Any]:
-        measured = {name: value for name, value in self.aerial.info.items() if np.isfinite(value).all()}
-        info: dict[str, Any] = {k: v.copy() if v.ndim else v.item() for k, v in measured.items()}
+        measured = {name: np.nan_to_num(v) for name, v in self.aerial.info.items() if name not in self._absent}
+        info: dict[str, Any] = {name: v if v.ndim else v.item() for name, v in measured.items()}
         return {**info, "is_success": info["success"], "seed": int(self.aerial.simulation.seeds[0])}
+
+
+def _absent(scenario: Scenario) -> set[str]:
+    """Names of measurements that do not exist in a scenario."""
+    commands_tool = scenario.level in (ActionLevel.EE_POSE, ActionLevel.EE_DELTA)
+    there = {"ee_error_m": commands_tool, "force_in_band_raw": scenario.task.asks_for_force}
+    return {name for name, exists in there.items() if not exists}
 
 
 def observation_space(spec: ObservationSpec) -> spaces.Dict:

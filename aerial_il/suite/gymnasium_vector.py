@@ -127,5 +127,6 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
         """Gymnasium's form of a vector's info: every entry with a mask of the worlds that have it."""
         info = {**info, "is_success": info["success"].copy(), "seed": self.aerial.simulation.seeds}
         has = {f"_{name}": present.copy() for name in info}
-        has["_ee_error_m"] &= np.isfinite(info["ee_error_m"])
+        for name in ("ee_error_m", "force_in_band_raw"):
+            has[f"_{name}"] &= np.isfinite(info[name])
         return {**info, **has}

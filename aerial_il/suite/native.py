@@ -11,8 +11,6 @@ fifth of a light scene's time goes into it. Importing this module switches the t
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +25,7 @@ _FOLDER = Path(mujoco.__file__).parent
 _LIBRARY = next(path for pattern in ("libmujoco.*", "mujoco.dll") for path in _FOLDER.glob(pattern))
 _loaded = ctypes.CDLL(str(_LIBRARY), mode=ctypes.RTLD_GLOBAL)  # again: its names become visible to compiled code
 _clock = ctypes.c_void_p.in_dll(_loaded, "mjcb_time")  # function that MuJoCo reads its timers with, or null
-_PACKAGE_CLOCK, _clock.value = _clock.value, None
+_clock.value = None
 
 _ADDRESS, _INT, _NOTHING = types.intp, types.int32, types.void
 _ON_WORLD = _NOTHING(_ADDRESS, _ADDRESS)  # (mjModel*, mjData*)
@@ -40,16 +38,6 @@ mj_get_state = types.ExternalFunction("mj_getState", _ON_STATE)
 mj_set_state = types.ExternalFunction("mj_setState", _ON_STATE)
 mju_copy = types.ExternalFunction("mju_copy", _NOTHING(_ADDRESS, _ADDRESS, _INT))  # (to, from, count of doubles)
 mju_mat2quat = types.ExternalFunction("mju_mat2Quat", _NOTHING(_ADDRESS, _ADDRESS))  # (to, from)
-
-
-@contextmanager
-def timers_on() -> Iterator[None]:
-    """Let MuJoCo keep its timers, as its Python package does by default; for comparisons with the bare package."""
-    _clock.value = _PACKAGE_CLOCK
-    try:
-        yield
-    finally:
-        _clock.value = None
 
 
 @intrinsic

@@ -7,7 +7,7 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.native import doubles
-from aerial_il.suite.world import base_mat, base_pos, put_rot6d, tool_mat, tool_pos
+from aerial_il.suite.world import base_mat, base_pos, gripper_opening, put_rot6d, tool_mat, tool_pos
 
 _XYZ = ("x", "y", "z")
 _ROT6D = ("xx", "xy", "xz", "yx", "yy", "yz")
@@ -55,7 +55,7 @@ def observe_robot(world, found):
         found[k + joints + j] = doubles(world.qvel + 8 * (world.first_dof + j), 1)[0]
     k += 2 * joints
     if world.grips > 0.0:
-        found[k] = 0.5 * (qpos[world.fingers] + qpos[world.fingers + 1]) / world.stroke
+        found[k] = gripper_opening(world)
         k += 1
     put(found, k, tool_pos(world))
     put_rot6d(found, k + 3, tool_mat(world))

@@ -80,7 +80,7 @@ class Scenario:
     def law(self) -> Law:
         return Law.parse(self.controller)
 
-    @property
+    @cached_property
     def camera_requests(self) -> tuple[CameraRequest, ...]:
         return parse_cameras(self.cameras)
 

@@ -9,11 +9,12 @@ from aerial_il.robots.parts.camera import look_along
 from aerial_il.robots.parts.collision import WORLD
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.contact_sensors import add_contact_sensor
-from aerial_il.suite.memory import USERDATA_SIZE
+from aerial_il.suite.memory import MAX_TICKS, USERDATA_SIZE
+from aerial_il.suite.props.contact import HARD
 from aerial_il.suite.tasks.task import Task
 
 PHYSICS_DT_S = 0.004
-SUBSTEPS = 5
+SUBSTEPS = MAX_TICKS
 CONTROL_DT_S = PHYSICS_DT_S * SUBSTEPS
 # From the accelerations of the step before, the solver's line search takes 11 evaluations a step; from rest it takes 5.
 DISABLED = int(mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_ISLAND)
@@ -80,7 +81,7 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
     material = spec.add_material(name="grid", texrepeat=[4, 4], texuniform=True, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     plane = mujoco.mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(name="ground", type=plane, size=GROUND_M, material="grid", **WORLD)
+    spec.worldbody.add_geom(name="ground", type=plane, size=GROUND_M, material="grid", **WORLD, **HARD)
     sun = spec.worldbody.add_light(name="sun", pos=[1, -2, 4], dir=[-0.3, 0.5, -1], castshadow=False)
     sun.type, sun.diffuse, sun.specular = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, [0.45] * 3, [0.1] * 3
 
@@ -94,7 +95,7 @@ def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Count contacts of the base (hub and rotor discs) and of the links that should touch nothing."""
+    """Count contacts of the base (hub and rotor discs) and of every link: only the gripper may touch something."""
     add_contact_sensor(spec, "contact_base", body="base")
-    for i in range(robot.num_joints - 1):
+    for i in range(robot.num_joints):
         add_contact_sensor(spec, f"contact_link_{i}", body=f"link_{i}")

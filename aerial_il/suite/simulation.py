@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
 from functools import partial
 from typing import NoReturn
 
@@ -65,7 +67,7 @@ class Simulation:
             self.view, self.seen.records, observation.size(observation.state_names), len(self.spec.subtasks)
         )
         self._parts = observation.parts(observation.state_names)
-        self._crew = Crew(worlds.n, num_threads)
+        self._crew, self._local = Crew(worlds.n, num_threads), threading.local()
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._fresh = self._everyone, False
         self._actions = self._arriving = np.zeros((worlds.n, self.spec.action.size))
@@ -136,7 +138,7 @@ class Simulation:
             self._flight,
             self._rules,
             self._found,
-            np.zeros(1, SCRATCH),
+            self._workspace(),
             self.worlds.memory,
             self._actions,
             self._arriving,
@@ -145,6 +147,12 @@ class Simulation:
             steps,
             counter,
         )
+
+    def _workspace(self) -> np.ndarray:
+        """Working memory of the controllers, one for each thread."""
+        if not hasattr(self._local, "workspace"):
+            self._local.workspace = np.zeros(1, SCRATCH)
+        return self._local.workspace
 
     def settle(self) -> None:
         """Last part of :meth:`advance`: check the state."""
@@ -201,6 +209,15 @@ class Simulation:
     def judgement(self) -> Judgement:
         """The same as of the last flight, reset or :meth:`assess`."""
         return judgement_of(self._found)
+
+    def observation(self, world: int) -> Iterator[tuple[str, np.ndarray]]:
+        """Names and values of what one world showed then."""
+        row = self._found.observations[world].copy()
+        return ((name, row[part]) for name, part in self._parts.items())
+
+    def verdict(self, world: int, kind: int) -> float:
+        """One number of its judgement, see :mod:`aerial_il.suite.assessment`."""
+        return float(self._found.verdicts[world, kind])
 
     def close(self) -> None:
         """End the controllers' threads."""

@@ -55,7 +55,7 @@ class View:
         twist = np.zeros((self.n, 6)) if robot.fixed else self.qvel[:, :6]
         self.base_pos, self.base_vel, self.base_angvel = self._site_pos[:, self.base_site], twist[:, :3], twist[:, 3:]
         self._finger = first_pos + count
-        contacts = ["contact_base", *(f"contact_link_{i}" for i in range(robot.num_joints - 1))]
+        contacts = ["contact_base", *(f"contact_link_{i}" for i in range(robot.num_joints))]
         self._contact_ids = np.array([self.address(name) for name in contacts])
         self.records = self._records(names)
 
@@ -102,7 +102,7 @@ class View:
 
     @property
     def unwanted_contacts(self) -> np.ndarray:
-        """(n,) number of robot parts, fingers and last link aside, that touch something."""
+        """(n,) number of robot parts, the gripper aside, that touch something: hub and rotors count as one."""
         count = np.empty(self.n)
         _count_touching(self._sensors, self._contact_ids, count)
         return count
@@ -127,6 +127,16 @@ class View:
     def peak_force(self, k: int = 0) -> np.ndarray:
         """(n,) largest magnitude of that force since the start of the episode, N."""
         return self.userdata[:, mem.FORCES.start + 3 * mem.MAX_FORCES + k]
+
+    @property
+    def force_samples(self) -> np.ndarray:
+        """(n, T, 3) what the task's first force sensor measured after each physics step of the last control step, N."""
+        return self.userdata[:, mem.SAMPLES].reshape(self.n, mem.MAX_TICKS, 6)[:, :, :3]
+
+    @property
+    def raw_force_samples(self) -> np.ndarray:
+        """(n, T, 3) the contact solver's forces from which those were measured, before the sensor's filter, N."""
+        return self.userdata[:, mem.SAMPLES].reshape(self.n, mem.MAX_TICKS, 6)[:, :, 3:]
 
     @property
     def memory(self) -> np.ndarray:
@@ -207,6 +217,7 @@ class View:
         records["num_unwanted"], records["flies"] = len(self._contact_ids), not robot.fixed
         records["grips"], records["stroke"] = robot.has_gripper, robot.gripper.stroke
         records["tip_distance"], records["lateral_limit"] = robot.gripper.tip_distance, robot.vehicle.lateral_limit
+        records["longest_reach"] = robot.longest_reach
         records["weight"] = robot.vehicle.mass * GRAVITY
         return records
 

@@ -26,6 +26,7 @@ from aerial_il.suite.native import doubles
 
 MAX_NAMES = 8  # of each kind that a task may use
 FORCES_START, PEAKS_START = mem.FORCES.start, mem.FORCES.start + 3 * mem.MAX_FORCES
+SAMPLES_START = mem.SAMPLES.start
 TASK_START, TASK_SIZE = mem.TASK.start, mem.TASK.stop - mem.TASK.start
 ARRAYS = ("qpos", "qvel", "act", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "userdata", "qfrc_applied")
 
@@ -36,7 +37,8 @@ WORLD = np.dtype(
         *((name, np.int64) for name in ("tool", "base", "first_joint", "first_dof", "num_joints", "fingers")),
         *((name, np.int64) for name in ("num_rotors", "num_unwanted")),
         ("unwanted", np.int64, (MAX_JOINTS,)),  # contact sensors that should see nothing
-        *((name, np.float64) for name in ("flies", "grips", "stroke", "tip_distance", "weight", "lateral_limit")),
+        *((name, np.float64) for name in ("flies", "grips", "stroke", "tip_distance", "longest_reach")),
+        *((name, np.float64) for name in ("weight", "lateral_limit")),
     ],
     align=True,
 )
@@ -210,7 +212,7 @@ def touching(world, k):
 
 @kernel
 def unwanted_contacts(world):
-    """Robot parts, fingers and last link aside, that touch something."""
+    """Robot parts, the gripper aside, that touch something."""
     count = 0
     for j in range(world.num_unwanted):
         if doubles(world.sensordata + 8 * world.unwanted[j], 1)[0] > 0.0:
@@ -220,7 +222,7 @@ def unwanted_contacts(world):
 
 @kernel
 def untouched(world):
-    """Whether no part of the robot but fingers and last link touches anything."""
+    """Whether no part of the robot but the gripper touches anything."""
     return unwanted_contacts(world) == 0
 
 
@@ -234,6 +236,25 @@ def force(world, k):
 def peak_force(world, k):
     """Largest magnitude of that force since the start of the episode, N."""
     return doubles(world.userdata + 8 * (PEAKS_START + k), 1)[0]
+
+
+@kernel
+def force_sample(world, tick):
+    """What the task's first force sensor measured after physics step ``tick`` of the last control step, world, N."""
+    return _point(world.userdata + 8 * SAMPLES_START, 2 * tick)
+
+
+@kernel
+def raw_force_sample(world, tick):
+    """The contact solver's force from which that was measured, before the sensor's filter, world frame, N."""
+    return _point(world.userdata + 8 * SAMPLES_START, 2 * tick + 1)
+
+
+@kernel
+def gripper_opening(world):
+    """Opening of the gripper: 0 closed, 1 open."""
+    fingers = doubles(world.qpos + 8 * world.fingers, 2)
+    return 0.5 * (fingers[0] + fingers[1]) / world.stroke
 
 
 @kernel

@@ -191,7 +191,7 @@ class Worlds:
         return mujoco.mju_warningText(kind, int(table[kind, INFO]))
 
     def data(self, world: int) -> mujoco.MjData:
-        """One world as an ``MjData`` to render or to inspect."""
+        """One world as an ``MjData`` of its model."""
         push_state(self.memory, world)
         return self._datas[world]
 

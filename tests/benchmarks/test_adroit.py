@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.dagger import DAgger
+from aerial_il.benchmarks import adroit
 from aerial_il.benchmarks.adroit import Adroit
 from aerial_il.benchmarks.parts.adroit import TASKS, PublishedRewards, expert_of
+from aerial_il.benchmarks.parts.stages import steps_of
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.rollouts import evaluate
 
@@ -76,3 +81,35 @@ def test_ways_that_are_near_to_each_other_get_as_many_trainings_as_is_said() -> 
     for wrong in ({"demos": 15, "asks": 1}, {"bc": 3}):
         with pytest.raises(InvalidValueError, match="it names demos and any of bc"):
             Adroit(clean=(wrong,))
+
+
+def test_cloning_beside_an_interactive_way_takes_as_many_steps_and_another_draw_other_flights() -> None:
+    training = BehaviourCloning(steps=100)
+    asking = {"ask": DAgger(rounds=5, between_steps=40, training=training)}
+    study = Adroit(clean=({"demos": 15, "bc_as_ask": 2, "ask": 1},), interactive=asking, algorithm=training, seeds=1)
+    points = [point for point in study.points() if point.clean]
+    assert [(p.method, p.seed) for p in points] == [("bc_as_ask", 0), ("ask", 0), ("bc_as_ask", 1)]
+    assert [steps_of(study.learner(point)) for point in points] == [360, 360, 360]
+    assert study._source(points[0]) == study._source(points[1]) != study._source(points[2])
+
+
+def row(percent: float, *, queries: int = 100, demos: int = 30, score: float = 90.0) -> dict[str, Any]:
+    ends = {"ci95_low": percent - 3, "ci95_high": percent + 3, "score_low": score - 2, "score_high": score + 2}
+    told = {"queries": queries, "labelled_steps": 2 * queries, "demos": demos, "score": score}
+    return {"percent": percent, "success": round(3 * percent), "episodes": 300, "noise_free": True, **ends, **told}
+
+
+def test_wide_intervals_do_not_make_a_learner_as_good_and_success_alone_does_not() -> None:
+    taught = row(96.0)
+    assert [t.met for t in adroit._thrift(taught, [row(96.0, queries=40)])] == [True, True, True]
+    assert [t.met for t in adroit._thrift(taught, [row(96.0, queries=40, score=80.0)])] == [True, True, False]
+    few = {**row(90.0, queries=60), "success": 9, "episodes": 10}
+    assert [t.met for t in adroit._thrift(taught, [few])] == [False, False, True]
+
+
+def test_dagger_is_judged_beside_cloning_with_as_many_steps_only() -> None:
+    dagger = {**row(95.0, demos=15), "policy": "mlp-dagger"}
+    short = {**row(85.0, demos=15), "policy": "mlp"}
+    equal = {**row(94.0, demos=15), "policy": "mlp-bc_as_dagger"}
+    assert not list(adroit._interactive_targets([dagger, short]))
+    assert [t.met for t in adroit._interactive_targets([dagger, short, equal])] == [False]

@@ -1,4 +1,4 @@
-"""Benchmarks that fly episodes: experts and the learning curve, in tiny settings."""
+"""The learning curve, in a tiny setting: a point for each size, each trained on draws of its own."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import pytest
 
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.benchmarks.experts import Experts
 from aerial_il.benchmarks.learning_curve import LearningCurve
 from aerial_il.benchmarks.parts.report import Report
+from aerial_il.benchmarks.parts.success import pooled_row
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.result import load_result
+from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
+from tests.benchmarks.results import result_with
 
 TINY = LearningCurve(
     policy=MlpConfig(hidden=(8,)),
@@ -23,33 +24,10 @@ TINY = LearningCurve(
     sizes=(1, 2),
     robots=("ua_quad_arm4",),
     tasks=("reach",),
+    draws=(0, 1),
     episodes=1,
     threads=1,
 )
-
-
-EXPERTS = Experts(tasks=("reach",), tiers=("calm",), episodes=1, returns=2, threads=1)
-
-
-def test_experts_fly_every_cell_keep_each_evaluation_and_go_on_with_the_rest(tmp_path: Path) -> None:
-    report = replace(EXPERTS, robots=("ua_quad_arm4",)).run(tmp_path, progress=False)
-    (row,) = report.tables["Success of the experts"]
-    assert (row["robot"], row["task"], row["tier"], row["success"]) == ("ua_quad_arm4", "reach", "calm", 1)
-    assert load_result(tmp_path / "ua_quad_arm4-reach-calm").seeds == [10_000]
-    (earned,) = report.tables["Returns"]
-    assert earned["sparse_is_success"]
-    assert earned["expert_return"] > earned["random_return"] > 0.0
-    assert [target.limit for target in report.targets] == [99.0, 1.0]
-    assert all(target.met for target in report.targets)
-    json.dumps(report.to_dict(), allow_nan=False)
-
-    kept = (tmp_path / "ua_quad_arm4-reach-calm" / "evaluation.json").read_bytes()
-    again = EXPERTS.run(tmp_path, progress=False)
-    reaching = [cell for cell in aerial_il.list_cells() if cell[1] == "reach"]
-    assert [(row["robot"], row["task"]) for row in again.tables["Success of the experts"]] == reaching
-    assert (tmp_path / "ua_quad_arm4-reach-calm" / "evaluation.json").read_bytes() == kept
-    with pytest.raises(InvalidValueError, match="other settings"):
-        replace(EXPERTS, episodes=2).run(tmp_path, progress=False)
 
 
 @pytest.fixture(scope="module")
@@ -65,17 +43,19 @@ def report(folder: Path) -> Report:
 def test_the_curve_has_a_point_for_each_size(report: Report) -> None:
     rows = report.tables["Success over demonstrations"]
     assert [row["demos"] for row in rows] == [1, 2]
-    assert all(row["train_steps"] == 3 and row["episodes"] == 1 for row in rows)
+    assert all((row["train_steps"], row["trainings"], row["episodes"]) == (3, 2, 2) for row in rows)
     assert report.wall_time_s > 0.0
     json.dumps(report.to_dict(), allow_nan=False)
 
 
-def test_each_size_learns_from_the_first_demonstrations(report: Report, folder: Path) -> None:
-    for size in (1, 2):
-        policy = aerial_il.load_policy(str(folder / "training" / "ua_quad_arm4-reach" / str(size)))
-        assert policy.origin["dataset"]["demonstrations"] == size
-    demos = aerial_il.open_dataset(str(folder / "datasets" / "ua_quad_arm4-reach"))
-    assert [episode.provenance["seed"] for episode in demos] == [0, 1]
+def test_each_size_learns_from_the_first_demonstrations_of_its_draw(report: Report, folder: Path) -> None:
+    for draw, size in ((0, 1), (0, 2), (1, 1), (1, 2)):
+        (run,) = folder.glob(f"training/mlp/ua_quad_arm4-reach-calm/{size}/{draw}-*")
+        assert load_policy(run).origin["dataset"]["demonstrations"] == size
+    for draw in (0, 1):
+        (dataset,) = folder.glob(f"datasets/ua_quad_arm4-reach-calm/{draw}-*")
+        demos = aerial_il.open_dataset(str(dataset))
+        assert [episode.provenance["seed"] for episode in demos] == [100_000 * draw, 100_000 * draw + 1]
 
 
 def test_what_is_done_is_not_done_again(report: Report, folder: Path) -> None:
@@ -87,20 +67,20 @@ def test_what_is_done_is_not_done_again(report: Report, folder: Path) -> None:
 
 
 def test_a_lost_stage_is_done_again_with_the_same_result(report: Report, folder: Path) -> None:
-    for file in (folder / "evaluations" / "ua_quad_arm4-reach" / "2").iterdir():
+    for file in folder.glob("evaluations/*/*/2/1/calm-*/evaluation.json"):
         file.unlink()
     again = TINY.run(folder, progress=False)
-    same = [{k: v for k, v in row.items() if k != "train_min"} for row in report.tables["Success over demonstrations"]]
-    assert [
-        {k: v for k, v in row.items() if k != "train_min"} for row in again.tables["Success over demonstrations"]
-    ] == same
+    assert again.tables == report.tables
 
 
-def test_results_of_other_settings_are_not_mixed(report: Report, folder: Path) -> None:
-    with pytest.raises(InvalidValueError, match=r"other settings \(episodes\)"):
-        replace(TINY, episodes=2).run(folder, progress=False)
+def test_impossible_settings_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="start at 1"):
+        replace(TINY, sizes=())
 
 
-def test_demonstrations_may_not_run_into_the_seeds_of_evaluation() -> None:
-    with pytest.raises(InvalidValueError, match="seeds of evaluation"):
-        replace(TINY, seed=9_999)
+def test_the_interval_over_trainings_is_the_wider_where_they_differ_and_absent_for_one() -> None:
+    row = pooled_row([result_with(100, count) for count in (90, 70, 50)])
+    assert (row["trainings"], row["success"], row["percent"], row["worst"], row["best"]) == (3, 210, 70.0, 50.0, 90.0)
+    assert row["trainings_low"] < row["flights_low"] < 70 < row["flights_high"] < row["trainings_high"] == 100.0
+    alone = pooled_row([result_with(100, 90)])
+    assert (alone["trainings_low"], alone["trainings_high"]) == (None, None)

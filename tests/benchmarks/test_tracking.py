@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerial_il.benchmarks import tracking
 from aerial_il.benchmarks.parts.motions import curves
 from aerial_il.benchmarks.parts.report import Report
 from aerial_il.benchmarks.tracking import Flights, Tracking
@@ -25,7 +26,7 @@ def test_every_arm_has_its_row_and_every_robot_its_targets(report: Report) -> No
     rows = report.tables["Tracking"]
     laws = ("geometric_observer", "geometric", "pid")
     assert [(row["controller"], row["reference"]) for row in rows] == list(product(laws, ("hover", "moving")))
-    assert [target.limit for target in report.targets] == [3.0, 6.0]
+    assert [target.limit for target in report.targets] == [0.8, 1.5, 0.8]
     assert report.targets[0].measured == rows[0]["rmse_cm"]
     json.dumps(report.to_dict(), allow_nan=False)
     assert report.figures["tracking.svg"].startswith("<?xml")
@@ -45,6 +46,18 @@ def test_statistics_of_errors_that_are_known() -> None:
     np.testing.assert_allclose(flights.run_rmse_m, [0.03, 0.01])
     np.testing.assert_allclose(flights.seed_rmse_m, [np.sqrt((0.03**2 + 0.01**2) / 2)])
     np.testing.assert_allclose(flights.select([False, True]).run_rmse_m, [0.01])
+
+
+def test_an_observer_that_is_worth_nothing_misses_its_target() -> None:
+    still = np.zeros((4, 1))
+    flights = [
+        Flights(curves()[:1], np.array([7]), np.zeros((4, 1, 3)), np.full((4, 1), base), still, np.zeros(1, bool))
+        for base in (0.02, 0.02, 0.05)
+    ]
+    arms = {("quad", "gusts", "geometric_observer"): flights[0], ("quad", "gusts", "geometric"): flights[1]}
+    assert [target.met for target in tracking._observer_targets(arms)] == [False]
+    assert [t.met for t in tracking._observer_targets({**arms, ("quad", "gusts", "geometric"): flights[2]})] == [True]
+    assert not list(tracking._observer_targets({("quad", "calm", law): f for (_, _, law), f in arms.items()}))
 
 
 def test_settings_without_a_measurement_are_refused(tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def test_the_same_call_again_flies_nothing(reference: DatasetFolder) -> None:
 def test_other_settings_are_other_episodes(tmp_path: Path) -> None:
     collect(CraneBatch(2), CraneExpert(), range(2), tmp_path, progress=False)
     noisy = CraneExpert(noise=0.02)
-    result = collect(CraneBatch(2), noisy, range(2), tmp_path, settings={"noise": 0.02}, progress=False)
+    result = collect(CraneBatch(2), noisy, range(2), tmp_path, settings={"noise": 0.02}, mix=True, progress=False)
     assert not result.skipped
     episodes = {e.provenance["settings"].get("noise"): e for e in open_dataset(tmp_path, failures=True) if e.seed == 0}
     assert np.array_equal(episodes[None].actions, episodes[None].expert_actions)

@@ -25,7 +25,10 @@ from tests.contract.registered import (
     single,
 )
 
-INFO = {"success", "crash", "sparse_reward", "subtasks", "ee_error_m", "effort", "contacts", "executed_action"}
+INFO = {
+    *("success", "crash", "dropped", "sparse_reward", "subtasks", "ee_error_m", "effort", "contacts"),
+    *("force_in_band_raw", "executed_action"),
+}
 
 
 def test_all_claimed_robots_and_tasks_are_there() -> None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.lerobot import convert_to_lerobot
+from aerial_il.data.lerobot import convert_to_lerobot, write_states, write_with_lerobot
 from tests.data.crane import CraneBatch, CraneExpert
 
 
@@ -60,6 +64,58 @@ def test_lerobot_opens_it(folder: DatasetFolder, derived: Path) -> None:
     last = dataset[len(episodes[0]) - 1]
     assert last["next.done"]
     assert last["next.success"]
+
+
+def test_every_file_is_what_lerobots_own_writer_writes(folder: DatasetFolder, tmp_path: Path) -> None:
+    """Only the fingerprint that Hugging Face gives a table in memory is not in ours."""
+    episodes = open_dataset(folder.path)
+    write_states(tmp_path / "ours", episodes.spec, episodes)
+    write_with_lerobot(tmp_path / "theirs", episodes.spec, (), episodes)
+    ours, theirs = (
+        {f.relative_to(root): f for f in root.rglob("*.*")} for root in (tmp_path / "ours", tmp_path / "theirs")
+    )
+    assert ours.keys() == theirs.keys()
+    assert len(ours) == 5
+    for name, file in theirs.items():
+        if name.suffix == ".parquet":
+            assert_equal_tables(pq.read_table(ours[name]), pq.read_table(file))
+        else:
+            assert ours[name].read_bytes() == file.read_bytes()
+
+
+def assert_equal_tables(ours: pa.Table, theirs: pa.Table) -> None:
+    assert ours.schema.equals(theirs.schema)
+    for name in theirs.column_names:
+        assert ours[name].equals(theirs[name]), name
+    assert told(ours.schema) == told(theirs.schema)
+
+
+def told(schema: pa.Schema) -> dict[bytes, object]:
+    """Return the metadata of a schema, without the fingerprint."""
+    metadata = dict(schema.metadata or {})
+    features = json.loads(metadata.pop(b"huggingface", b"{}"))
+    features.pop("fingerprint", None)
+    return {**metadata, b"huggingface": features}
+
+
+def test_files_are_split_where_lerobot_splits_them(
+    folder: DatasetFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lerobot.datasets import dataset_metadata
+
+    create = dataset_metadata.create_empty_dataset_info
+
+    def small(*args: object) -> object:
+        return create(*args[:6], 0.01, *args[7:])
+
+    monkeypatch.setattr(dataset_metadata, "create_empty_dataset_info", small)
+    episodes = open_dataset(folder.path)
+    write_states(tmp_path / "ours", episodes.spec, episodes)
+    write_with_lerobot(tmp_path / "theirs", episodes.spec, (), episodes)
+    ours, theirs = (sorted((tmp_path / side / "data").rglob("*.parquet")) for side in ("ours", "theirs"))
+    assert len(ours) == len(theirs) > 1
+    for mine, other in zip(ours, theirs, strict=True):
+        assert_equal_tables(pq.read_table(mine), pq.read_table(other))
 
 
 def test_lerobots_own_act_trains_on_it(derived: Path) -> None:
@@ -172,3 +228,28 @@ def test_a_failed_conversion_leaves_the_older_one(folder: DatasetFolder, tmp_pat
         convert_to_lerobot(copy.path, progress=False)
     assert len(open_dataset(older)) == len(copy.files())
     assert [p.name for p in older.parent.iterdir()] == ["lerobot"]
+
+
+def test_what_killed_conversions_left_is_cleared_but_not_what_others_write(
+    folder: DatasetFolder, tmp_path: Path
+) -> None:
+    out = tmp_path / "lerobot"
+    dead, alive = tmp_path / ".lerobot.1.tmp", tmp_path / ".lerobot.2.tmp"
+    for holder in (dead, alive):
+        (holder / "new" / "data").mkdir(parents=True)
+    handle = os.open(alive, os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    convert_to_lerobot(folder.path, out, progress=False)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".lerobot.2.tmp", "lerobot"]
+    os.close(handle)
+
+
+def test_a_conversion_killed_while_it_replaced_another_gives_the_older_one_back(
+    folder: DatasetFolder, derived: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(derived, tmp_path / ".lerobot.1.tmp" / "old")
+    copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
+    copy.files()[-1].write_bytes(b"damaged")
+    with pytest.raises(DemoError):
+        convert_to_lerobot(copy.path, tmp_path / "lerobot", progress=False)
+    assert len(open_dataset(tmp_path / "lerobot")) == len(folder.files())

@@ -39,9 +39,12 @@ def test_a_success_is_timed_by_its_last_step() -> None:
     assert record.effort_mean == 0.25
 
 
-@pytest.mark.parametrize(("crash", "end"), [(True, "crash"), (False, "timeout")])
-def test_a_failure_says_why_and_has_no_time_to_success(crash: bool, end: str) -> None:
-    record = measure(trace(success=False, crash=crash), SPEC)
+@pytest.mark.parametrize(
+    ("crash", "dropped", "end"),
+    [(True, False, "crash"), (False, True, "dropped"), (True, True, "crash"), (False, False, "timeout")],
+)
+def test_a_failure_says_why_and_has_no_time_to_success(crash: bool, dropped: bool, end: str) -> None:
+    record = measure(trace(success=False, crash=crash, dropped=dropped), SPEC)
     assert (record.end, record.success, record.time_to_success_s) == (end, False, None)
 
 
@@ -49,6 +52,12 @@ def test_an_end_effector_that_is_not_commanded_has_no_error() -> None:
     record = measure(trace(ee_error_m=np.full(6, np.nan)), SPEC)
     assert record.ee_error_mean_m is None
     assert record.ee_error_max_m is None
+
+
+def test_the_raw_share_of_a_force_is_the_last_one_known() -> None:
+    share = np.array([np.nan, 0.2, 0.5, 0.6, 0.8, np.nan])
+    assert measure(trace(force_in_band_raw=share), SPEC).force_in_band_raw == 0.8
+    assert measure(trace(force_in_band_raw=np.full(6, np.nan)), SPEC).force_in_band_raw is None
 
 
 def test_contacts_are_counted_by_onset_and_time() -> None:
@@ -87,7 +96,7 @@ def test_aggregate_counts_ends_and_subtasks() -> None:
     flags[:, 1] = False
     records = [measure(trace(), SPEC), measure(trace(success=False, crash=True, subtasks=flags), SPEC)]
     summary = aggregate(records)
-    assert summary["ends"] == {"success": 1, "crash": 1, "timeout": 0}
+    assert summary["ends"] == {"success": 1, "crash": 1, "dropped": 0, "timeout": 0}
     assert (summary["crash"]["rate"], summary["contact"]["count"]) == (0.5, 0)
     assert [summary["subtasks"][name]["count"] for name in SPEC.subtasks] == [1, 0]
     assert summary["time_to_success_s"]["count"] == 1

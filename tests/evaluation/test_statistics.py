@@ -121,3 +121,11 @@ def test_permutation_tests_are_uniform_under_no_difference() -> None:
     draws = [statistics.permutation_test(*rng.normal(size=(2, 10)), rng=rng, resamples=99) for _ in range(300)]
     assert np.mean(np.array(draws) <= 0.05) < 0.09
     assert 0.4 < np.mean(draws) < 0.6
+
+
+def test_t_interval_equals_scipy_and_one_training_says_nothing_of_others() -> None:
+    values = np.array([0.69, 0.81, 0.74])
+    reference = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    assert statistics.t_interval(values) == pytest.approx((reference.low, reference.high), rel=1e-9)
+    assert all(map(math.isnan, statistics.t_interval(values[:1])))
+    assert statistics.t_interval(np.ones(3)) == (1.0, 1.0)

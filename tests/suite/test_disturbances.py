@@ -60,7 +60,7 @@ def test_a_component_alone_changes_the_flight_and_only_its_own_memory(component:
     assert alike == (component in ("friction", "estimation"))
     worlds = batch(ROBOT, TASK, tier, "velocity")
     worlds.reset(SEEDS)
-    userdata, model = worlds.simulation.view.userdata, worlds.model
+    userdata, model = worlds.simulation.view.userdata, worlds.simulation.worlds.model
     assert userdata[:, mem.WIND].any() == (component == "wind")
     assert userdata[:, mem.ERRORS].any() == userdata[:, mem.PAST].any() == (component == "estimation")
     assert userdata[:, mem.DELAY].any() == userdata[:, mem.QUEUE].any() == (component == "latency")

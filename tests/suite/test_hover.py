@@ -7,11 +7,13 @@ import pytest
 
 import aerial_il
 from aerial_il.control.vehicle import GRAVITY
+from aerial_il.suite import measured
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.tasks import hover
 from tests.contract.registered import batch
 
 CELL = ("quad", "hover")
+attitude_cosine = measured.number(hover.attitude_cosine)
 
 
 def test_it_starts_off_the_point_moving_leaning_and_turning() -> None:
@@ -60,7 +62,7 @@ def test_attitude_is_heading_and_tilt(yaw_deg: float, lean_deg: float, settled: 
     worlds = batch(*CELL)
     worlds.reset(3)
     put_at_target(worlds, yaw_deg, lean_deg)
-    angle = np.degrees(np.arccos(hover.attitude_cosine(worlds.simulation.view)))
+    angle = np.degrees(np.arccos(attitude_cosine(worlds.simulation.view)))
     np.testing.assert_allclose(angle, np.hypot(yaw_deg, lean_deg), atol=0.01)
     assert (worlds.simulation.judge().subtasks[:, 3] == settled).all()
 
@@ -71,5 +73,5 @@ def test_in_wind_the_trimmed_attitude_leans_against_it() -> None:
     put_at_target(worlds)
     view = worlds.simulation.view
     view.air_force[:, 1] = 0.1 * view.robot.vehicle.mass * GRAVITY
-    angle = np.arccos(hover.attitude_cosine(view))
+    angle = np.arccos(attitude_cosine(view))
     np.testing.assert_allclose(angle, np.arctan(0.1), atol=1e-6)

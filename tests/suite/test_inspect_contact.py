@@ -7,18 +7,17 @@ import pytest
 
 import aerial_il
 from aerial_il.experts.expert import Expert
-from aerial_il.suite import memory
+from aerial_il.experts.inspect_contact import in_touch, normal, normal_force, slip, squareness
+from aerial_il.suite import measured, memory
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props.plate import MASS_KG, PRELOAD_N, STIFFNESS
 from aerial_il.suite.tasks.inspect_contact import (
     FORCE_N,
+    FORCE_TOLERANCE_N,
+    IN_BAND,
+    PRESSED,
     SLIP_M,
     InspectContact,
-    normal,
-    normal_force,
-    slip,
-    squareness,
-    touching,
 )
 from tests.contract.registered import batch
 
@@ -34,7 +33,7 @@ def pressing() -> tuple[BatchEnvironment, Expert]:
     since = np.zeros(3)
     while (since < 40).any():
         worlds.step(expert.act({}))
-        since = np.where(touching(worlds.simulation.view), since + 1, 0)
+        since = np.where(in_touch(worlds.simulation.view), since + 1, 0)
     return worlds, expert
 
 
@@ -62,6 +61,36 @@ def test_success_needs_all_three_seconds(pressing: tuple[BatchEnvironment, Exper
     assert success.any()
 
 
+def test_a_reading_out_of_the_band_spoils_it_although_the_last_one_is_in(
+    pressing: tuple[BatchEnvironment, Expert],
+) -> None:
+    worlds, _ = pressing
+    view = worlds.simulation.view
+    samples = view.userdata[:, memory.SAMPLES].reshape(3, memory.MAX_TICKS, 6)
+    samples[:, :, :3] = -FORCE_N * normal(view)[:, None]
+    assert worlds.simulation.judge().subtasks[:, 3].all()
+    samples[1, 2, :3] *= 1.5
+    assert worlds.simulation.judge().subtasks[:, 3].tolist() == [True, False, True]
+
+
+def test_the_raw_share_is_that_of_the_solver_since_contact_began(pressing: tuple[BatchEnvironment, Expert]) -> None:
+    worlds, expert = pressing
+    simulation, view = worlds.simulation, worlds.simulation.view
+    view.memory[:, [PRESSED, IN_BAND]] = 0.0
+    address, inside = view.address("plate_force"), []
+    for _ in range(20):
+        simulation.receive(expert.act({}))
+        for _ in range(memory.MAX_TICKS):
+            simulation.fly(1)
+            raw = simulation.worlds.bind("sensordata")[:, address : address + 3]
+            inside.append(np.abs(-(raw * normal(view)).sum(axis=1) - FORCE_N) <= FORCE_TOLERANCE_N)
+        simulation.settle()
+    share = simulation.judge().force_in_band_raw
+    assert in_touch(view).all()
+    np.testing.assert_allclose(share, np.mean(inside, axis=0))
+    assert (share < 1.0).any(), "the filter does hide something"
+
+
 def test_an_oblique_tool_or_a_slipped_one_does_not_count(pressing: tuple[BatchEnvironment, Expert]) -> None:
     worlds, expert = pressing
     view = worlds.simulation.view
@@ -73,7 +102,7 @@ def test_an_oblique_tool_or_a_slipped_one_does_not_count(pressing: tuple[BatchEn
     for _ in range(40):
         worlds.step(action)
     assert squareness(view)[1] < np.cos(np.deg2rad(8.0))
-    assert worlds.simulation.task.solved(view)[[0, 1]].tolist() == [False, False]
+    assert measured.truth(worlds.simulation.task.kernels.solved)(view)[[0, 1]].tolist() == [False, False]
 
 
 def test_letting_go_forgets_the_contact_and_the_expert_begins_anew(pressing: tuple[BatchEnvironment, Expert]) -> None:
@@ -84,7 +113,7 @@ def test_letting_go_forgets_the_contact_and_the_expert_begins_anew(pressing: tup
     away[:, :3] += 0.08 * normal(view)
     for _ in range(60):
         obs = worlds.step(away).obs
-    assert not touching(view).any()
+    assert not in_touch(view).any()
     assert not obs["slip"].any()
     solved = np.zeros(3, bool)
     for _ in range(worlds.spec.max_steps):

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import copy
+
 import mujoco
 import numpy as np
+import pytest
 
 import aerial_il
 from aerial_il.suite import memory
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.suite.props.button import FULL_FORCE_N, PRELOAD_N, TRAVEL_M
+from aerial_il.suite.props.button import CAP_HEIGHT_M, FULL_FORCE_N, PRELOAD_N, TRAVEL_M
+from aerial_il.suite.props.place import place
 from aerial_il.suite.simulation import STATE_OFFSET
-from aerial_il.suite.tasks.press_button import PEAK_FORCE_N
-from tests.contract.registered import batch
+from aerial_il.suite.tasks.press_button import BY_TOOL, PEAK_FORCE_N
+from tests.contract.registered import batch, staying
 
 CELL = ("ua_quad_arm4", "press_button")
 
@@ -43,6 +47,59 @@ def test_one_hard_blow_spoils_the_episode() -> None:
     obs = worlds.set_state(states)
     assert obs["peak_force"][1, 0] > PEAK_FORCE_N
     assert press(worlds, 200).any(axis=0).tolist() == [True, False, True]
+
+
+def sink_onto_the_button(worlds: BatchEnvironment, part: str, steps: int = 60) -> np.ndarray:
+    """Let the robot of every world, its arm stretched out ahead, sink onto an upright button below ``part`` of it.
+
+    Returns:
+        (steps, n) true force on the button at the end of each step, N.
+    """
+    view, model = worlds.simulation.view, worlds.model
+    view.joint_pos[:] = view.robot.rest_forward
+    worlds.set_state(worlds.get_state())
+    for i in range(worlds.num_envs):
+        data = worlds.simulation.worlds.data(i)
+        middle = 0.5 * (data.geom(part).xpos + data.body(part).xpos)  # of the half that is farther from the gripper
+        underside = middle - [0.0, 0.0, model.geom(part).size[0]]
+        place(view, i, "button", underside - [0.0, 0.0, CAP_HEIGHT_M + 0.004])
+        place(view, i, "button_stand", underside - [0.0, 0.0, 0.2])
+    worlds.set_state(worlds.get_state())
+    action, felt = staying(worlds), []
+    for _ in range(steps):
+        action[:, 2] -= 0.0005
+        worlds.step(action)
+        felt.append([true_force(worlds, i) for i in range(worlds.num_envs)])
+    return np.array(felt)
+
+
+def true_force(worlds: BatchEnvironment, world: int) -> float:
+    """Net force of all contacts with the button in one world, N, from the solver's contacts without any sensor."""
+    own = worlds.simulation.worlds
+    model, data, total = own.model, copy.copy(own.data(world)), np.zeros(3)
+    mujoco.mj_forward(model, data)
+    button = {model.geom(name).id for name in ("button_cap", "button_housing")}
+    for k in range(data.ncon):
+        first, second = data.contact.geom[k]
+        if {first, second} & button:
+            wrench = np.empty(6)
+            mujoco.mj_contactForce(model, data, k, wrench)
+            total += (1.0 if second in button else -1.0) * data.contact.frame[k].reshape(3, 3).T @ wrench[:3]
+    return float(np.linalg.norm(total))
+
+
+@pytest.mark.parametrize("part", ["link_2", "link_3"])
+def test_a_link_on_the_button_is_felt_and_does_not_count(part: str) -> None:
+    worlds = batch(*CELL)
+    worlds.reset(0)
+    felt = sink_onto_the_button(worlds, part)
+    view = worlds.simulation.view
+    by_link_alone = view.peak_force(BY_TOOL) == 0.0
+    assert by_link_alone.any()
+    assert (felt.max(axis=0) > 2.0).all(), "it does press"
+    assert (view.peak_force() >= 0.8 * felt.max(axis=0)).all(), "and the judge feels it, whoever it is"
+    assert (view.unwanted_contacts[by_link_alone] > 0.0).all()
+    assert not worlds.simulation.judge().success[by_link_alone].any()
 
 
 def test_the_spring_pushes_back_as_stated() -> None:

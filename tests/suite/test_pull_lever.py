@@ -6,7 +6,8 @@ import numpy as np
 
 import aerial_il
 from aerial_il.experts.hook import HOVER, PULL
-from aerial_il.suite.tasks.pull_lever import PULLED_RAD, START_ANGLE_RAD, PullLever, behind_bar
+from aerial_il.experts.pull_lever import behind_bar
+from aerial_il.suite.tasks.pull_lever import PULLED_RAD, START_ANGLE_RAD, PullLever
 from tests.contract.registered import batch
 
 CELL = ("ua_quad_arm4", "pull_lever")

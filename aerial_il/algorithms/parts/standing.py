@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-LOWER_IS_BETTER = ("crashes", "time_to_success_s")
+LOWER_IS_BETTER = ("crashes", "dropped", "time_to_success_s")
 
 
 @dataclass(frozen=True)

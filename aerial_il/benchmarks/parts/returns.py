@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import aerial_il
-from aerial_il.benchmarks.parts.report import Row, Target
+from aerial_il.benchmarks.parts.report import Row
 from aerial_il.core.policy import Policy, attach
 from aerial_il.evaluation.baselines import Random
 from aerial_il.suite.batch import BatchEnvironment
@@ -26,14 +26,6 @@ def returns_row(robot: str, task: str, *, seed: int, episodes: int, threads: int
         "robot": robot, "task": task, "expert_return": round(expert, 1), "random_return": round(random, 1),
         "ratio": round(expert / max(random, 1e-9), 2), "sparse_is_success": honest,
     }  # fmt: skip
-
-
-def return_target(row: Row) -> Target:
-    """Return the target that the expert earn more than random actions."""
-    spread = f"{row['expert_return']:g} against {row['random_return']:g}"
-    return Target(
-        f"{row['robot']}, {row['task']}: return of expert / random", "at least", 1.0, row["ratio"], "", spread
-    )
 
 
 def _mean_return(env: BatchEnvironment, policy: Policy, seed: int) -> tuple[float, bool]:

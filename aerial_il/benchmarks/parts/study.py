@@ -43,6 +43,7 @@ def page_of(study: Mapping[str, Any], figures: Sequence[str]) -> str:
     tables = [part for title, rows in study["tables"].items() for part in (f"## {title}", _markdown(rows))]
     parts = [
         f"# {_title(study)}",
+        *_superseded(study),
         study["question"],
         f"**{_capital(study['verdict'])}.** Measured with",
         f"```bash\n{study['command']}\n```",
@@ -60,7 +61,7 @@ def overview(experiments: Path) -> str:
     """Return the page of all studies below ``experiments``: what was wanted, what was measured, from which commit."""
     parts = ["# Benchmarks", "Written by `aerial-il bench NAME save=true`; each study says how it was measured."]
     for study in _studies(experiments):
-        parts += [f"## [{_title(study)}]({study['benchmark']}/{PAGE})", study["question"]]
+        parts += [f"## [{_title(study)}]({study['benchmark']}/{PAGE})", *_superseded(study), study["question"]]
         parts += [f"{_capital(study['verdict'])}. {_origin(study)}."]
         summary = next(iter(study["tables"].values()))
         parts += [_markdown(_target_rows(study))] if study["targets"] else []
@@ -71,6 +72,11 @@ def overview(experiments: Path) -> str:
 def _studies(experiments: Path) -> list[dict[str, Any]]:
     found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(experiments.glob(f"*/{NUMBERS}"))]
     return [study for study in found if study.get("schema") == SCHEMA]
+
+
+def _superseded(study: Mapping[str, Any]) -> list[str]:
+    """Return the warning that a study carries whose figures no longer stand; measuring anew takes it away."""
+    return [f"> **Superseded.** {study['superseded']}"] if "superseded" in study else []
 
 
 def _target_rows(study: Mapping[str, Any]) -> list[Row]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -10,11 +11,10 @@ from mujoco import batch as mujoco_batch
 
 from aerial_il import experts
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.suite.native import timers_on
 from aerial_il.suite.scene import SUBSTEPS
+from aerial_il.suite.worlds import STATE
 
 INPUTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
-VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,38 +65,46 @@ def fly_again(env: BatchEnvironment, work: Workload) -> None:
 class RawPhysics:
     """The same physics steps without anything of ours: MuJoCo's batch engine as it comes, fed with the recorded inputs.
 
+    MuJoCo's timers are off, as in our flights.
+
     Args:
         model: the scene. work: the flight. num_threads: 0 for all cores.
     """
 
     def __init__(self, model: mujoco.MjModel, work: Workload, num_threads: int = 0) -> None:
         self.work = work
-        self._batch = mujoco_batch.Batch(model, len(work.start), num_threads, persistent=True)
+        self._batch = mujoco_batch.Batch(model, len(work.start), num_threads)
+        rows = np.empty((len(work.start), SUBSTEPS, self._batch.nstate))
+        self._rows = {int(STATE): rows}
 
     @property
     def qpos(self) -> np.ndarray:
         """(n, nq) positions as they stand."""
         return self._batch.bind("qpos")
 
+    @property
+    def seen(self) -> np.ndarray:
+        """(n, S) states after the last control step of :meth:`step_recorded`."""
+        return self._rows[int(STATE)][:, -1]
+
     def rewind(self) -> None:
         """Go back to the beginning of the flight."""
         self._batch.state[:] = self.work.start
-        self._batch.forward(None, VELOCITY_STAGE)
 
     def step(self) -> None:
         """Fly on by control steps, as a policy must that looks at all worlds: one call per control step."""
-        with timers_on():
-            self._step()
+        for inputs in self._control_steps():
+            self._batch.rollout(SUBSTEPS, inputs, int(INPUTS), record=())
 
-    def step_untimed(self) -> None:
-        """The same with MuJoCo's timers off, as in our flights."""
-        self._step()
+    def step_recorded(self) -> None:
+        """The same with each world's state handed out, so that a policy could see it: a row after each physics step."""
+        for inputs in self._control_steps():
+            self._batch.rollout(SUBSTEPS, inputs, int(INPUTS), record=(int(STATE),), out=self._rows)
 
     def roll_out(self) -> None:
         """Fly on in one call: each thread takes a world from its first step to its last, the fastest there is."""
-        with timers_on():
-            self._batch.rollout(self.work.inputs.shape[1], self.work.inputs, int(INPUTS), record=())
+        self._batch.rollout(self.work.inputs.shape[1], self.work.inputs, int(INPUTS), record=())
 
-    def _step(self) -> None:
+    def _control_steps(self) -> Iterator[np.ndarray]:
         for k in range(0, self.work.inputs.shape[1], SUBSTEPS):
-            self._batch.rollout(SUBSTEPS, self.work.inputs[:, k : k + SUBSTEPS], int(INPUTS), record=())
+            yield self.work.inputs[:, k : k + SUBSTEPS]

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from aerial_il.cli import conf, words
 from aerial_il.cli.build import build
 from aerial_il.cli.keys import group, key, output
+from aerial_il.cli.quoting import command_line
 from aerial_il.cli.tables import table
 
 if TYPE_CHECKING:
@@ -72,6 +73,5 @@ def _measure(settings: Mapping[str, Any], config: Config) -> Report:
 
 def rerun(name: str, settings: Mapping[str, Any]) -> str:
     """Return what measures it again: the benchmark and the settings that differ from its file."""
-    return " ".join(
-        ["aerial-il bench", name, *words.changed("bench", conf.read_option("bench", name), settings), "save=true"]
-    )
+    changed = words.changed("bench", conf.read_option("bench", name), settings)
+    return command_line(["bench", name, *changed, "save=true"])

@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from aerial_il.cli import words
 from aerial_il.cli.commands import convert
 from aerial_il.cli.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 
@@ -44,6 +46,7 @@ class Config:
     seed: int = key(0, "the first of them; evaluations start at 10000")
     cameras: list[str] = key([], "cameras to record: scene, wrist, base")
     image_size: list[int] = key([240, 320], "height and width of their pictures")
+    mix: bool = key(False, "add to a dataset of another tier, flight law, pilot or settings")
     lerobot: bool = key(False, "derive a LeRobot dataset too, in derived/lerobot of the folder")
     num_envs: int = key(64, "worlds flown at once")
     threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
@@ -57,7 +60,7 @@ def run(config: Config) -> None:
     """Record, and say what comes next."""
     (record if config.env is None else record_outside)(config)
     name = config.task.name if config.env is None else config.env.partition(":")[2]
-    print(f"Next: aerial-il train dataset={config.out} run=runs/{name}")
+    print(f"Next: {command_line(['train', words.path('dataset', config.out), f'run=runs/{name}'])}")
 
 
 def record(config: Config) -> None:
@@ -88,6 +91,7 @@ def record(config: Config) -> None:
             range(config.seed, config.seed + config.episodes),
             config.out,
             settings={"noise": config.expert.noise},
+            mix=config.mix,
             progress=config.progress,
         )
     finally:
@@ -112,8 +116,16 @@ def record_outside(config: Config) -> None:
     env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, config.episodes), threads=config.threads)
     try:
         seeds = range(config.seed, config.seed + config.episodes)
-        settings = {"noise": noise}
-        collect(env, pilot.policy, seeds, config.out, policy_name=source, settings=settings, progress=config.progress)
+        collect(
+            env,
+            pilot.policy,
+            seeds,
+            config.out,
+            policy_name=source,
+            settings={"noise": noise},
+            mix=config.mix,
+            progress=config.progress,
+        )
     finally:
         env.close()
     if config.lerobot:

@@ -19,9 +19,14 @@ class Config:
 
 
 def run(config: Config) -> None:
-    """Print the comparison."""
-    from aerial_il.evaluation.compare import compare
+    """Print the comparison, and a warning where the two were not flown under the same conditions."""
+    import logging
+
+    from aerial_il.evaluation.compare import compare, other_conditions
     from aerial_il.evaluation.result import load_result
 
-    comparison = compare(load_result(config.a), load_result(config.b))
+    a, b = load_result(config.a), load_result(config.b)
+    comparison = compare(a, b)
+    for note in other_conditions(a, b):
+        logging.getLogger(__name__).warning("%s", note)
     print(json.dumps(comparison.to_dict(), indent=2) if config.json else comparison.summary())

@@ -16,6 +16,7 @@ from typing import Any
 from aerial_il.cli import words
 from aerial_il.cli.commands import collect, convert, evaluate, report, train
 from aerial_il.cli.keys import Located, MaybeLocated, Named, TierName, at_least, group, key, output
+from aerial_il.cli.quoting import command_line
 
 
 @dataclass
@@ -44,23 +45,23 @@ def run(config: Config) -> None:
 
     out, started = Path(config.out), time.perf_counter()
     dataset, training, judged = out / "dataset", out / "training", out / "evaluation"
-    cell = f"robot={config.robot.name} task={config.task.name} tier={config.tier.name}"
+    cell = [f"robot={config.robot.name}", f"task={config.task.name}", f"tier={config.tier.name}"]
     law = f"controller={config.controller.name}"
     recipe = [*words.of_group("policy", config.policy, default="mlp")]
     recipe += words.of_group("algorithm", config.algorithm, default="bc")
-    flown = f"tier={config.tier.name} episodes={config.evaluation_episodes} seed={config.evaluation_seed}"
+    flown = [f"tier={config.tier.name}", f"episodes={config.evaluation_episodes}", f"seed={config.evaluation_seed}"]
 
-    flight = f"expert.noise={config.expert.noise} episodes={config.episodes} seed={config.seed}"
-    _announce("Fly and record", f"collect {cell} {law} {flight} out={dataset}")
+    flight = [f"expert.noise={config.expert.noise}", f"episodes={config.episodes}", f"seed={config.seed}"]
+    _announce("Fly and record", "collect", *cell, law, *flight, f"out={dataset}")
     collect.record(_collect(config, dataset))
-    _announce("Convert for LeRobot", f"convert {dataset}")
+    _announce("Convert for LeRobot", "convert", f"path={dataset}")
     convert.run(convert.Config(str(dataset), progress=config.progress))
-    _announce("Learn", " ".join(["train", f"dataset={dataset}", *recipe, f"seed={config.seed}", f"run={training}"]))
+    _announce("Learn", "train", f"dataset={dataset}", *recipe, f"seed={config.seed}", f"run={training}")
     train.learn(_train(config, dataset, training))
-    _announce("Evaluate", f"evaluate policy={training} {law} {flown} out={judged}")
+    _announce("Evaluate", "evaluate", f"policy={training}", law, *flown, f"out={judged}")
     if not _is_current(judged, training, config):
         evaluate.run(_evaluate(config, training, judged))
-    _announce("Report", f"report {judged} run={training} dataset={dataset}")
+    _announce("Report", "report", f"result={judged}", f"run={training}", f"dataset={dataset}")
     report.run(report.Config(result=[str(judged)], run=str(training), dataset=MaybeLocated(str(dataset))))
 
     print(f"\nDone in {time.perf_counter() - started:.0f} s.")
@@ -103,6 +104,7 @@ def _evaluate(config: Config, training: Path, judged: Path) -> evaluate.Config:
         out=str(judged),
         episodes=config.evaluation_episodes,
         seed=config.evaluation_seed,
+        overwrite=True,
         progress=config.progress,
     )
 
@@ -125,5 +127,5 @@ def _is_current(judged: Path, training: Path, config: Config) -> bool:
     return (judged / "report.html").exists() and same_policy and same_flights
 
 
-def _announce(what: str, words: str) -> None:
-    print(f"\n{what}\n  aerial-il {words}", flush=True)
+def _announce(what: str, *typed: str) -> None:
+    print(f"\n{what}\n  {command_line(typed)}", flush=True)

@@ -1,7 +1,9 @@
 """Fly a policy or an expert over fixed seeds and write evaluation.json, videos and a report.
 
-The result does not depend on num_envs. Robot, task and action level, or the environment from outside,
-are the policy's own unless they are given. An environment from outside is flown over its whole horizon.
+Interrupted, the same command continues: finished flights are kept. A result of something else in the folder is
+refused, a finished one is not flown again. The result does not depend on num_envs. Robot, task and action level, or the
+environment from outside, are the policy's own unless they are given. An environment from outside is flown over its
+whole horizon.
 
 Example: aerial-il evaluate policy=runs/pick_bc tier=gusts out=runs/pick_bc/gusts
 Example: aerial-il evaluate policy=expert robot=fa_hexa_arm4 task=reach out=evaluations/expert_reach
@@ -11,8 +13,14 @@ Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from aerial_il.cli.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.quoting import command_line
+
+if TYPE_CHECKING:
+    from aerial_il.cli.flying import Pilot
+    from aerial_il.evaluation.result import EvaluationResult
 
 
 @dataclass
@@ -31,6 +39,7 @@ class Config:
     seed: int = key(10000, "the first of them")
     num_envs: int = key(64, "worlds flown at once")
     threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
+    overwrite: bool = key(False, "replace the result of another evaluation in that folder")
     videos: int = key(2, "films of successes, and as many of failures")
     progress: bool = key(True, "show a progress bar")
 
@@ -40,8 +49,7 @@ class Config:
 
 def run(config: Config) -> None:
     """Evaluate, write the results, print the headline."""
-    from aerial_il.cli import flying, results
-    from aerial_il.evaluation.rollouts import evaluate
+    from aerial_il.cli import flying
 
     pilot = flying.pilot(
         config.policy.path,
@@ -59,15 +67,7 @@ def run(config: Config) -> None:
         controller=config.controller.name,
     )
     try:
-        result = evaluate(
-            env,
-            pilot.policy,
-            seeds,
-            policy_name=config.policy.path,
-            origin={"command": _command(config, pilot.words)},
-            progress=config.progress,
-        )
-        results.save(result, config.out, env=env, videos=config.videos)
+        result = _judged(config, pilot, env, seeds)
     finally:
         env.close()
     print(f"{pilot.robot} {pilot.task} {env.spec.tier if pilot.env else config.tier.name}: success {result.headline()}")
@@ -75,7 +75,31 @@ def run(config: Config) -> None:
         print(f"Return {result.return_line()}")
 
 
-def _command(config: Config, pilot: str) -> str:
-    conditions = "" if " env=" in pilot else f"tier={config.tier.name} controller={config.controller.name} "
-    where = f"{conditions}episodes={config.episodes} seed={config.seed}"
-    return f"aerial-il evaluate {pilot} {where} out={config.out}"
+def _judged(config: Config, pilot: Pilot, env: Any, seeds: range) -> EvaluationResult:
+    """Fly what is not flown yet, and write what comes of it."""
+    from aerial_il.cli import results
+    from aerial_il.evaluation.destination import finished, subject_of
+    from aerial_il.evaluation.journal import Journal
+    from aerial_il.evaluation.rollouts import evaluate, origin_of
+
+    spec, name, journal = env.spec, config.policy.path, Journal(config.out)
+    origin = origin_of(env, pilot.policy)
+    cell = {"robot": spec.robot, "task": spec.task, "tier": spec.tier}
+    subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
+    if found := finished(config.out, subject, overwrite=config.overwrite):
+        print(f"{config.out} holds this very result already, nothing is flown. To fly it anew, remove that folder.")
+        return found
+    journal.begin(subject)
+    command = {"command": _command(config, pilot)}
+    result = evaluate(
+        env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=config.progress
+    )
+    results.save(result, config.out, env=env, videos=config.videos)
+    journal.close()
+    return result
+
+
+def _command(config: Config, pilot: Pilot) -> str:
+    ours = () if pilot.env else (f"tier={config.tier.name}", f"controller={config.controller.name}")
+    flown = (*ours, f"episodes={config.episodes}", f"seed={config.seed}", f"out={config.out}")
+    return command_line(["evaluate", *pilot.words, *flown])

@@ -30,17 +30,25 @@ def run(config: Config) -> None:
     from tqdm import tqdm
 
     from aerial_il.data.dataset import open_dataset
-    from aerial_il.data.replay import replay
+    from aerial_il.data.replay import check_engine, replay
+    from aerial_il.suite.engine import ENGINE
 
     dataset = open_dataset(config.path, failures=True)
     count = min(len(dataset), config.episodes or len(dataset))
-    env, compared = environment_of(dataset.spec, num_envs=len(config.starts)), 0
+    env, spec, compared = None, None, 0
     try:
         for episode in tqdm(islice(dataset, count), total=count, desc="replay", unit="ep", disable=not config.progress):
+            path = f"{config.path}: {episode.uid}"
+            check_engine(ENGINE, episode, path)
+            if env is None or episode.spec != spec:  # a dataset may hold several tiers, each in one piece
+                if env is not None:
+                    env.close()
+                spec, env = episode.spec, environment_of(episode.spec, num_envs=len(config.starts))
             starts = [start for start in config.starts if start < len(episode)]
-            compared += replay(env, episode, starts=starts, path=f"{config.path}: {episode.uid}")
+            compared += replay(env, episode, starts=starts, path=path)
     finally:
-        env.close()
+        if env is not None:
+            env.close()
     print(f"{config.path}: {count} episodes, {compared} steps flown again, every bit equal.")
 
 

@@ -29,7 +29,7 @@ class Config:
     result: list[str] = key(MISSING, "folder of an evaluation, of a run, or of several runs", position=0, many=True)
     run: str | None = key(None, "training run whose curves are shown beside an evaluation")
     dataset: MaybeLocated = path(MaybeLocated, "demonstrations to sum up, or that a run learned from")
-    learning_curve: dict[str, str] = key({}, "number of demonstrations -> evaluation: {10:runs/a,25:runs/b}")
+    learning_curve: dict[int, str] = key({}, "number of demonstrations -> evaluation: {10:runs/a,25:runs/b}")
     videos: int = key(1, "films of successes and of failures of a run that has none")
     out: str | None = key(None, "the page; report.html beside what it is about by default")
 
@@ -69,7 +69,7 @@ def _of_evaluation(config: Config) -> Path:
         footage=results.footage_of(folder, result),
         run=config.run,
         dataset=results.summary_of(config.dataset.path) if config.dataset.path else None,
-        learning_curve=[LearningPoint(int(n), load_result(place)) for n, place in config.learning_curve.items()],
+        learning_curve=[LearningPoint(n, load_result(place)) for n, place in config.learning_curve.items()],
         command=str(result.provenance.get("command", "")),
     )
 

@@ -22,7 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from aerial_il.cli import words
 from aerial_il.cli.keys import MISSING, MaybeLocated, MaybeTier, Named, at_least, group, key, output, path, tier
+from aerial_il.cli.quoting import command_line
 
 if TYPE_CHECKING:
     from aerial_il.cli.places import Place
@@ -89,7 +91,7 @@ class Config:
 def run(config: Config) -> None:
     """Train, and say what comes next."""
     learn(config)
-    print(f"Next: aerial-il evaluate policy={config.run} out={config.run}/evaluation")
+    print(f"Next: {command_line(['evaluate', words.path('policy', config.run), f'out={config.run}/evaluation'])}")
 
 
 def learn(config: Config) -> None:
@@ -129,6 +131,7 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
         if place.options:
             raise InvalidValueError(f"{path} says how its environment is made: leave out {', '.join(place.options)}.")
         data.check_origin(path, place.expected)
+        data.warn_of_changes(path)
         return data.demonstrations(path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm)
     if not getattr(algorithm, "rewarded", False):
         name = type(algorithm).__module__.rpartition(".")[2]
@@ -145,7 +148,8 @@ def _trials(config: Config, algorithm: Any) -> Iterator[Trials | None]:
         return
     from aerial_il.cli.trials import Trials
 
-    with Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier).open() as trials:
+    flights = Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
+    with flights.open() as trials:
         yield trials
 
 
@@ -168,17 +172,15 @@ def _told(config: Config) -> Iterator[None]:
 
 def command(config: Config) -> str:
     """Return the words that lead to ``config``."""
-    from aerial_il.cli import words
-
     plain = {"seed": 0, "evaluate_every": None, "evaluate_episodes": 20, "evaluate_seed": 5000, "evaluate_tier": None}
     plain |= {"flight_tier": None, "num_envs": None, "threads": 0}
     said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
-    said += [f"expert={config.expert.path}"] if config.expert.path else []
-    learned = [] if config.dataset.path is None else [f"dataset={config.dataset.path}"]
+    said += [words.path("expert", config.expert.path)] if config.expert.path else []
+    learned = [] if config.dataset.path is None else [words.path("dataset", config.dataset.path)]
     learned += [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
-    return " ".join(
+    return command_line(
         [
-            "aerial-il train",
+            "train",
             *learned,
             *words.of_group("policy", config.policy, default="mlp"),
             *words.of_group("algorithm", config.algorithm, default="bc"),

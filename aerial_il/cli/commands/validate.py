@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aerial_il.cli.keys import MISSING, key
+from aerial_il.cli.quoting import command_line
 
 
 @dataclass
@@ -35,7 +36,7 @@ def run(config: Config) -> None:
     for problem in problems:
         print(problem)
     if problems:
-        hint = f"Set them aside and save what can be saved: aerial-il recover {config.path}"
+        hint = f"Set them aside and save what can be saved: {command_line(['recover', f'path={config.path}'])}"
         raise DemoError(config.path, f"{len(problems)} problems in {len(dataset)} episodes.", hint=hint)
     if config.replay:
         replay.run(replay.Config(config.path, progress=config.progress))

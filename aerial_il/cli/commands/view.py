@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.cli.keys import Located, Named, TierName, at_least, check_choices, group, key, path
+from aerial_il.cli.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 VIEWS = "runs/views"
@@ -28,6 +29,7 @@ class Config:
     robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
     task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
     tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    env: str | None = key(None, "environment from outside, e.g. gymnasium:Hopper-v5 (null: the policy's own)")
     controller: Named = group("which law flies the base")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for the others)")
     seed: int | None = key(None, "of the flight, or which episode of a dataset (null: the first)")
@@ -82,6 +84,7 @@ def _show_flight(config: Config, viewer: str) -> None:
         robot=config.robot.name if config.robot else None,
         task=config.task.name if config.task else None,
         action=config.action,
+        env=config.env,
     )
     law, seed = config.controller.name, config.seed or 0
     env = pilot.environment(config.tier.name, num_envs=1, threads=1, controller=law)
@@ -95,7 +98,7 @@ def _show_flight(config: Config, viewer: str) -> None:
         )
         file = out.with_suffix(".mcap")
         episode = flying.record(env, pilot.policy, seed, file, name=config.policy.path)
-        again = f"aerial-il view {pilot.words} tier={config.tier.name} controller={law} seed={seed}"
+        again = command_line(["view", *pilot.words, f"tier={config.tier.name}", f"controller={law}", f"seed={seed}"])
         _present(config, viewer, episode, file, out, env=env, again=again)
     finally:
         env.close()
@@ -113,7 +116,7 @@ def _show_recording(config: Config, viewer: str, file: Path) -> None:
         return
     env = _same_scene(episode)
     try:
-        again = f"aerial-il view recording={file}"
+        again = command_line(["view", f"recording={file}"])
         _present(config, viewer, episode, file, _out(config, viewer, file.stem), env=env, again=again)
     finally:
         if env is not None:
@@ -170,7 +173,8 @@ def _page(config: Config, episode: Any, file: Path, out: Path, flags: Any, again
         notes.append("The scene has changed since this was recorded: its sub-tasks cannot be judged.")
     for note in notes:
         print(note)
-    commands = [again, f"aerial-il view recording={file} viewer=rerun", f"aerial-il replay {file}"]
+    seen = command_line(["view", f"recording={file}", "viewer=rerun"])
+    commands = [again, seen, command_line(["replay", f"path={file}"])]
     with TemporaryDirectory() as folder:
         film = None if problem else Path(folder) / "film.mp4"
         if film:

@@ -15,6 +15,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.outside.batch import OutsideBatch
 from aerial_il.suite.outside.processes import MakeBatch, SharedBatch
+from aerial_il.suite.outside.strangers import checked_key, checked_options
 
 if TYPE_CHECKING:
     from aerial_il.suite.outside.dm_env_world import MakeEnv
@@ -81,17 +82,28 @@ def load(key: str, *, num_envs: int = 1, processes: int = 1, **options: Any) -> 
     return loader(name, num_envs=num_envs, processes=processes, **options)
 
 
-def key_of(spec: EnvSpec) -> str | None:
-    """Return the key of a specification's environment, or None for one of the suite's, or one made by a caller."""
-    return f"{spec.robot}:{spec.task}" if spec.robot in SOURCES else None
+def key_of(spec: EnvSpec, *, typed: str | None = None) -> str | None:
+    """Return the key of a specification's environment, or None for one of the suite's, or one made by a caller.
+
+    Args:
+        spec: may come out of a file. typed: the key that the user typed, which alone may name a module.
+
+    Raises:
+        InvalidValueError: it names a module to import, and nobody typed it.
+    """
+    return checked_key(spec, typed) if spec.robot in SOURCES else None
 
 
 def load_again(spec: EnvSpec, *, num_envs: int = 1, **changed: Any) -> OutsideBatch | SharedBatch:
-    """Return worlds of the environment that ``spec`` describes, with the same options but those ``changed``."""
+    """Return worlds of the environment that ``spec`` describes, with the same options but those ``changed``.
+
+    Raises:
+        InvalidValueError: it names a module to import, or was made by a caller.
+    """
     key = key_of(spec)
     if key is None:
         raise InvalidValueError(f"{spec.robot}:{spec.task} was made by a caller; only who made it can make it again.")
-    return load(key, num_envs=num_envs, **{**spec.options, **changed})
+    return load(key, num_envs=num_envs, **{**checked_options(spec), **changed})
 
 
 def _shared(make: MakeBatch, num_envs: int, processes: int) -> OutsideBatch | SharedBatch:

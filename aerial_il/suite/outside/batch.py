@@ -205,11 +205,13 @@ class OutsideBatch:
         return {
             **info,
             "crash": terminated & ~info["success"],
+            "dropped": np.zeros(self.num_envs, bool),
             "sparse_reward": info["success"].astype(float),
             "subtasks": np.zeros((self.num_envs, 0), bool),
             "ee_error_m": unknown,
             "effort": unknown.copy(),
             "contacts": np.zeros(self.num_envs, np.int32),
+            "force_in_band_raw": unknown.copy(),
         }
 
     def _show(self, i: int, outcome: Outcome) -> None:

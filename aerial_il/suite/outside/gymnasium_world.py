@@ -26,8 +26,8 @@ class GymnasiumWorld:
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         self._env = make(name, settings)
-        registered = gymnasium.spec(name).max_episode_steps
-        self.max_steps: int | None = registered
+        registered = gymnasium.spec(name.rpartition(":")[2])  # its module, if it names one, is imported by now
+        self.max_steps: int | None = registered.max_episode_steps
         self.observation = observation_spec(self._env.observation_space)
         self.action = action_spec(self._env.action_space, actuators(self._env.unwrapped))
         self.control_dt_s = control_dt_s(self._env)

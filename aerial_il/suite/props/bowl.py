@@ -6,22 +6,30 @@ import mujoco
 import numpy as np
 
 from aerial_il.robots.parts.collision import WORLD
+from aerial_il.suite.props.contact import HARD
 
-BOWL_RADIUS_M, BOWL_WALL_M = 0.07, 0.035
+BOWL_RADIUS_M, BOWL_WALL_M, HALF_WALL_M = 0.07, 0.035, 0.004  # to the middle of a wall; its height, half its thickness
+BLUE = [0.22, 0.42, 0.72, 1]
 
 
 def add_bowl(spec: mujoco.MjSpec) -> None:
-    """A bowl ``bowl`` with eight flat walls, fixed in the air or on a table: a mocap body, origin at its underside."""
-    box, cylinder = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
+    """A bowl ``bowl`` with eight flat walls, fixed in the air or on a table: a mocap body, origin at its underside.
+
+    Its octagonal floor is made of four oblongs: of a cube in a cylinder, MuJoCo at times finds that it is to leave
+    sideways through the wall.
+    """
     body = spec.worldbody.add_body(name="bowl", mocap=True)
-    colour = [0.22, 0.42, 0.72, 1]
-    body.add_geom(
-        name="bowl_floor", type=cylinder, pos=[0, 0, 0.004], size=[BOWL_RADIUS_M, 0.004, 0], rgba=colour, **WORLD
-    )
-    for i, angle in enumerate(np.arange(8) * np.pi / 4):
-        c, s = np.cos(angle), np.sin(angle)
-        pos = [BOWL_RADIUS_M * c, BOWL_RADIUS_M * s, 0.5 * BOWL_WALL_M]
-        size = [0.004, BOWL_RADIUS_M * np.tan(np.pi / 8), 0.5 * BOWL_WALL_M]
-        quat = [np.cos(0.5 * angle), 0, 0, np.sin(0.5 * angle)]
-        body.add_geom(name=f"bowl_wall_{i}", type=box, pos=pos, quat=quat, size=size, rgba=colour, **WORLD)
+    half_side, inside = BOWL_RADIUS_M * np.tan(np.pi / 8), BOWL_RADIUS_M - HALF_WALL_M
+    for i in range(8):
+        _add_part(body, f"bowl_wall_{i}", i, BOWL_RADIUS_M, [HALF_WALL_M, half_side, 0.5 * BOWL_WALL_M])
+    for i in range(4):
+        _add_part(body, f"bowl_floor_{i}", i, 0.0, [inside, inside * np.tan(np.pi / 8), HALF_WALL_M])
     body.add_site(name="bowl", size=[0.003] * 3, group=4)
+
+
+def _add_part(bowl: mujoco.MjsBody, name: str, eighth: int, away: float, size: list[float]) -> None:
+    """Add a box that stands on the bowl's underside, turned by ``eighth`` eighths and ``away`` m from the axis."""
+    angle = eighth * np.pi / 4
+    pos = [away * np.cos(angle), away * np.sin(angle), size[2]]
+    look = {"pos": pos, "quat": [np.cos(0.5 * angle), 0, 0, np.sin(0.5 * angle)], "size": size, "rgba": BLUE}
+    bowl.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, **look, **WORLD, **HARD)

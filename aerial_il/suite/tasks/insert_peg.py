@@ -12,7 +12,7 @@ from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_holding_upright
 from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, add_contact_sensor, add_force_sensor
-from aerial_il.suite.props import TABLE_HEIGHT_M, add_table
+from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M, add_peg, add_socket
 from aerial_il.suite.props.place import place, two_places
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
@@ -25,6 +25,8 @@ BORE_M, STAND_DEPTH_M = 0.056, 0.036
 STAND_CLEARANCE_M = 0.006
 LIFTED_M = 0.02  # of the lower end above the stand
 OVER_HOLE_M = 0.01
+OFF_AXIS_M = 0.004  # between the axes of bore and peg: 1 mm of play, 1.9 into the corners, and what yields
+DEEPEST_M = BORE_M - PEG_RADIUS_M + 0.002  # its nose on the bottom, which yields too
 GRASP_M = 0.025  # from the tool to the end of the peg that sticks out of the gripper's back
 AREA_LOW, AREA_HIGH = np.array([-0.22, -0.30]), np.array([0.22, 0.30])
 APART_M = 0.22
@@ -37,8 +39,12 @@ GRIP_LEFT, GRIP_RIGHT = range(2)  # contacts
 class InsertPeg(Task):
     """Round-nosed peg of 20 mm in an octagonal bore 22 mm across flats (1 mm of play all round), chamfered 5 mm.
 
-    Solved when 30 mm of its full width are below the chamfer for 0.5 s. It stands loosely in a stand at the start; one
-    that was dropped may be picked up from wherever it lies. Either end may go first.
+    Solved when 30 mm of its full width are in the bore, below the chamfer, for 0.5 s, held or not: both where it enters
+    the bore and at its lower nose its axis is within 4 mm of the bore's, and its nose is not deeper than the bottom. It
+    stands loosely in a stand at the start; one that lies on the table may be picked up. Either end may go first.
+
+    A peg whose middle is more than 10 cm below the table's surface, on the floor or on its way there, and that is not
+    in the gripper is lost: the episode ends as dropped.
     """
 
     name = "insert_peg"
@@ -110,6 +116,11 @@ def solved(world):
 
 
 @kernel
+def lost(world):
+    return site_pos(world, PEG)[2] < TABLE_HEIGHT_M - FALLEN_M and not grasped(world)
+
+
+@kernel
 def progress(world, flags):
     held, end, hole = grasped(world), lower_end(world), site_pos(world, HOLE)
     near_hole = planar_norm(sub(end, hole)) <= OVER_HOLE_M and end[2] >= hole[2] - PEG_RADIUS_M
@@ -160,10 +171,12 @@ def upper_end(world):
 @kernel
 def depth(world):
     """Length of the peg's full width inside the bore, below the chamfer, m; 0 outside."""
-    end, hole = lower_end(world), site_pos(world, HOLE)
-    if planar_norm(sub(end, hole)) > PEG_RADIUS_M:
+    axis = peg_axis(world)
+    nose = sub(add(lower_end(world), scale(PEG_RADIUS_M, axis)), site_pos(world, HOLE))  # centre of its sphere
+    entering = sub(nose, scale(nose[2] / max(axis[2], 1e-3), axis))  # where the peg's axis enters the bore
+    if max(planar_norm(nose), planar_norm(entering)) > OFF_AXIS_M or -nose[2] > DEEPEST_M:
         return 0.0
-    return max(hole[2] - PEG_RADIUS_M - end[2], 0.0)
+    return max(-nose[2], 0.0)
 
 
-TASK = InsertPeg(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))
+TASK = InsertPeg(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward, lost=lost))

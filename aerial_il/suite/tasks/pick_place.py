@@ -13,14 +13,15 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, norm, planar_norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.contact_sensors import add_contact_sensor
-from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
+from aerial_il.suite.contact_sensors import add_contact_sensor, add_touch_sensor
+from aerial_il.suite.props import CUBE_HALF_M, FALLEN_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
 from aerial_il.suite.props.place import two_places
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start, pointing_down
 from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, free_vel, site_mat, site_pos, tool_pos, touching, untouched
+from aerial_il.suite.world import Names, base_pos, free_vel, site_mat, site_pos, tool_pos, touching, untouched
 
 IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
+LOW_IN_BOWL_M, HIGH_IN_BOWL_M = 0.02, 0.05  # over the bowl's underside; 0.028 lying in it, 0.055 lying on its rim
 AT_REST_M_S = 0.05
 CLEAR_OF_CUBE_M = 0.10
 LIFTED_M = 0.06
@@ -29,11 +30,18 @@ APART_M = 0.22
 HEADROOM_M = 0.27  # above the table, that carrying and backing off take
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.4])
 CUBE, BOWL = range(2)  # sites; the cube is the first joint too
-GRIP_LEFT, GRIP_RIGHT = range(2)
+GRIP_LEFT, GRIP_RIGHT, ROBOT_ON_CUBE = range(3)  # contacts
 
 
 class PickPlace(Task):
-    """Cube released in the bowl within 5 cm, slower than 5 cm/s, gripper at least 10 cm away, for 0.5 s."""
+    """Cube released in the bowl within 5 cm, slower than 5 cm/s, gripper at least 10 cm away, for 0.5 s.
+
+    In the bowl: the cube's centre is at most 5 cm beside the bowl's axis and 2 to 5 cm over its underside, so neither
+    on the rim nor under the table. Released: no part of the robot touches it.
+
+    A cube more than 10 cm below the table's surface, on the floor or on its way there, that is not in the gripper is
+    lost: the episode ends as dropped. So is one that lies still where an arm on a fixed base is too short to get to.
+    """
 
     name = "pick_place"
     grade = "medium"
@@ -41,7 +49,7 @@ class PickPlace(Task):
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
-    names = Names(sites=("cube", "bowl"), joints=("cube",), contacts=("grip_left", "grip_right"))
+    names = Names(sites=("cube", "bowl"), joints=("cube",), contacts=("grip_left", "grip_right", "robot_on_cube"))
 
     needs_flight = False
 
@@ -57,6 +65,7 @@ class PickPlace(Task):
         add_bowl(spec)
         for side in ("left", "right"):
             add_contact_sensor(spec, f"grip_{side}", geoms=(f"pad_{side}", "cube"))
+        add_touch_sensor(spec, "robot_on_cube", "cube")
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
@@ -90,9 +99,17 @@ def observe(world, found):
 
 @kernel
 def solved(world):
-    slow = norm(free_vel(world, CUBE)) <= AT_REST_M_S
     clear = norm(sub(site_pos(world, CUBE), tool_pos(world))) >= CLEAR_OF_CUBE_M
-    return in_bowl(world) and slow and clear and untouched(world)
+    released = clear and not touching(world, ROBOT_ON_CUBE)
+    return in_bowl(world) and slow(world) and released and untouched(world)
+
+
+@kernel
+def lost(world):
+    cube = site_pos(world, CUBE)
+    fallen = cube[2] < TABLE_HEIGHT_M - FALLEN_M
+    too_far = slow(world) and norm(sub(cube, base_pos(world))) > world.longest_reach
+    return (fallen or too_far) and not grasped(world)
 
 
 @kernel
@@ -115,6 +132,12 @@ def reward(world):
         home = closeness(planar_norm(sub(cube, bowl)), 0.15)
         return 0.4 + 0.15 * home + 0.15 * clip((cube[2] - TABLE_HEIGHT_M - CUBE_HALF_M) / LIFTED_M, 0.0, 1.0)
     return 0.3 * closeness(distance, 0.2)
+
+
+@kernel
+def slow(world):
+    """Whether the cube lies still."""
+    return norm(free_vel(world, CUBE)) <= AT_REST_M_S
 
 
 @kernel
@@ -144,7 +167,7 @@ def cube_yaw(world):
 def in_bowl(world):
     """Whether the cube lies in the bowl."""
     offset = sub(site_pos(world, CUBE), site_pos(world, BOWL))
-    return planar_norm(offset) <= IN_BOWL_M and 0.0 <= offset[2] <= IN_BOWL_M
+    return planar_norm(offset) <= IN_BOWL_M and LOW_IN_BOWL_M <= offset[2] <= HIGH_IN_BOWL_M
 
 
 def _workable(robot: Robot, place: np.ndarray) -> bool:
@@ -153,4 +176,4 @@ def _workable(robot: Robot, place: np.ndarray) -> bool:
     return all(robot.reachable(np.array([*place, height]), pointing_down(0.0)) for height in heights)
 
 
-TASK = PickPlace(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))
+TASK = PickPlace(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward, lost=lost))

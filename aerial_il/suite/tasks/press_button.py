@@ -11,14 +11,15 @@ from aerial_il.core.rotations import clip, closeness, norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_gentleness
-from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, add_force_sensor
-from aerial_il.suite.props.button import HOUSING_HALF_M, add_button
+from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, ROBOT, add_force_sensor
+from aerial_il.suite.props.button import HOUSING_HALF_M, TRAVEL_M, add_button
 from aerial_il.suite.props.place import place
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.view import View
 from aerial_il.suite.world import Names, force, joint_pos, peak_force, put_rot6d, site_mat, site_pos, tip_pos, untouched
 
-PRESSED_M = 0.008
+PRESSED_M, DEEPEST_M = 0.008, TRAVEL_M + 0.001
+LEAST_FORCE_N = 0.5  # of the robot on the button; the spring gives 1.3 N where it counts as pressed
 PEAK_FORCE_N = 15.0
 AT_BUTTON_M = 0.03
 BUTTON_LOW, BUTTON_HIGH = np.array([-0.25, -0.35, 0.45]), np.array([0.25, 0.35, 0.65])
@@ -26,10 +27,16 @@ TILT_RANGE_RAD = (0.0, 0.45)
 YAW_RANGE_RAD = (-1.0, 1.0)
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
 BUTTON = 0  # site and joint
+BY_ROBOT, BY_TOOL = range(2)  # whose force
 
 
 class PressButton(Task):
-    """Cap pressed in by at least 8 mm for 0.3 s; the tool has never exerted more than 15 N on anything.
+    """Cap pressed in by at least 8 mm, by the robot, for 0.3 s; the robot has never exerted more than 15 N on anything.
+
+    Pressed in: from 8 to 21 mm, the stop being at 20 and yielding, by a force of the robot of at least 0.5 N. The force
+    is the net force of all contacts of all its parts, taken at each physics step (250 Hz) behind a first-order low-pass
+    of 15 Hz, as force sensors have (``suite/force_sensing.py`` gives the source): that the largest is remembered from.
+    Without the filter it may be larger for some milliseconds. Links and rotors must not touch anything.
 
     The button leans back by up to 26°, so that it is pressed from above or at a slant.
     """
@@ -41,11 +48,11 @@ class PressButton(Task):
     dwell_s = 0.3
     subtasks = ("at_button", "touched", "half_pressed", "pressed", "gentle")
     names = Names(sites=("button",), joints=("button",))
-    force_sensors = ("tool_force",)
+    force_sensors = ("robot_force", "tool_force")
     privileged = (
         ("button_travel", "a button has no sensor of its travel, and the fingers hide it from a camera"),
         ("tool_force", CONTACT_ALONE),
-        ("peak_force", "without the noise of the sensor"),
+        ("peak_force", "of all parts of the robot, and without the noise of a sensor"),
     )
 
     def obstacle_to(self, robot: Robot) -> str | None:
@@ -53,6 +60,7 @@ class PressButton(Task):
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_button(spec)
+        add_force_sensor(spec, "robot_force", ROBOT)
         add_force_sensor(spec, "tool_force", GRIPPER)
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
@@ -80,20 +88,20 @@ def observe(world, found):
     put_rot6d(found, 3, site_mat(world, BUTTON))
     found[9] = joint_pos(world, BUTTON)
     put(found, 10, sub(button, tip_pos(world)))
-    put(found, 13, force(world, 0))
-    found[16] = peak_force(world, 0)
+    put(found, 13, force(world, BY_TOOL))
+    found[16] = peak_force(world, BY_ROBOT)
 
 
 @kernel
 def solved(world):
-    return joint_pos(world, BUTTON) >= PRESSED_M and gentle(world) and untouched(world)
+    return pressed(world) and gentle(world) and untouched(world)
 
 
 @kernel
 def progress(world, flags):
     travel = joint_pos(world, BUTTON)
     flags[0] = norm(sub(site_pos(world, BUTTON), tip_pos(world))) <= AT_BUTTON_M
-    flags[1], flags[2], flags[3] = travel >= 0.1 * PRESSED_M, travel >= 0.5 * PRESSED_M, travel >= PRESSED_M
+    flags[1], flags[2], flags[3] = travel >= 0.1 * PRESSED_M, travel >= 0.5 * PRESSED_M, pressed(world)
     flags[4] = gentle(world)
 
 
@@ -101,14 +109,20 @@ def progress(world, flags):
 def reward(world):
     distance = norm(sub(site_pos(world, BUTTON), tip_pos(world)))
     near = 0.6 * closeness(distance, 0.15) + 0.4 * closeness(distance, 0.03)
-    pressed = clip(joint_pos(world, BUTTON) / PRESSED_M, 0.0, 1.0)
-    return (0.5 * near + 0.5 * pressed) * (1.0 if gentle(world) else 0.5)
+    share = clip(joint_pos(world, BUTTON) / PRESSED_M, 0.0, 1.0)
+    return (0.5 * near + 0.5 * share) * (1.0 if gentle(world) else 0.5)
+
+
+@kernel
+def pressed(world):
+    """Whether the robot has pressed the cap in far enough."""
+    return PRESSED_M <= joint_pos(world, BUTTON) <= DEEPEST_M and norm(force(world, BY_ROBOT)) >= LEAST_FORCE_N
 
 
 @kernel
 def gentle(world):
     """Whether no contact has been too hard so far."""
-    return peak_force(world, 0) <= PEAK_FORCE_N
+    return peak_force(world, BY_ROBOT) <= PEAK_FORCE_N
 
 
 TASK = PressButton(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward))

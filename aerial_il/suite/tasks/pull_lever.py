@@ -17,6 +17,7 @@ from aerial_il.suite.props.lever import (
     LEVER_FRICTION_NM,
     LEVER_M,
     LEVER_SPRING_NM_RAD,
+    LEVER_STOP_RAD,
     add_lever,
 )
 from aerial_il.suite.props.place import place
@@ -27,6 +28,7 @@ from aerial_il.suite.world import Names, joint_pos, joint_vel, site_mat, site_po
 PULLED_RAD = np.deg2rad(55.0)
 SWING_RAD_S = 0.8  # a sensible speed to pull it over
 START_ANGLE_RAD = (0.0, np.deg2rad(10.0))  # from here it is at least 45° to PULLED_RAD; friction holds it there
+STOP_GIVE_RAD = 0.1
 BEHIND_M = 0.05  # where the fingers are ready to go down behind the bar
 NEAR_M, REACH_M = 0.03, 0.12  # of that point; behind the bar and still of use
 LEVER_LOW, LEVER_HIGH = np.array([-0.25, -0.3, 0.22]), np.array([0.25, 0.3, 0.33])
@@ -37,7 +39,11 @@ LEVER = 0  # joint
 
 
 class PullLever(Task):
-    """Lever pulled over by at least 45° and held for 0.5 s, against a spring that takes it back, and dry friction."""
+    """Lever pulled over by at least 45° and held for 0.5 s, against a spring that takes it back, and dry friction.
+
+    Pulled over: at the green pin, 55° from where the lever rests, or beyond it as far as the stop at 80°, which yields
+    by up to 6°.
+    """
 
     name = "pull_lever"
     grade = "medium"
@@ -84,14 +90,14 @@ def observe(world, found):
 
 @kernel
 def solved(world):
-    return joint_pos(world, LEVER) >= PULLED_RAD and untouched(world)
+    return pulled(world) and untouched(world)
 
 
 @kernel
 def progress(world, flags):
     angle = joint_pos(world, LEVER)
     flags[0] = planar_norm(sub(behind_bar(world), tip_pos(world))) <= NEAR_M
-    flags[1], flags[2], flags[3] = hooked(world), angle >= 0.5 * PULLED_RAD, angle >= PULLED_RAD
+    flags[1], flags[2], flags[3] = hooked(world), angle >= 0.5 * PULLED_RAD, pulled(world)
 
 
 @kernel
@@ -99,6 +105,12 @@ def reward(world):
     near = closeness(norm(sub(behind_bar(world), tip_pos(world))), 0.15)
     share = clip(joint_pos(world, LEVER) / PULLED_RAD, 0.0, 1.0)
     return 0.25 * near + (0.1 if hooked(world) else 0.0) + 0.65 * share
+
+
+@kernel
+def pulled(world):
+    """Whether the lever is at the pin, or between it and the stop."""
+    return PULLED_RAD <= joint_pos(world, LEVER) <= LEVER_STOP_RAD + STOP_GIVE_RAD
 
 
 @kernel

@@ -20,6 +20,7 @@ from aerial_il.suite.props.valve import (
     VALVE_DAMPING,
     VALVE_FRICTION_NM,
     VALVE_OPEN_RAD,
+    VALVE_STOP_RAD,
     WHEEL_RADIUS_M,
     add_valve,
 )
@@ -28,6 +29,7 @@ from aerial_il.suite.view import View
 from aerial_il.suite.world import Names, joint_pos, joint_vel, site_pos, tip_pos, tool_pos, untouched
 
 NEAR_M = 0.05
+STOP_GIVE_RAD = 0.1
 TURN_RAD_S = 0.8  # a sensible speed: vehicles can come round with it
 START_ANGLE_RAD = (0.0, 0.25 * np.pi)  # from here it is at least half a turn to VALVE_OPEN_RAD
 VALVE_LOW, VALVE_HIGH = np.array([-0.25, -0.3, 0.36]), np.array([0.25, 0.3, 0.50])
@@ -39,7 +41,8 @@ VALVE, GAP = range(2)  # sites; the valve is the joint too
 class RotateValve(Task):
     """Valve turned anticlockwise by at least π, against 0.3 N m of dry friction, and kept open for 0.5 s.
 
-    The way to go is between π and 1.25 π, for the valve may be ajar at the start. Friction differs between episodes in
+    The way to go is between π and 1.25 π, for the valve may be ajar at the start. Open: the yellow spoke is over the
+    green mark or past it, up to the stop 29° farther, which yields by up to 6°. Friction differs between episodes in
     the tiers that vary it.
     """
 
@@ -85,7 +88,7 @@ def observe(world, found):
 
 @kernel
 def solved(world):
-    return joint_pos(world, VALVE) >= VALVE_OPEN_RAD and untouched(world)
+    return is_open(world) and untouched(world)
 
 
 @kernel
@@ -93,7 +96,7 @@ def progress(world, flags):
     angle = joint_pos(world, VALVE)
     flags[0] = planar_norm(sub(site_pos(world, GAP), tool_pos(world))) <= NEAR_M
     flags[1] = inserted(world)
-    flags[2], flags[3] = angle >= VALVE_OPEN_RAD - 0.5 * math.pi, angle >= VALVE_OPEN_RAD
+    flags[2], flags[3] = angle >= VALVE_OPEN_RAD - 0.5 * math.pi, is_open(world)
 
 
 @kernel
@@ -101,6 +104,12 @@ def reward(world):
     near = closeness(norm(sub(site_pos(world, GAP), tool_pos(world))), 0.15)
     turned = clip(joint_pos(world, VALVE) / VALVE_OPEN_RAD, 0.0, 1.0)
     return 0.25 * near + (0.1 if inserted(world) else 0.0) + 0.65 * turned
+
+
+@kernel
+def is_open(world):
+    """Whether the spoke is at the mark, or between it and the stop."""
+    return VALVE_OPEN_RAD <= joint_pos(world, VALVE) <= VALVE_STOP_RAD + STOP_GIVE_RAD
 
 
 @kernel

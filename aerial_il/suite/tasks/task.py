@@ -41,6 +41,9 @@ class TaskKernels:
         reward: ``world -> float``, dense, in [0, 1].
         remember: ``(world)`` notes in ``task_memory(world)`` what success depends on beyond this instant; called once
             per control step, before the others.
+        lost: ``world -> bool``, the object is out of reach for good: the episode ends as a failure, ``dropped``.
+        force_in_band_raw: ``world -> float``, share of the time in contact in which the unfiltered force was as asked;
+            NaN without contact.
     """
 
     observe: Callable[..., Any]
@@ -48,6 +51,8 @@ class TaskKernels:
     progress: Callable[..., Any]
     reward: Callable[..., Any]
     remember: Callable[..., Any] | None = None
+    lost: Callable[..., Any] | None = None
+    force_in_band_raw: Callable[..., Any] | None = None
 
 
 class Task(ABC):
@@ -64,7 +69,9 @@ class Task(ABC):
         subtasks: names of its flags.
         names: what its compiled functions read, in the order in which they number it.
         needs_arm: a bare base cannot do it. needs_flight: a fixed base cannot do it.
-        force_sensors: names of up to two force sensors whose readings the episode remembers, see ``View.force``.
+        asks_for_force: success takes a force within a band.
+        force_sensors: names of up to two force sensors whose readings the episode remembers; of the first, the one that
+            a task judges, every physics step of the last control step is kept.
         told: sites and mocap bodies of ``names`` that the user tells the robot, which need not see them: exact in
             every tier.
         privileged: fields that no real robot has, each with the reason.
@@ -79,6 +86,7 @@ class Task(ABC):
     needs_arm: ClassVar[bool] = True
     needs_flight: ClassVar[bool] = True
     force_sensors: ClassVar[tuple[str, ...]] = ()
+    asks_for_force: ClassVar[bool] = False
     names: ClassVar[Names] = Names()
     told: ClassVar[tuple[str, ...]] = ()
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()

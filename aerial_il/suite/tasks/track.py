@@ -37,7 +37,10 @@ TARGET = 0  # site and mocap body
 
 
 class Track(Task):
-    """One full lap within 3 cm root mean square and never beyond 8 cm of the target, at whatever tool orientation."""
+    """One full lap within 3 cm root mean square and never beyond 8 cm of the target, at whatever tool orientation.
+
+    The tool is still within 8 cm when the lap is complete, for five control steps.
+    """
 
     name = "track"
     grade = "easy"
@@ -115,7 +118,9 @@ def remember(world):
 
 @kernel
 def solved(world):
-    return task_memory(world)[LAP] >= FULL_LAP and lap_rmse(world) <= RMSE_M and untouched(world)
+    complete = task_memory(world)[LAP] >= FULL_LAP and lap_rmse(world) <= RMSE_M
+    there = norm(sub(target_pos(world), tool_pos(world))) <= LOST_M
+    return complete and there and untouched(world)
 
 
 @kernel

@@ -136,7 +136,9 @@ def test_an_evaluation_does_not_depend_on_the_number_of_worlds_and_sums_rewards_
     one, many = (evaluate(pendulum(n), Random(), range(6), policy_name="r", progress=False) for n in (1, 4))
     assert one.episodes == many.episodes
     assert one.episodes[0].return_ < -1
-    assert one.metrics["ends"] == {"success": 6, "crash": 0, "timeout": 0}, "nothing reported: surviving is success"
+    assert one.metrics["ends"] == {"success": 6, "crash": 0, "dropped": 0, "timeout": 0}, (
+        "nothing reported: surviving is success"
+    )
 
 
 def test_falling_is_a_crash_and_time_out_is_none() -> None:

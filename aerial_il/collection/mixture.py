@@ -1,0 +1,44 @@
+"""Keep a dataset of one kind: the same tier, flight law, pilot and settings, unless somebody wants them mixed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.folder import KINDS, DatasetFolder
+from aerial_il.data.provenance import conditions_of, made_by
+from aerial_il.data.reader import read_episode
+
+
+def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]) -> None:
+    """Refuse to add flights to a dataset whose flights were made otherwise.
+
+    Args:
+        folder: the dataset; a new one takes anything.
+        uid: name of any flight to be added, which ends in a digest of how it is made.
+        provenance: where it comes from.
+
+    Raises:
+        InvalidValueError: no flight there was made like it; names what differs.
+    """
+    there = _one_of_each(folder)
+    if not there or made_by(uid) in there:
+        return
+    mine = conditions_of(provenance)
+    differing = [_differences(conditions_of(read_episode(file).provenance), mine) for file in there.values()]
+    nearest = min(differing, key=len) or ["the specification of the environment"]
+    raise InvalidValueError(
+        f"{folder.path} holds flights that were made otherwise: {'; '.join(nearest)} (there != asked for). "
+        "Choose another folder with out=PATH, or say mix=true to have both in one."
+    )
+
+
+def _one_of_each(folder: DatasetFolder) -> dict[str, Path]:
+    """Return digest -> a recording, for every way in which the flights of a dataset were made."""
+    return {made_by(file.stem): file for kind in KINDS for file in folder.files(kind) if made_by(file.stem)}
+
+
+def _differences(there: Mapping[str, Any], mine: Mapping[str, Any]) -> list[str]:
+    return [f"{key} {there[key]} != {mine[key]}" for key in mine if there[key] != mine[key]]

@@ -1,0 +1,9 @@
+"""The version of the simulation engine: physics settings, solver flags and models, whatever changes bits.
+
+A recording is flown again, bit for bit, only by the engine that made it; it is read for training by every one. To be
+raised by whoever changes what a bit of a flight depends on.
+"""
+
+from __future__ import annotations
+
+ENGINE = "2"  # the solver starts from rest, without islands; what does not say its engine is of version 1

@@ -1,0 +1,155 @@
+"""Whatever a shell can give is a path, and what a command prints may be pasted into a shell."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from aerial_il.cli import commands, words
+from aerial_il.cli.compose import compose
+from aerial_il.cli.main import main
+from aerial_il.cli.overrides import prepare
+from aerial_il.cli.quoting import command_line, is_sweep, literal, literals
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+HOSTILE = [
+    "/data/数据/ds", "ünï", "a=b", "com,ma", "br[a]", "[a]", "{a:b}", "it's", 'say "hi"', "two words", " ", "$HOME",
+    "${seed}",
+    "\\${seed}", "back\\slash", "end\\", "end\\'", "a&b;rm", "`id`", "$(id)", "null", "true", "007", "1e3", ".5",
+    "#1", "~x",
+    "*", "?", "!", "(x)", "choice(a,b)", "range(3)", "glob(*)", "a:b", "a|b", "100%", "few", "-m", "line\nbreak", "\t",
+    "'quoted'", "runs/sw2/seed=0", "@x", "a+b", "??", "<a>", "^",
+]  # fmt: skip
+letters = st.characters(exclude_categories=("Cs",), exclude_characters="\x00")
+names = st.one_of(
+    st.text("ab=,[]{}'\"\\$ :.;&()*#~/-数ü\n", min_size=1, max_size=12), st.text(letters, min_size=1, max_size=12)
+)
+TRAIN, EVALUATE, REPORT, COLLECT = map(commands.find, ("train", "evaluate", "report", "collect"))
+
+
+def every_hostile_name(test):
+    for name in HOSTILE:
+        test = example(name)(test)
+    return test
+
+
+@every_hostile_name
+@settings(deadline=None, max_examples=150)
+@given(names)
+def test_a_path_is_taken_as_it_stands(name: str) -> None:
+    if name == "???":
+        return  # what OmegaConf takes for "not said"
+    given_words = [f"policy={name}", f"out={name}"]
+    config = compose(EVALUATE, given_words)
+    assert (config.policy.path, config.out) == (name, name)
+
+
+@every_hostile_name
+@settings(deadline=None, max_examples=60)
+@given(names)
+def test_each_of_several_paths_is_taken_as_it_stands(name: str) -> None:
+    bare = [] if name.startswith(("-", "+", "~")) or "=" in name else [name]
+    given_words = [*bare, "other"] if bare else [f"result={literal_list(name)}"]
+    config = compose(REPORT, [*given_words, f"run={name}" if name not in ("null", "???") else "run=x"])
+    assert config.result[0] == name
+
+
+def literal_list(name: str) -> str:
+    return f"[{literal(name)}]"
+
+
+@every_hostile_name
+@settings(deadline=None, max_examples=60)
+@given(names)
+def test_what_comes_next_may_be_pasted_into_a_shell(name: str) -> None:
+    if name == "???":
+        return
+    for line, command, key in (
+        (command_line(["train", words.path("dataset", name), "run=runs/x"]), TRAIN, "dataset"),
+        (command_line(["evaluate", words.path("policy", name), f"out={name}/evaluation"]), EVALUATE, "policy"),
+    ):
+        program, said, *rest = shlex.split(line)
+        assert (program, said) == ("aerial-il", command.name)
+        found = getattr(compose(command, rest), key).path
+        assert Path(found) == Path(name)
+
+
+@pytest.mark.parametrize("name", ["it's", "a&b;rm", "$HOME", "${seed}", "数据", "two  words", "`id`", "line\nbreak"])
+def test_a_real_shell_reads_the_line_alike(name: str) -> None:
+    line = command_line(["train", f"dataset={name}"]).removeprefix("aerial-il")
+    done = subprocess.run(["sh", "-c", f"printf '%s\\0' {line}"], capture_output=True, check=True)
+    assert done.stdout.decode().split("\0")[:2] == ["train", f"dataset={name}"]
+
+
+def test_what_training_says_of_itself_leads_back_to_it() -> None:
+    from aerial_il.cli.commands import train
+
+    typed = [
+        "dataset=数据/it's",
+        "run=a,b",
+        "expert=x y.npz",
+        "policy.hidden=[8,8]",
+        "policy.loss=l2",
+        "evaluate_tier=gusts",
+    ]
+    config = compose(TRAIN, typed)
+    assert compose(TRAIN, shlex.split(train.command(config))[2:]) == config
+
+
+@pytest.mark.parametrize(
+    ("value", "swept"), [("a,b", "a,b"), ("数,b", "'数',b"), ("'a,b',c", "'a,b',c"), ("a=1,it's", "'a=1','it\\'s'")]
+)
+def test_a_sweep_parts_values_at_commas_outside_of_quotes(value: str, swept: str) -> None:
+    assert literals(value) == swept
+    assert is_sweep(value)
+    assert prepare(EVALUATE, ["-m", f"policy={value}", "out=x"])[1] == f"policy.path={swept}"
+
+
+def test_a_sweep_by_a_function_stays_one() -> None:
+    assert literals("glob(*)") == "glob(*)"
+    assert not is_sweep("'com,ma'")
+
+
+def test_a_sweep_over_paths_runs_each_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["train", "-m", "dataset=数据,b=c,'d,e'", "run=out/数=据"]) == 2  # none of them is there
+    made = sorted(p.name for p in (tmp_path / "out" / "数=据").iterdir())
+    assert made == ["dataset.path=b=c", "dataset.path=d,e", "dataset.path=数据", "multirun.yaml"]
+
+
+@pytest.mark.parametrize("name", ["a=b", "sweep/seed=0", "ü=x"])
+def test_a_bare_path_may_hold_an_equals_sign(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).mkdir(parents=True)
+    assert compose(commands.find("info"), [name]).path == name
+
+
+def test_a_learning_curve_of_hostile_paths() -> None:
+    config = compose(REPORT, ["x", "learning_curve={10:数据/a=b,25:'c,d'}"])
+    assert dict(config.learning_curve) == {10: "数据/a=b", 25: "c,d"}
+
+
+def test_a_wrong_key_is_still_told() -> None:
+    with pytest.raises(UnknownNameError, match="Unknown key 'ot'"):
+        prepare(EVALUATE, ["ot=x"])
+    with pytest.raises(InvalidValueError, match="not KEY=VALUE"):
+        prepare(TRAIN, ["a/b=x"])
+
+
+@pytest.mark.parametrize("name", ["数据", "a=b", "com,ma", "br[a]", "it's", "$HOME ${x}"])
+def test_flights_are_recorded_and_described_under_any_name(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    flown = ["env=gymnasium:CartPole-v1", "policy=random", "success=survived", "max_steps=3", "episodes=2"]
+    assert main(["collect", *flown, f"out={name}", "progress=false"]) == 0
+    following = capsys.readouterr().out.splitlines()[-1].removeprefix("Next: ")
+    assert compose(TRAIN, shlex.split(following)[2:]).dataset.path == name
+    assert main(["info", f"path={name}"]) == 0
+    assert main(["validate", name if "=" not in name else f"path={name}", "progress=false"]) == 0
+    assert len(list((tmp_path / name / "demos").glob("*.mcap"))) == 2
