@@ -328,7 +328,7 @@ def _whole(template: CdrTemplate, names: Sequence[str] | None = None) -> Sources
 
 def place_of(struct: np.dtype, name: str) -> tuple[np.dtype, int]:
     """Return the dtype and the first byte of a field of a structured dtype."""
-    fields: Mapping[str, Any] = struct.fields or {}
+    fields = {str(key): value for key, value in (struct.fields or {}).items()}
     return fields[name][0], fields[name][1]
 
 

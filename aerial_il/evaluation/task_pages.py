@@ -18,6 +18,11 @@ for bit. Besides the fields below a policy sees the robot's own state; cameras a
 dense reward lies in [0, 1], the sparse one is 1 while the success condition has held for its dwell. How often the
 experts succeed stands in `experiments/benchmarks.md`."""
 
+EXACTNESS = """\
+In `calm` and `breeze` all poses and forces are exact, the robot's own as well, which they are on no robot. In `gusts`,
+`hard` and every tier with `estimation` the robot's pose is the one that its controller estimates, and what it sees and
+feels comes with bias, noise and delay; see [the tiers](../tiers.md#estimation)."""
+
 
 def write_pages(folder: str | os.PathLike[str]) -> list[Path]:
     """Write ``tasks/NAME.md`` of every task, and ``tasks/README.md``, into ``folder``."""
@@ -45,6 +50,8 @@ def page(task: Task) -> str:
         _table(("", ""), _facts(task)),
         "## Observed of the task",
         _table(("field", "numbers", "unit", "elements"), fields) if fields else "Nothing beside the robot's state.",
+        "## What no real robot has",
+        _privileges(task),
         "## Expert",
         _expert(task),
         "## Robots",
@@ -63,6 +70,18 @@ def _facts(task: Task) -> list[tuple[str, str]]:
         ("sub-tasks", ", ".join(f"`{name}`" for name in task.subtasks) or "none"),
         ("force sensors", ", ".join(f"`{name}`" for name in task.force_sensors) or "none"),
     ]
+
+
+def _privileges(task: Task) -> str:
+    """Which fields a robot could not measure, and which are exact for a reason."""
+    rows = [(f"`{name}`", reason) for name, reason in task.privileged]
+    told = ", ".join(f"`{name}`" for name in task.told)
+    parts = [
+        _table(("field", "why"), rows) if rows else "Nothing in kind: a robot could estimate every field.",
+        f"Told by the user, not seen, and exact in every tier: {told}." if told else "",
+        EXACTNESS,
+    ]
+    return "\n\n".join(part for part in parts if part)
 
 
 def _expert(task: Task) -> str:

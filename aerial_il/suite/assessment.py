@@ -14,6 +14,7 @@ from aerial_il.control.memory import TARGET_POS
 from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.rotations import norm, sub
 from aerial_il.suite import memory as mem
+from aerial_il.suite.estimation import Perception, perceive
 from aerial_il.suite.native import doubles, draw, row_at
 from aerial_il.suite.observations import observe_robot
 from aerial_il.suite.scenario import Scenario
@@ -72,7 +73,7 @@ class Rules(NamedTuple):
             functions; 0 for none.
         dwell_steps: control steps for which ``solved`` must hold. max_steps: control steps until the time is up.
         level: action level. proprioception: numbers of the robot's own observation, which comes first.
-        rotor_max: (R,) largest thrusts, N.
+        rotor_max: (R,) largest thrusts, N. perception: how observations differ from the truth.
     """
 
     observe: int
@@ -87,6 +88,7 @@ class Rules(NamedTuple):
     level: int
     proprioception: int
     rotor_max: np.ndarray
+    perception: Perception
 
 
 class Found(NamedTuple):
@@ -108,8 +110,8 @@ class Found(NamedTuple):
     commanded: np.ndarray
 
 
-def rules_of(scenario: Scenario, proprioception: int) -> Rules:
-    """Return the rules of a scenario whose robot shows ``proprioception`` numbers of itself."""
+def rules_of(scenario: Scenario, proprioception: int, perception: Perception) -> Rules:
+    """Return the rules of a scenario whose robot, seen so, shows ``proprioception`` numbers of itself."""
     task, spec = scenario.task, scenario.spec
     kernels = task.kernels
     return Rules(
@@ -125,6 +127,7 @@ def rules_of(scenario: Scenario, proprioception: int) -> Rules:
         level=int(scenario.level),
         proprioception=proprioception,
         rotor_max=np.array(scenario.robot.vehicle.rotor_max, float),
+        perception=perception,
     )
 
 
@@ -133,13 +136,13 @@ def dwell_steps(task: Task) -> int:
     return max(1, round(task.dwell_s / CONTROL_DT_S))
 
 
-def make_found(view: View, observation_size: int, num_subtasks: int) -> Found:
-    """Return empty rows for the worlds of ``view``."""
-    n, address = view.n, view.records.ctypes.data
+def make_found(view: View, seen: np.ndarray, observation_size: int, num_subtasks: int) -> Found:
+    """Return empty rows for the worlds of ``view``, of which observations are read off the records ``seen``."""
+    n = view.n
     return Found(
-        records=address,
+        records=view.records.ctypes.data,
         record_size=view.records.itemsize,
-        seen=address,
+        seen=seen.ctypes.data,
         observations=np.zeros((n, observation_size)),
         verdicts=np.zeros((n, NUM_VERDICTS)),
         subtasks=np.zeros((n, num_subtasks)),
@@ -207,6 +210,8 @@ def assess(rules, found, i):
         verdicts[FORCE_IN_BAND_RAW] = call_number(rules.force_in_band_raw, world)
     call_row(rules.progress, world, row_at(found.subtasks, i))
     seen = record_at(found.seen + i * found.record_size)
+    if rules.perception.active != 0:
+        perceive(rules.perception, world, seen)
     observations = row_at(found.observations, i)
     observe_robot(seen, observations)
     rest = observations.size - rules.proprioception

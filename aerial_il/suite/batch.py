@@ -97,7 +97,7 @@ class BatchEnvironment:
 
     def drawn(self, seed: int) -> dict[str, Any]:
         """What the tier's disturbances are in the episode ``seed``, as plain values."""
-        return self.simulation.disturbances.drawn(seed)
+        return {**self.simulation.disturbances.drawn(seed), **self.simulation.seen.drawn(seed)}
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Start episodes in all worlds, or in those of ``mask`` (n,) bool.
@@ -147,9 +147,11 @@ class BatchEnvironment:
 
     def _seen(self, mask: np.ndarray | None) -> dict[str, np.ndarray]:
         """Observations of all worlds, of which those of ``mask`` (n,) have moved: none but these are rendered anew."""
-        height, width = self.scenario.image_size
+        requests, (height, width) = self.scenario.camera_requests, self.scenario.image_size
+        if not requests:
+            return self.simulation.observations
         for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
-            for request in self.scenario.camera_requests:
+            for request in requests:
                 self._images[request.key][i] = self.shoot(int(i), request, height, width)
         return {**self.simulation.observations, **{key: images.copy() for key, images in self._images.items()}}
 

@@ -44,6 +44,8 @@ class Disturbances:
             userdata[mem.NOISE] = self._rng("noise", seed).standard_normal(12)
         if self.tier.wind:
             userdata[mem.WIND] = start_wind(self._rng("wind", seed))
+        if self.tier.estimation:
+            userdata[mem.ERRORS] = self._rng("estimation", seed).standard_normal(mem.ERRORS.stop - mem.ERRORS.start)
         userdata[mem.DELAY] = self._draw_delay(seed)
 
     def hold(self, mask: np.ndarray) -> None:

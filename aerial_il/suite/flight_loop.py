@@ -15,10 +15,12 @@ from aerial_il.core.rotations import mat_from_quat, norm
 from aerial_il.suite import memory as mem
 from aerial_il.suite.aerodynamics import air_wrench, falling_share, lagged_command
 from aerial_il.suite.assessment import assess, settle
+from aerial_il.suite.estimation import advance_sight
 from aerial_il.suite.force_sensing import keep_sample, sense_forces
 from aerial_il.suite.native import draw, mj_step1, mj_step2, row_at
 from aerial_il.suite.sensing import advance_noise, measure, vehicle_state
 from aerial_il.suite.wind import advance_wind
+from aerial_il.suite.world import record_at
 from aerial_il.suite.worlds import (
     ACT,
     CTRL,
@@ -101,6 +103,10 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
             receive_action(vehicle, gains, scratch, level, action, pos, memory, flight.interval)
             if sensors.position > 0.0:
                 advance_noise(sensors, noise, userdata[SEED], userdata[TICK], flight.interval)
+            if rules.perception.active != 0:
+                advance_sight(
+                    rules.perception, record_at(found.records + i * found.record_size), userdata, flight.interval
+                )
             if air.speed > 0.0:
                 advance_wind(air, wind, pos[2], userdata[SEED], userdata[TICK], flight.interval)
         for _ in range(steps):

@@ -37,6 +37,7 @@ mj_reset_data = types.ExternalFunction("mj_resetData", _ON_WORLD)
 mj_get_state = types.ExternalFunction("mj_getState", _ON_STATE)
 mj_set_state = types.ExternalFunction("mj_setState", _ON_STATE)
 mju_copy = types.ExternalFunction("mju_copy", _NOTHING(_ADDRESS, _ADDRESS, _INT))  # (to, from, count of doubles)
+mju_mat2quat = types.ExternalFunction("mju_mat2Quat", _NOTHING(_ADDRESS, _ADDRESS))  # (to, from)
 
 
 @intrinsic

@@ -1,7 +1,8 @@
 """What the flight controller measures instead of the truth: a state estimate with slowly wandering errors.
 
-Observations, rewards and success stay true; only the controller flies on the estimate, as on a vehicle that is tracked
-by cameras or by visual-inertial odometry. Joint encoders and rotor speeds are taken as exact.
+The controller flies on the estimate, as on a vehicle that is tracked by cameras or by visual-inertial odometry. Rewards
+and success stay true; observations show the estimate where :mod:`aerial_il.suite.estimation` is at work. Joint encoders
+and rotor speeds are taken as exact.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from aerial_il.suite.flight_loop import Flight, fly, limit_actions
 from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
+from aerial_il.suite.seen import Seen
 from aerial_il.suite.view import View
 from aerial_il.suite.worlds import STATE, Worlds
 
@@ -59,9 +60,12 @@ class Simulation:
             interval=CONTROL_DT_S,
             substeps=SUBSTEPS,
         )
-        observation = self.spec.observation
-        self._rules = rules_of(scenario, sum(field.size for field in robot_fields(self.robot)))
-        self._found = make_found(self.view, observation.size(observation.state_names), len(self.spec.subtasks))
+        self.seen, observation = Seen(scenario, self.view), self.spec.observation
+        own = sum(field.size for field in robot_fields(self.robot))
+        self._rules = rules_of(scenario, own, self.seen.perception)
+        self._found = make_found(
+            self.view, self.seen.records, observation.size(observation.state_names), len(self.spec.subtasks)
+        )
         self._parts = observation.parts(observation.state_names)
         self._crew, self._local = Crew(worlds.n, num_threads), threading.local()
         self._everyone = np.ones(worlds.n, bool)
@@ -93,6 +97,7 @@ class Simulation:
         self.disturbances.vary(self.seeds, mask)
         self.worlds.forward(mask)
         self.disturbances.hold(mask)
+        self.seen.begin(mask)
         self._found.commanded[mask] = np.nan
         self.assess(mask)
 
@@ -176,6 +181,7 @@ class Simulation:
         self.disturbances.vary(seeds, mask)
         self.worlds.set_state(states, mask)
         self._check_physics(mask)
+        self.seen.resume(mask)
         self._found.commanded[mask] = np.nan
         self.assess(mask)
 

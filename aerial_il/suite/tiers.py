@@ -13,6 +13,7 @@ from functools import cache
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.suite.memory import MAX_LAG
 from aerial_il.suite.sensing import Sensors
 
 
@@ -79,6 +80,44 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class Estimation:
+    """Errors of what a policy is shown, in the place of the truth.
+
+    The robot's own pose is shown as the flight controller estimates it, with the errors of :class:`Noise`. Objects are
+    seen: each has a pose error of its own, which moves all of it as one, and is seen late. Biases stay the same for an
+    episode, noise is Gauss–Markov; all are standard deviations along or about each axis. ``docs/tiers.md`` has the
+    sources.
+
+    Attributes:
+        frame_bias: m, between the frame of the robot's estimate and that in which objects are seen; common to all.
+        position_bias, position_noise: m. angle_bias, angle_noise: rad.
+        time: correlation time of the noise, s.
+        lag: control steps of 20 ms by which objects are seen late.
+        force_bias, force_noise: N, of force sensors; this noise is independent from one control step to the next.
+
+    Raises:
+        InvalidValueError: a negative number, or more lag than the episode's memory holds.
+    """
+
+    frame_bias: float = 0.002
+    position_bias: float = 0.002
+    position_noise: float = 0.001
+    angle_bias: float = 0.01
+    angle_noise: float = 0.005
+    time: float = 0.1
+    lag: int = 3
+    force_bias: float = 0.1
+    force_noise: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if value < 0 or (name == "time" and value == 0):
+                raise InvalidValueError(f"Estimation's {name} is {value}; it must not be negative, nor time zero.")
+        if self.lag > MAX_LAG:
+            raise InvalidValueError(f"Estimation's lag is {self.lag} control steps; at most {MAX_LAG} are remembered.")
+
+
+@dataclass(frozen=True)
 class Motors:
     """Rotors that push more or less than they are told.
 
@@ -104,6 +143,7 @@ class Tier:
     latency: Latency | None = None
     noise: Noise | None = None
     motors: Motors | None = None
+    estimation: Estimation | None = None
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -122,7 +162,17 @@ class Tier:
         return {name: asdict(getattr(self, name)) for name in self.components}
 
 
-COMPONENTS = ("wind", "payload", "friction", "latency", "noise", "motors")
+COMPONENTS = ("wind", "payload", "friction", "latency", "noise", "motors", "estimation")
+ROUGH_SIGHT = Estimation(  # half as much again as in gusts
+    frame_bias=0.003,
+    position_bias=0.003,
+    position_noise=0.0015,
+    angle_bias=0.015,
+    angle_noise=0.0075,
+    lag=4,
+    force_bias=0.15,
+    force_noise=0.15,
+)
 HARD = Tier(
     "hard",
     wind=Wind(0.13),
@@ -131,13 +181,14 @@ HARD = Tier(
     latency=Latency(),
     noise=Noise(1.5),
     motors=Motors(),
+    estimation=ROUGH_SIGHT,
 )
 _TIERS = {
     tier.name: tier
     for tier in (
         Tier("calm", noise=Noise()),
         Tier("breeze", wind=Wind(0.06), noise=Noise()),
-        Tier("gusts", wind=HARD.wind, noise=Noise()),
+        Tier("gusts", wind=HARD.wind, noise=Noise(), estimation=Estimation()),
         HARD,
     )
 }

@@ -18,7 +18,7 @@ from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.algorithms.parts.training_set import TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.data.dataset import Dataset
+from aerial_il.data.dataset import AHEAD, Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies.mlp import MlpConfig
 from tests.algorithms.point_mass import demonstrations
@@ -132,7 +132,7 @@ def test_images_that_will_not_fit_are_refused_with_their_size(
     monkeypatch.setattr(training_set, "free_memory_bytes", lambda: 2**24)
     with pytest.raises(InvalidValueError, match=r"wrist_rgb of 1000 episodes take about 0\.\d GiB.*0\.0 GiB are free"):
         read_demos(Dataset(Path("demos"), loaders), EYES)
-    assert read == [0]
+    assert len(read) <= 1 + AHEAD, "no more than what is read ahead"
 
 
 def test_episodes_without_decoded_images_are_refused(demos: list[Episode]) -> None:

@@ -39,23 +39,30 @@ def flown(tier: str, level: str = "velocity", steps: int = 12, seeds: np.ndarray
 
 @pytest.mark.parametrize("tier", [*tiers.names(), *(f"calm+{name}" for name in tiers.COMPONENTS)])
 def test_the_same_seed_starts_alike_in_every_tier(tier: str) -> None:
-    calm, other = batch(ROBOT, TASK, "calm", "velocity").reset(SEEDS), batch(ROBOT, TASK, tier, "velocity").reset(SEEDS)
-    for name, value in calm.items():
-        np.testing.assert_array_equal(value, other[name], err_msg=name)
+    calm, other = batch(ROBOT, TASK, "calm", "velocity"), batch(ROBOT, TASK, tier, "velocity")
+    starts = calm.reset(SEEDS), other.reset(SEEDS)
+    for name in ("qpos", "qvel", "mocap_pos", "mocap_quat"):
+        np.testing.assert_array_equal(
+            *(getattr(worlds.simulation.view, name) for worlds in (calm, other)), err_msg=name
+        )
+    if tiers.get(tier).estimation is None:
+        for name, value in starts[0].items():
+            np.testing.assert_array_equal(value, starts[1][name], err_msg=name)
 
 
 @each_component
 def test_a_component_alone_changes_the_flight_and_only_its_own_memory(component: str) -> None:
-    """Friction shows in contact only; the others show in the air."""
+    """Friction shows in contact only, estimation in what is observed; the others show in the air."""
     tier = f"calm+{component}"
     _, calm = flown("calm")
     _, disturbed = flown(tier)
-    same = np.allclose(calm, disturbed, rtol=0.0, atol=1e-9)  # one solver for all contacts: rounding is shared
-    assert same == (component == "friction")
+    alike = np.allclose(calm, disturbed, rtol=0.0, atol=1e-12)  # the solver takes all contacts at once, and rounds
+    assert alike == (component in ("friction", "estimation"))
     worlds = batch(ROBOT, TASK, tier, "velocity")
     worlds.reset(SEEDS)
     userdata, model = worlds.simulation.view.userdata, worlds.simulation.worlds.model
     assert userdata[:, mem.WIND].any() == (component == "wind")
+    assert userdata[:, mem.ERRORS].any() == userdata[:, mem.PAST].any() == (component == "estimation")
     assert userdata[:, mem.DELAY].any() == userdata[:, mem.QUEUE].any() == (component == "latency")
     own = [worlds.simulation.worlds.own_model(i) for i in range(3)]
     for name, owner in (("body_mass", "payload"), ("geom_friction", "friction"), ("actuator_gainprm", "motors")):
@@ -72,7 +79,7 @@ def test_leaving_a_component_out_leaves_the_others_draws_alone(component: str) -
     states = [batch(ROBOT, TASK, t) for t in ("hard", f"hard-{component}")]
     for worlds in states:
         worlds.reset(SEEDS)
-    for part, owner in ((mem.WIND, "wind"), (mem.NOISE, "noise"), (mem.DELAY, "latency")):
+    for part, owner in ((mem.WIND, "wind"), (mem.NOISE, "noise"), (mem.DELAY, "latency"), (mem.ERRORS, "estimation")):
         if owner != component:
             a, b = (worlds.simulation.view.userdata[:, part] for worlds in states)
             np.testing.assert_array_equal(a, b)

@@ -130,6 +130,6 @@ def _component_row(name: str, hard: Any) -> dict[str, Any]:
     strength = getattr(hard, name)
     return {
         "name": name,
-        "strength_when_added": [f"{key} {value:g}" for key, value in hard.to_dict()[name].items()],
         "what": str(type(strength).__doc__).partition("\n")[0],
+        "strength_when_added": [f"{key} {value:g}" for key, value in hard.to_dict()[name].items()],
     }

@@ -44,6 +44,7 @@ class Hover(Task):
     needs_arm = False
     subtasks = ("upright", "within_20_cm", "at_point", "at_attitude")
     names = Names(sites=("target",))
+    told = ("target",)
 
     def obstacle_to(self, robot: Robot) -> str | None:
         if robot.num_joints:

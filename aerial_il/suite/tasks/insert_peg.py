@@ -11,7 +11,7 @@ from aerial_il.core.rotations import add, clip, closeness, column, norm, planar_
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_holding_upright
-from aerial_il.suite.contact_sensors import GRIPPER, add_contact_sensor, add_force_sensor
+from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, add_contact_sensor, add_force_sensor
 from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M, add_peg, add_socket
 from aerial_il.suite.props.place import place, two_places
@@ -55,6 +55,11 @@ class InsertPeg(Task):
     subtasks = ("at_peg", "grasped", "lifted", "over_hole", "in_hole", "inserted")
     names = Names(sites=("peg", "hole", "stand"), contacts=("grip_left", "grip_right"))
     force_sensors = ("wrist_force",)
+    privileged = (
+        ("peg_axis", "fingers hide a peg that is held; no camera tells how it leans between them"),
+        ("end_to_hole", "follows from `peg_axis`"),
+        ("wrist_force", CONTACT_ALONE),
+    )
 
     def obstacle_to(self, robot: Robot) -> str | None:
         opening, needed = 2.0 * robot.gripper.stroke, 2.0 * PEG_RADIUS_M + ROOM_FOR_ERRORS_M

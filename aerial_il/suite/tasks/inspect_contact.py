@@ -13,7 +13,7 @@ from aerial_il.core.rotations import clip, closeness, column, dot, norm, scale, 
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pressing
-from aerial_il.suite.contact_sensors import GRIPPER, ROBOT, add_force_sensor
+from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, ROBOT, add_force_sensor
 from aerial_il.suite.memory import MAX_TICKS
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.plate import SPOT_RADIUS_M, TRAVEL_M, add_plate
@@ -71,6 +71,11 @@ class InspectContact(Task):
     names = Names(sites=("plate",))
     force_sensors = ("plate_force", "tool_force")
     asks_for_force = True
+    privileged = (
+        ("tool_force", CONTACT_ALONE),
+        ("normal_force", "what the whole robot does to the plate: it takes a sensor behind the plate"),
+        ("slip", "counted from where the fingertips truly were when contact began"),
+    )
 
     def obstacle_to(self, robot: Robot) -> str | None:
         return obstacle_to_pressing(robot, FORCE_N)

@@ -11,7 +11,7 @@ from aerial_il.core.rotations import clip, closeness, norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_gentleness
-from aerial_il.suite.contact_sensors import GRIPPER, ROBOT, add_force_sensor
+from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, ROBOT, add_force_sensor
 from aerial_il.suite.props.button import HOUSING_HALF_M, TRAVEL_M, add_button
 from aerial_il.suite.props.place import place
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
@@ -49,6 +49,11 @@ class PressButton(Task):
     subtasks = ("at_button", "touched", "half_pressed", "pressed", "gentle")
     names = Names(sites=("button",), joints=("button",))
     force_sensors = ("robot_force", "tool_force")
+    privileged = (
+        ("button_travel", "a button has no sensor of its travel, and the fingers hide it from a camera"),
+        ("tool_force", CONTACT_ALONE),
+        ("peak_force", "of all parts of the robot, and without the noise of a sensor"),
+    )
 
     def obstacle_to(self, robot: Robot) -> str | None:
         return obstacle_to_gentleness(robot, PEAK_FORCE_N)

@@ -11,7 +11,7 @@ from aerial_il.core.rotations import clip, closeness, column, norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.abilities import obstacle_to_pulling
-from aerial_il.suite.contact_sensors import GRIPPER, add_force_sensor
+from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, add_force_sensor
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.slider import FRICTION_N, RAIL_M, add_slider
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
@@ -42,6 +42,7 @@ class PushSlider(Task):
     subtasks = ("at_handle", "moving", "half_way", "at_end")
     names = Names(sites=("slider", "rail_end"), joints=("slider",))
     force_sensors = ("tool_force",)
+    privileged = (("tool_force", CONTACT_ALONE),)
 
     def obstacle_to(self, robot: Robot) -> str | None:
         return obstacle_to_pulling(robot, FRICTION_N)

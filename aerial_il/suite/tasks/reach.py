@@ -37,6 +37,7 @@ class Reach(Task):
     dwell_s = 1.0
     subtasks = ("within_10_cm", "at_position", "at_orientation")
     names = Names(sites=("target",))
+    told = ("target",)
 
     needs_flight = False
 

@@ -72,6 +72,9 @@ class Task(ABC):
         asks_for_force: success takes a force within a band.
         force_sensors: names of up to two force sensors whose readings the episode remembers; of the first, the one that
             a task judges, every physics step of the last control step is kept.
+        told: sites and mocap bodies of ``names`` that the user tells the robot, which need not see them: exact in
+            every tier.
+        privileged: fields that no real robot has, each with the reason.
     """
 
     name: ClassVar[str]
@@ -85,6 +88,8 @@ class Task(ABC):
     force_sensors: ClassVar[tuple[str, ...]] = ()
     asks_for_force: ClassVar[bool] = False
     names: ClassVar[Names] = Names()
+    told: ClassVar[tuple[str, ...]] = ()
+    privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels

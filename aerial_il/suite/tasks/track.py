@@ -49,6 +49,8 @@ class Track(Task):
     dwell_s = 0.1
     subtasks = ("within_10_cm", "on_target", "quarter_lap", "half_lap", "full_lap")
     names = Names(sites=("target",), mocaps=("target",))
+    told = ("target",)
+    privileged = (("lap", "`done` and `rmse_of_allowed` are the judge's, counted on where the tool truly was"),)
 
     needs_arm = False
 

@@ -1,0 +1,165 @@
+"""Where what is seen of n worlds is kept, and which of it belongs to which object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from aerial_il.control.vehicle import alone, record_of
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite import memory as mem
+from aerial_il.suite.estimation import (
+    EXACT,
+    FRAME,
+    HINGE,
+    NOT_SEEN,
+    OBJECT,
+    SIGHT,
+    SLIDE,
+    STILL,
+    Perception,
+    begin_sight,
+)
+from aerial_il.suite.noise import gaussian
+from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.view import View
+
+KINDS = {mujoco.mjtJoint.mjJNT_HINGE: HINGE, mujoco.mjtJoint.mjJNT_SLIDE: SLIDE}
+POSE_SIZE, JOINT_SIZE = 7, 2  # numbers that are remembered of a site and of a joint that move
+
+
+class Seen:
+    """What policies see of n worlds: the truth, or an estimate where the scenario's tier has one.
+
+    An object is what hangs from one body of the scene: its sites and joints share one error.
+
+    Args:
+        scenario: what is flown. view: the worlds.
+
+    Attributes:
+        records: (n,) :data:`aerial_il.suite.world.WORLD`, which observations are read off.
+        perception: how they are filled. objects: names of the bodies that are seen, in the order of their errors.
+
+    Raises:
+        InvalidValueError: the task has more objects, or more that moves, than the episode's memory holds; or reads
+            something that belongs to none of the objects whose sites it reads.
+    """
+
+    def __init__(self, scenario: Scenario, view: View) -> None:
+        self.view, self._model, self._task = view, view.model, scenario.task
+        self._roots: list[int] = []
+        self._places = 0  # of what is remembered
+        vehicle, estimation = scenario.robot.vehicle.record, scenario.tier.estimation
+        sight, self.records = np.zeros(1, SIGHT), view.records
+        if estimation:
+            for name, value in vars(estimation).items():
+                sight[name] = value
+            self._sort_out(sight)
+            self.records = self._own_records()
+        sensors = alone(record_of(scenario.tier.sensors))
+        self.perception = Perception(1 if estimation else 0, sight, alone(vehicle), sensors)
+        self.objects = tuple(self._model.body(root).name for root in self._roots)
+
+    def begin(self, mask: np.ndarray) -> None:
+        """Let the worlds in ``mask`` (n,) bool, whose episodes start, have looked for ever as they do now."""
+        if self.perception.active:
+            records = self.view.records
+            begin_sight(self.perception, records.ctypes.data, records.itemsize, mask)
+
+    def resume(self, mask: np.ndarray) -> None:
+        """The same for those in ``mask`` whose state remembers nothing seen: one of a tier in which all is exact."""
+        self.begin(mask & ~self.view.userdata[:, mem.PAST].any(axis=1))
+
+    def drawn(self, seed: int) -> dict[str, Any]:
+        """Biases of what is seen in the episode ``seed``, as plain values; empty where the truth is shown."""
+        if not self.perception.active:
+            return {}
+        sight, found = self.perception.sight[0], {}
+        found["seen_frame_bias_m"] = [float(sight["frame_bias"] * gaussian(seed, 0, FRAME + k)) for k in range(3)]
+        for which, name in enumerate(self.objects):
+            units = [float(gaussian(seed, which, OBJECT + k)) for k in range(6)]
+            found[f"seen_{name}_bias_m"] = [float(sight["position_bias"]) * unit for unit in units[:3]]
+            found[f"seen_{name}_bias_rad"] = [float(sight["angle_bias"]) * unit for unit in units[3:]]
+        return found
+
+    def _sort_out(self, sight: np.ndarray) -> None:
+        """Give each site, joint and mocap body its object, and its place among what is remembered."""
+        names, model, record = self._task.names, self._model, self.view.records[0]
+        sites = [int(model.site(name).bodyid[0]) for name in names.sites]
+        told = [name in self._task.told for name in names.sites]
+        self._roots = _unique(model.body_rootid[body] for body, exact in zip(sites, told, strict=True) if not exact)
+        if len(self._roots) > mem.MAX_OBJECTS:
+            raise InvalidValueError(f"{self._task.name} shows {len(self._roots)} objects; at most {mem.MAX_OBJECTS}.")
+        for k, body in enumerate(sites):
+            sight["site_objects"][0, k] = EXACT if told[k] else self._roots.index(model.body_rootid[body])
+            sight["site_slots"][0, k] = self._slot(POSE_SIZE) if self._moves(body) else STILL
+        for which in range(len(self._roots)):
+            sight["centres"][0, which] = list(sight["site_objects"][0, : len(sites)]).index(which)
+        for k, name in enumerate(names.joints):
+            kind = KINDS.get(mujoco.mjtJoint(int(model.joint(name).type[0])), NOT_SEEN)
+            sight["joint_kinds"][0, k], sight["joint_slots"][0, k] = kind, STILL
+            if kind != NOT_SEEN:
+                sight["joint_objects"][0, k] = self._object_of(f"joint {name}", int(model.joint(name).bodyid[0]))
+                sight["joint_slots"][0, k] = self._slot(JOINT_SIZE)
+        for k, name in enumerate(names.mocaps):
+            is_told = name in self._task.told
+            sight["mocap_objects"][0, k] = EXACT if is_told else self._object_of(f"body {name}", model.body(name).id)
+        sight["num_objects"], sight["num_sites"] = len(self._roots), len(sites)
+        sight["num_joints"], sight["num_mocaps"] = len(names.joints), len(names.mocaps)
+        sight["num_forces"] = len(self._task.force_sensors)
+        fingers = 2 * int(record["grips"])
+        sight["own_qpos"] = record["fingers"] + fingers
+        sight["own_qvel"] = record["first_dof"] + record["num_joints"] + fingers
+
+    def _slot(self, size: int) -> int:
+        """Take ``size`` numbers of the memory for what moves."""
+        first, self._places = self._places, self._places + size
+        if self._places > mem.PAST_SIZE:
+            raise InvalidValueError(
+                f"What moves of {self._task.name}'s objects takes {self._places} numbers; at most {mem.PAST_SIZE}."
+            )
+        return first
+
+    def _moves(self, body: int) -> bool:
+        """Whether a body hangs from any joint."""
+        while body and not self._model.body_dofnum[body]:
+            body = int(self._model.body_parentid[body])
+        return body > 0
+
+    def _object_of(self, what: str, body: int) -> int:
+        root = int(self._model.body_rootid[body])
+        if root not in self._roots:
+            raise InvalidValueError(
+                f"{self._task.name} reads {what}, but no site of the object that it belongs to: add one to the task's "
+                "names, or name it among what the task tells."
+            )
+        return self._roots.index(root)
+
+    def _own_records(self) -> np.ndarray:
+        """Records that point to numbers of their own; what is never written there cannot be seen, and stays NaN."""
+        view, names = self.view, self._task.names
+        records, sites = view.records.copy(), len(names.sites) + 2  # the last two are tool and base
+        sizes = {
+            "qpos": view.model.nq,
+            "qvel": view.model.nv,
+            "site_xpos": 3 * sites,
+            "site_xmat": 9 * sites,
+            "mocap_pos": 3 * max(1, len(names.mocaps)),
+            "userdata": mem.USERDATA_SIZE,
+            "qfrc_applied": max(3, view.model.nv),
+        }
+        self._buffers = {name: np.full((view.n, size), np.nan) for name, size in sizes.items()}
+        for name, buffer in self._buffers.items():
+            records[name] = [row.ctypes.data for row in buffer]
+        records["sites"][:, : len(names.sites)] = np.arange(len(names.sites))
+        records["mocaps"][:, : len(names.mocaps)] = np.arange(len(names.mocaps))
+        records["tool"], records["base"] = sites - 2, sites - 1
+        return records
+
+
+def _unique(values: Iterable[int]) -> list[int]:
+    """The values without repeats, in order."""
+    return list(dict.fromkeys(int(value) for value in values))
