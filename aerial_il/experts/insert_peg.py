@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.core.arrays import length, planar_length
+from aerial_il.core.arrays import planar_length
 from aerial_il.experts.expert import Expert, pointing_down
 from aerial_il.suite.props import TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import CHAMFER_M, PEG_LENGTH_M, PEG_RADIUS_M
@@ -16,15 +16,12 @@ CRUISE_M = 0.10  # tool above the place to grasp at
 ALIGNED_M, LOST_ALIGNMENT_M = 0.015, 0.03  # sideways error at which the open gripper may descend, and goes back up
 CLOSING_M = 0.007  # and at which it may close: pads are barely wider than the peg
 AT_HEIGHT_M = 0.006
-CLOSING_SPEED_M_S = (
-    0.05  # of the base, at most: whoever imitates closes a few steps late, where it has drifted to by then
-)
-GRIP_M = 0.015  # from the tool to the peg's end: a tool that comes down too far does not push the palm onto the peg
+GRIP_M = 0.020  # from the tool to the peg's end: a tool that comes down too far does not push the palm onto the peg
 FACING_COS = np.cos(np.deg2rad(10.0))
 DESCENT_LEAD_M = 0.08  # how far ahead of itself the tool is sent while it goes down
 LOST_GAP_M = 1.4 * PEG_RADIUS_M  # between the pads
 NARROW_M = 0.05  # between the pads on the way down to a peg that lies: what stands beside it is not to be touched
-GRIP_STEPS, GRIP_PATIENCE_STEPS = 10, 60  # contact on both pads before lifting
+GRIP_STEPS, GRIP_PATIENCE_STEPS = 3, 60
 LIFT_LEAD_M = 0.015  # sent up by this much at first, by more as it rises: a lift begun too soon pulls little
 LYING_COS = 0.3  # a peg leaning more than this is grasped near its forward end instead of its upper one
 LEANING = 0.15  # sine of the lean from which on the fingers turn to close across it
@@ -57,7 +54,6 @@ class InsertPegExpert(Expert):
         tool, end, hole, grasp = view.tool_pos, lower_end(view), view.site_pos("hole"), self._grasp()[0]
         beside, beside_hole = planar_length(grasp - tool), planar_length(end - hole)
         over = (beside <= ALIGNED_M) & self._facing_peg()
-        still = length(view.base_vel) <= CLOSING_SPEED_M_S
         held, inside = self._held(), depth(view)
         lost = self._lost()
         upright, straight = (peg_axis(view)[:, 2] >= limit for limit in (ENTRY_COS, LEAVE_COS))
@@ -67,7 +63,7 @@ class InsertPegExpert(Expert):
         rules = (
             (HOVER, over & (tool[:, 2] <= grasp[:, 2] + CRUISE_M + 0.04), DESCEND),
             (DESCEND, beside > LOST_ALIGNMENT_M, HOVER),
-            (DESCEND, over & still & (beside <= CLOSING_M) & (tool[:, 2] - grasp[:, 2] <= AT_HEIGHT_M), CLOSE),
+            (DESCEND, over & (beside <= CLOSING_M) & (tool[:, 2] - grasp[:, 2] <= AT_HEIGHT_M), CLOSE),
             (CLOSE, held & (self.timer >= GRIP_STEPS) & (inside > 0.0), INSERT),
             (CLOSE, held & (self.timer >= GRIP_STEPS), LIFT),
             (CLOSE, self.timer > GRIP_PATIENCE_STEPS, HOVER),
