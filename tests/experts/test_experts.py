@@ -122,19 +122,20 @@ def test_noise_is_seeded_by_episode_changes_the_path_and_is_recovered_from() -> 
     assert fly_until_solved(worlds, attached(worlds, noise=0.3)).all()
 
 
-def test_a_noisy_expert_still_meets_the_peg_at_once() -> None:
+def test_a_noisy_expert_still_meets_the_peg() -> None:
     """Noise wider than what the fingers forgive makes demonstrations of retries, which nobody can imitate."""
-    worlds = batch("big_four_z1", "insert_peg")
+    worlds = aerial_il.load_batch("big_four_z1", "insert_peg", num_envs=32, num_threads=1)
     expert = attached(worlds, noise=0.3)
     lifted, descents = np.zeros(worlds.num_envs, bool), np.zeros(worlds.num_envs, int)
     before = expert.phase.copy()
-    while not lifted.all() and worlds.simulation.steps.max() < worlds.spec.max_steps:
+    for _ in range(400):
         worlds.step(expert.act({}), ~lifted)
         descents += ~lifted & (expert.phase == insert_peg.DESCEND) & (before != insert_peg.DESCEND)
         lifted |= expert.phase == insert_peg.CARRY
         before = expert.phase.copy()
+    worlds.close()
     assert lifted.all()
-    assert descents.mean() <= 3.0
+    assert descents.mean() <= 2.0  # 1.3; 2.6 with all of the noise on the way down
 
 
 def test_it_hovers_over_the_cube_before_anything_else() -> None:
