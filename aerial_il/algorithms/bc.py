@@ -89,7 +89,7 @@ class BehaviourCloning:
         threads: torch threads; results repeat bit for bit at a fixed number only.
     """
 
-    steps: int = 6_000
+    steps: int = 10_000
     minutes: float | None = None
     batch_size: int = 256
     lr: float = 1e-3

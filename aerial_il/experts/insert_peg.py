@@ -10,7 +10,7 @@ from aerial_il.suite import measured
 from aerial_il.suite.props import TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import CHAMFER_M, PEG_LENGTH_M, PEG_RADIUS_M
 from aerial_il.suite.tasks import insert_peg
-from aerial_il.suite.tasks.insert_peg import GRASP_M, INSERTED_M
+from aerial_il.suite.tasks.insert_peg import INSERTED_M
 
 HOVER, DESCEND, CLOSE, LIFT, CARRY, INSERT, RELEASE, RETREAT = range(8)
 
@@ -18,11 +18,13 @@ CRUISE_M = 0.10  # tool above the place to grasp at
 ALIGNED_M, LOST_ALIGNMENT_M = 0.015, 0.03  # sideways error at which the open gripper may descend, and goes back up
 CLOSING_M = 0.007  # and at which it may close: pads are barely wider than the peg
 AT_HEIGHT_M = 0.006
+GRIP_M = 0.020  # from the tool to the peg's end: a tool that comes down too far does not push the palm onto the peg
 FACING_COS = np.cos(np.deg2rad(10.0))
 DESCENT_LEAD_M = 0.08  # how far ahead of itself the tool is sent while it goes down
 LOST_GAP_M = 1.4 * PEG_RADIUS_M  # between the pads
 NARROW_M = 0.05  # between the pads on the way down to a peg that lies: what stands beside it is not to be touched
 GRIP_STEPS, GRIP_PATIENCE_STEPS = 3, 60
+LIFT_LEAD_M = 0.015  # sent up by this much at first, by more as it rises: a lift begun too soon pulls little
 LYING_COS = 0.3  # a peg leaning more than this is grasped near its forward end instead of its upper one
 LEANING = 0.15  # sine of the lean from which on the fingers turn to close across it
 CARRY_HEIGHT_M = 0.10  # of the peg's lower end above the table: clear of stand and socket
@@ -34,7 +36,8 @@ ENTRY_SPEED_M_S = 0.06
 PUSH_LEAD_M = 0.03  # how far below itself the lower end is sent
 DEPTH_MARGIN_M = 0.004  # beyond what is asked for, before the peg is let go
 OPEN_ENOUGH, RETREAT_M = 0.8, 0.12
-FINE_WORK_M, NOISE_IN_FINE_WORK = 0.05, 0.2  # a wandering command a few centimetres wide never meets the bore
+NOISE_ON_THE_WAY = 0.5
+FINE_WORK_M, NOISE_IN_FINE_WORK = 0.05, 0.2  # a command that wanders by a centimetre meets neither peg nor bore
 
 depth = measured.number(insert_peg.depth)
 lower_end, peg_axis = measured.vector(insert_peg.lower_end), measured.vector(insert_peg.peg_axis)
@@ -105,8 +108,9 @@ class InsertPegExpert(Expert):
     def noise_share(self) -> np.ndarray:
         view = self.view
         beside_hole = planar_length(lower_end(view) - view.site_pos("hole"))
-        fine = (self.phase == INSERT) | ((self.phase == CARRY) & (beside_hole <= FINE_WORK_M))
-        return np.where(fine, NOISE_IN_FINE_WORK, 1.0)
+        picking, inserting = (self.phase == DESCEND) | (self.phase == CLOSE), self.phase == INSERT
+        fine = picking | inserting | ((self.phase == CARRY) & (beside_hole <= FINE_WORK_M))
+        return np.where(fine, NOISE_IN_FINE_WORK, NOISE_ON_THE_WAY)
 
     def _held(self) -> np.ndarray:
         return self.view.touching("grip_left") & self.view.touching("grip_right")
@@ -129,14 +133,14 @@ class InsertPegExpert(Expert):
         heading = np.where(leaning, np.arctan2(forward[:, 1], forward[:, 0]), 0.0)
         lying = axis[:, 2] < LYING_COS
         along = np.where(lying[:, None], forward, axis)
-        place = view.site_pos("peg") + (0.5 * PEG_LENGTH_M - GRASP_M) * along
+        place = view.site_pos("peg") + (0.5 * PEG_LENGTH_M - GRIP_M) * along
         place[:, 2] += np.where(lying, max(0.0, view.robot.gripper.tip_distance - PEG_RADIUS_M), 0.0)
         return place, heading
 
     def _lift(self) -> tuple[np.ndarray, np.ndarray]:
         """Tool position (n, 3) and rot6d (n, 6) that take the peg straight up."""
-        height = TABLE_HEIGHT_M + CARRY_HEIGHT_M - lower_end(self.view)[:, 2]
-        return self._straight_up(height)
+        raised = lower_end(self.view)[:, 2] - TABLE_HEIGHT_M
+        return self._straight_up(np.minimum(CARRY_HEIGHT_M - raised, LIFT_LEAD_M + np.maximum(raised, 0.0)))
 
     def _leave(self) -> tuple[np.ndarray, np.ndarray]:
         """Tool position (n, 3) and rot6d (n, 6) while it opens and then backs off upwards."""

@@ -26,7 +26,6 @@ class MlpConfig(PolicyConfig):
         loss: distance between predicted and demonstrated actions, both normalised.
     """
 
-    chunk: int = 10
     hidden: tuple[int, ...] = (256, 256)
     dropout: float = 0.0
     loss: Loss = "l1"
