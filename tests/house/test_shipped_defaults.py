@@ -20,7 +20,7 @@ def test_training_without_a_word_is_the_training_of_the_study() -> None:
 @pytest.mark.parametrize("command", ["collect", "demo"])
 def test_the_expert_demonstrates_as_in_the_studies(command: str, study: str) -> None:
     shipped = compose(commands.find(command), ["out=datasets/x"])
-    assert shipped.expert.noise == conf.read_option("bench", study)["noise"]
+    assert shipped.expert.noise == conf.read_option("bench", study)["expert"]["noise"]
 
 
 def test_the_demonstration_run_learns_as_the_study_does() -> None:
