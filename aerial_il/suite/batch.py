@@ -49,7 +49,7 @@ class BatchEnvironment:
 
     Args:
         scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
-        refinement: parts in which physics steps are taken, to see what their length does (``aerial-il bench steps``).
+        refinement: parts in which physics steps are taken, to see what their length does.
     """
 
     engine = ENGINE

@@ -11,8 +11,8 @@ RADIUS_M, HALF_THICKNESS_M = 0.09, 0.005
 SPOT_RADIUS_M = 0.04  # the mark in its middle
 STIFFNESS, PRELOAD_N, DAMPING = 130.0, 1.0, 1.0  # of the mount: N/m, N at rest, N s/m
 TRAVEL_M = 0.06
-# A soft skin, as ultrasound phantoms have, wet with couplant gel. A bare plate this light bounces off a hard probe within
-# a physics step, and the force that the solver reports jumps between none and twice the true one.
+# A soft skin, as ultrasound phantoms have, wet with couplant gel. A bare plate this light bounces off a hard probe
+# within a physics step, and the force that the solver reports jumps between none and twice the true one.
 FACE = {"friction": [0.2, 0.005, 0.0001], "solref": [0.02, 1.0], "solimp": [0.5, 0.5, 0.001, 0.5, 2.0]}
 FACE_CONTACT = {**FACE, "condim": 4, "priority": 1}
 MASS_KG = 0.03
