@@ -15,6 +15,8 @@ from aerial_il.robots.robot import Robot
 
 _airframe = stored_airframe("big_four")
 
+# Postures with the elbow a radian off its stop and the tool well before the first joint's axis: a base that leans into
+# the wind by 10° moves the tool by 16 cm, and an arm that meets a stop, or turns over about that axis, is thrown.
 ROBOT = Robot(
     name="big_four_z1",
     summary="Heavy quadrotor from a PX4 airframe file (20.7 kg) with a 6-joint arm of 0.8 m reach hung below it.",
@@ -33,6 +35,6 @@ ROBOT = Robot(
     ),
     arm=z1_arm(mount=(0.0, 0.0, -0.06), hanging=True),
     gripper=Z1_GRIPPER,
-    rest_forward=(0.0, 2.1, -1.7, -0.4, 0.0, 0.0),
-    rest_down=(0.0, 1.8, -2.15, 0.35 - 0.5 * np.pi, 0.0, 0.0),
+    rest_forward=(0.0, 1.9, -1.4, -0.5, 0.0, 0.0),
+    rest_down=(0.0, 1.7, -1.8, 0.1 - 0.5 * np.pi, 0.0, 0.0),
 )

@@ -16,6 +16,7 @@ from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.physics_model import physics_model
 from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
 from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.scene import PHYSICS_DT_S
 from aerial_il.suite.simulation import Simulation
 from aerial_il.suite.worlds import STATE, Worlds
 
@@ -48,18 +49,29 @@ class BatchEnvironment:
 
     Args:
         scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
+        refinement: parts in which physics steps are taken, to see what their length does.
     """
 
     engine = ENGINE
 
-    def __init__(self, scenario: Scenario, num_envs: int, num_threads: int = 0, gains: Gains | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        num_envs: int,
+        num_threads: int = 0,
+        gains: Gains | None = None,
+        *,
+        refinement: int = 1,
+    ) -> None:
         if num_envs < 1:
             raise InvalidValueError(f"num_envs must be at least 1, got {num_envs}.")
         self.scenario, self.num_envs = scenario, num_envs
         self.ends_at_success = scenario.horizon is None
         self.model = scenario.compile()
-        worlds = Worlds.many(physics_model(self.model, scenario.xml), num_envs)
-        self.simulation = Simulation(scenario, worlds, gains, num_threads)
+        model = physics_model(self.model, scenario.xml)
+        model.opt.timestep = PHYSICS_DT_S / refinement
+        worlds = Worlds.many(model, num_envs)
+        self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
         self._shown = mujoco.MjData(self.model)
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
         height, width = scenario.image_size

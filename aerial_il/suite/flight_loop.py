@@ -54,6 +54,7 @@ class Flight(NamedTuple):
         force_addresses: (K,) where the task's force sensors start in ``sensordata``.
         base_site: index of the base's site. base_contact: index of its contact count in ``sensordata``.
         dt: s, of a physics step. interval: s, between actions. substeps: physics steps between actions.
+        refinement: parts in which MuJoCo takes a physics step, to see what its length does; control keeps its rate.
     """
 
     vehicle: np.ndarray
@@ -67,6 +68,7 @@ class Flight(NamedTuple):
     dt: float
     interval: float
     substeps: int
+    refinement: int = 1
 
 
 @kernel
@@ -121,8 +123,9 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
                 force, torque = air_wrench(vehicle, air, wind, vec(pos, 0), rot, vec(vel, 0), act)
                 put(wrench, 0, force)
                 put(wrench, 3, torque)
-            mj_step2(worlds.models[i], worlds.datas[i])
-            mj_step1(worlds.models[i], worlds.datas[i])
+            for _ in range(flight.refinement):
+                mj_step2(worlds.models[i], worlds.datas[i])
+                mj_step1(worlds.models[i], worlds.datas[i])
             vehicle_state(vehicle, qpos, qvel, pos, vel)
             sense_forces(sensordata, flight.force_addresses, forces, dt)
             keep_sample(sensordata, flight.force_addresses, forces, userdata, int(userdata[TICK]) % flight.substeps)

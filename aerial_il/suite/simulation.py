@@ -38,9 +38,18 @@ class Simulation:
     Args:
         scenario: what is flown. worlds: the simulator. gains: controller tuning, None for the scenario's flight law.
         num_threads: threads for the controllers, 0 for all cores.
+        refinement: parts of each physics step in which ``worlds`` are stepped, see :class:`Flight`.
     """
 
-    def __init__(self, scenario: Scenario, worlds: Worlds, gains: Gains | None = None, num_threads: int = 0) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        worlds: Worlds,
+        gains: Gains | None = None,
+        num_threads: int = 0,
+        *,
+        refinement: int = 1,
+    ) -> None:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot, self.task.names)
@@ -59,6 +68,7 @@ class Simulation:
             dt=PHYSICS_DT_S,
             interval=CONTROL_DT_S,
             substeps=SUBSTEPS,
+            refinement=refinement,
         )
         self.seen, observation = Seen(scenario, self.view), self.spec.observation
         own = sum(field.size for field in robot_fields(self.robot))

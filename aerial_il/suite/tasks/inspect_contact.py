@@ -59,7 +59,8 @@ class InspectContact(Task):
     steps since contact began in which the contact solver's own force did. Links and rotors must not touch anything.
 
     The probe is the end of the closed gripper, open by a fifth at most. The plate is tilted by 9° to 34° towards the
-    robot, and sprung like the holders of ultrasonic probes: it gives way by 8 mm per newton.
+    robot, and sprung like the holders of ultrasonic probes: it gives way by 8 mm per newton. Its face is soft, like
+    an ultrasound phantom: a probe sinks in by about 2 mm under the force asked for.
     """
 
     name = "inspect_contact"
