@@ -24,6 +24,8 @@ GRIP_STEPS = 3  # contact on both pads before lifting; a policy cannot see how l
 GRIP_PATIENCE_STEPS = 60  # closing for longer than this is a miss
 DROP_GATE_M = 0.055  # cube above the bowl's underside at which it may be let go
 DROP_TARGET_M = 0.035  # beyond its gate, so that the gate is passed at speed
+LIFT_LEAD_M = 0.015  # sent up by this much at first, by more as it rises: a lift begun too soon pulls little
+NOISE_ON_THE_WAY, NOISE_IN_FINE_WORK = 0.5, 0.2  # a command that wanders by a centimetre comes down on the cube
 DESCENT_LEAD_M = 0.08  # how far ahead of itself the tool is sent while it goes down
 OPEN_ENOUGH = 0.8
 FINGER_CLEAR_M = 0.05  # tool above the cube where open fingers just pass over it
@@ -89,7 +91,7 @@ class PickPlaceExpert(Expert):
                 cube[:, 2] + CRUISE_M,
                 np.maximum(cube[:, 2] + np.where(self._over_faces(), 0.0, FINGER_CLEAR_M), down),
                 cube[:, 2],
-                np.full(view.n, TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M),
+                self._lift_height(),
                 bowl[:, 2] + CUBE_HALF_M + CRUISE_M,
                 np.maximum(drop, down),
                 bowl[:, 2] + DROP_TARGET_M,
@@ -104,6 +106,16 @@ class PickPlaceExpert(Expert):
         ready = np.where(to_cube & self._beside_bowl(), min(1.0, narrow), 1.0)
         gripper = np.where((phase >= CLOSE) & (phase <= LOWER), 0.0, ready)
         return np.concatenate([sideways, height[:, None]], axis=1), pointing_down(yaw), gripper
+
+    def noise_share(self) -> np.ndarray:
+        fine = (self.phase == DESCEND) | (self.phase == CLOSE)
+        return np.where(fine, NOISE_IN_FINE_WORK, NOISE_ON_THE_WAY)
+
+    def _lift_height(self) -> np.ndarray:
+        """(n,) height, m, at which the tool is sent up with the cube: the farther, the higher it is already."""
+        raised = np.maximum(self.view.site_pos("cube")[:, 2] - TABLE_HEIGHT_M - CUBE_HALF_M, 0.0)
+        top = TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M
+        return np.minimum(top, self.view.tool_pos[:, 2] + LIFT_LEAD_M + raised)
 
     def _held(self) -> np.ndarray:
         view = self.view
