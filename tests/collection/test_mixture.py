@@ -70,7 +70,7 @@ def calm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("words", "named"),
     [
         (["tier=gusts"], "tier calm != gusts"),
-        (["expert.noise=0.3"], "'noise': 0.3"),
+        (["expert.noise=0.2"], "'noise': 0.2"),
         (["controller=pid"], "controller geometric_observer != pid"),
         (["action=velocity"], "another environment"),
         (["robot=fa_hexa_arm4", "task=reach"], "another environment"),
@@ -95,7 +95,7 @@ def test_info_counts_what_was_mixed(calm: Path, tmp_path: Path, capsys: pytest.C
     assert main(["info", str(mixed), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     kinds = {(kind["tier"], kind["settings"]): kind["episodes"] for kind in found["made_by"]}
-    assert kinds == {("calm", "noise=0.0"): 2, ("gusts", "noise=0.1"): 2}
+    assert kinds == {("calm", "noise=0.3"): 2, ("gusts", "noise=0.1"): 2}
     assert found["repeated_seeds"] == [4]
     assert main(["info", str(mixed)]) == 0
     said = capsys.readouterr().out
