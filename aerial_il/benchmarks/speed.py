@@ -107,7 +107,7 @@ class Speed:
                 details.append({**head, "rates": {k: v.round(1).tolist() for k, v in rates.items()}})
                 serial += [{**head, **self._serial(robot, task)}] if task == MANIPULATION else []
                 if parent:
-                    beside.append({**head, **parent.flights(robot, task, seed=self.seed, steps=self.steps)})
+                    beside.append({**head, **parent.flights(robot, task, seed=self.seed)})
                 if parent and task == MANIPULATION and self.demonstrations:
                     found = parent.collecting(robot, task, seed=self.seed, episodes=self.demonstrations)
                     collecting.append({**head, **found})

@@ -31,7 +31,7 @@ def first(robot: str, task: str, num_envs: int, threads: int) -> float:
 
 
 def flight(robot: str, task: str, num_envs: int, threads: int, seed: int, steps: int) -> dict[str, float]:
-    """Fly the expert for some control steps of all worlds.
+    """Fly the expert for some control steps of all worlds, each of which begins its next flight when one ends.
 
     Returns:
         ``flights``: control steps of all worlds per second, with resets and the expert; ``env``: of ``step`` alone.
@@ -39,13 +39,19 @@ def flight(robot: str, task: str, num_envs: int, threads: int, seed: int, steps:
     env, expert = _environment(robot, task, num_envs, threads), aerial_il.expert(robot, task)
     started, stepping = time.perf_counter(), 0.0
     expert.attach(env)
-    obs = env.reset(seed + np.arange(num_envs))
+    seeds = seed + np.arange(num_envs)
+    obs = env.reset(seeds)
     expert.reset()
     for _ in range(steps):
         actions = expert.act(obs)
         before = time.perf_counter()
-        obs = env.step(actions).obs
+        result = env.step(actions)
         stepping += time.perf_counter() - before
+        obs, over = result.obs, result.info["success"] | result.terminated | result.truncated
+        if over.any():
+            seeds = np.where(over, seeds + num_envs, seeds)
+            obs = env.reset(seeds, over)
+            expert.reset(over)
     total = time.perf_counter() - started
     return {"flights": steps * num_envs / total, "env": steps * num_envs / stepping}
 
