@@ -83,11 +83,15 @@ class Recorder:
             worlds[world] = []
 
     def observe(self, obs: Mapping[str, np.ndarray], *, state: np.ndarray, sim_time: np.ndarray) -> None:
-        """Record what all worlds (n, ...) show before the next step: observation, full state (n, S) and time (n,)."""
+        """Record what all worlds (n, ...) show before the next step: observation, full state (n, S) and time (n,).
+
+        Told twice before a step, the second time counts: whoever ends an episode tells what all worlds show.
+        """
         flat = self.layout.spec.observation.flatten(obs, self._observed)
         self._store({"observation": flat, "state": state, "sim_time": sim_time})
         for name, worlds in self._images.items():
             for world in np.flatnonzero(self._recording):
+                del worlds[world][self._count[world] :]
                 worlds[world].append(self._encode(name, obs[name][world]))
 
     def act(self, **step: np.ndarray) -> None:
@@ -113,8 +117,10 @@ class Recorder:
         Returns:
             What is known when the file has its name.
         """
-        writer, count = self._release(world), int(self._count[world])
-        return self._hand_over(world, _finish, writer, count, success=success, path=path, note=note)
+        writer, count = self._writer(world), int(self._count[world])
+        done = self._hand_over(world, _finish, writer, count, success=success, path=path, note=note)
+        self._release(world)  # not before: an interruption while it waits for a block leaves the writer to `close`
+        return done
 
     def discard(self, world: int) -> None:
         """Forget the episode of ``world``."""
@@ -145,10 +151,14 @@ class Recorder:
         done.add_done_callback(lambda _: self._spare.put(block))
         return done
 
-    def _release(self, world: int) -> EpisodeWriter:
+    def _writer(self, world: int) -> EpisodeWriter:
         writer = self._writers[world]
         if writer is None:
             raise ValueError(f"World {world} is not being recorded.")
+        return writer
+
+    def _release(self, world: int) -> EpisodeWriter:
+        writer = self._writer(world)
         self._writers[world], self._recording[world] = None, False
         return writer
 

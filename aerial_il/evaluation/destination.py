@@ -69,6 +69,8 @@ def finished(out: str | os.PathLike[str], subject: Mapping[str, Any], *, overwri
         if not differing:
             return result
         _refuse(out, "the result of another evaluation", differing, overwrite)
+    if begun is None:
+        journal.close()  # flights of nobody knows what: a folder that was being cleared away
     if begun is not None and (differing := _differences(begun, subject)):
         _refuse(out, "the flights of another evaluation that was interrupted", differing, overwrite)
         journal.close()

@@ -1,4 +1,4 @@
-"""Named ``(n, ...)`` measurements of the worlds: what tasks, observations and experts read.
+"""Named ``(n, ...)`` measurements of the worlds: what experts, studies and tests read.
 
 Everything is a live view or derived from one; nothing here writes to the simulator.
 """
@@ -12,7 +12,6 @@ import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import memory as mem
@@ -100,13 +99,6 @@ class View:
         left, right = (self.qpos[:, k : k + 1] for k in (self._finger, self._finger + 1))
         return 0.5 * (left + right) / self.robot.gripper.stroke
 
-    @property
-    def unwanted_contacts(self) -> np.ndarray:
-        """(n,) number of robot parts, the gripper aside, that touch something: hub and rotors count as one."""
-        count = np.empty(self.n)
-        _count_touching(self._sensors, self._contact_ids, count)
-        return count
-
     def site_pos(self, name: str) -> np.ndarray:
         """(n, 3) position of a site, world, m."""
         return self._site_pos[:, self._cached(self._site, name)]
@@ -114,10 +106,6 @@ class View:
     def site_mat(self, name: str) -> np.ndarray:
         """(n, 9) rotation of a site, world, row by row."""
         return self._site_mat[:, self._cached(self._site, name)].reshape(self.n, 9)
-
-    def site_rot6d(self, name: str) -> np.ndarray:
-        """(n, 6) rotation of a site, world from site."""
-        return rot6d_from_mat(self.site_mat(name))
 
     def force(self, k: int = 0) -> np.ndarray:
         """(n, 3) net contact force that the task's force sensor number ``k`` measures, world, N."""
@@ -129,18 +117,8 @@ class View:
         return self.userdata[:, mem.FORCES.start + 3 * mem.MAX_FORCES + k]
 
     @property
-    def force_samples(self) -> np.ndarray:
-        """(n, T, 3) what the task's first force sensor measured after each physics step of the last control step, N."""
-        return self.userdata[:, mem.SAMPLES].reshape(self.n, mem.MAX_TICKS, 6)[:, :, :3]
-
-    @property
-    def raw_force_samples(self) -> np.ndarray:
-        """(n, T, 3) the contact solver's forces from which those were measured, before the sensor's filter, N."""
-        return self.userdata[:, mem.SAMPLES].reshape(self.n, mem.MAX_TICKS, 6)[:, :, 3:]
-
-    @property
     def memory(self) -> np.ndarray:
-        """(n, 8) numbers that the task may write in :meth:`Task.remember`; zero at the start of an episode."""
+        """(n, 8) numbers that the task may write in ``TaskKernels.remember``; zero at the start of an episode."""
         return self.userdata[:, mem.TASK]
 
     def joint(self, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -224,12 +202,3 @@ class View:
     def address(self, sensor: str) -> int:
         """Index of a sensor's first number in ``sensordata``."""
         return int(self.model.sensor_adr[self._id("sensor", sensor)])
-
-
-@kernel
-def _count_touching(sensors, addresses, count):
-    for i in range(count.size):
-        touching = 0
-        for address in addresses:
-            touching += sensors[i, address] > 0.0
-        count[i] = touching

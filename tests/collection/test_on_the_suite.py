@@ -44,3 +44,18 @@ def test_with_a_horizon_flights_go_on_through_success(tmp_path: Path) -> None:
 def test_a_horizon_beyond_the_time_limit_is_refused() -> None:
     with pytest.raises(InvalidValueError, match=r"horizon is 1001; it must lie in \[1, 1000\]: reach has a time limit"):
         aerial_il.load_batch("fa_hexa_arm4", "reach", horizon=1001)
+
+
+@pytest.mark.render
+def test_pictures_stay_with_their_steps_when_other_worlds_land(tmp_path: Path) -> None:
+    """Worlds that land at different steps: each file is the one that a world alone writes."""
+    found = []
+    for num_envs in (1, 3):
+        env = aerial_il.load_batch("quad", "hover", num_envs=num_envs, cameras=("scene",), image_size=(24, 32))
+        folder = collect(
+            env, aerial_il.expert("quad", "hover"), range(4), tmp_path / str(num_envs), progress=False
+        ).folder
+        found.append({file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in folder.files()})
+    assert found[0] == found[1]
+    flights = list(open_dataset(folder.path))
+    assert len({len(flight) for flight in flights}) > 1, "they land at different steps"

@@ -31,7 +31,7 @@ BY_ROBOT, BY_TOOL = range(2)  # whose force
 
 
 class PressButton(Task):
-    """Cap pressed in by at least 8 mm, by the robot, for 0.3 s; the robot has never exerted more than 15 N on anything.
+    """Cap pressed in by at least 8 mm, by the robot, for 0.3 s; its net force on all things has never exceeded 15 N.
 
     Pressed in: from 8 to 21 mm, the stop being at 20 and yielding, by a force of the robot of at least 0.5 N. The force
     is the net force of all contacts of all its parts, taken at each physics step (250 Hz) behind a first-order low-pass
