@@ -89,7 +89,7 @@ def subject(**changed: Any) -> dict[str, Any]:
         "max_steps": 9,
         "disturbances": {"wind": {"share": 1}},
     }
-    provenance = {"engine": "2", "packages": {}, "git": {"sha": "a"}, "policy_sha256": None, "environment": environment}
+    provenance = {"engine": "3", "packages": {}, "git": {"sha": "a"}, "policy_sha256": None, "environment": environment}
     told = {"robot": "r", "task": "t", "tier": "calm", "policy": "p", "seeds": range(3), "provenance": provenance}
     for name, value in changed.items():
         place = next(tree for tree in (told, provenance, environment) if name in tree)
@@ -108,7 +108,7 @@ def subject(**changed: Any) -> dict[str, Any]:
         ({"controller": "lqr"}, "controller pid != lqr"),
         ({"max_steps": 8}, "max_steps 9 != 8"),
         ({"disturbances": {"wind": {"share": 2}}}, 'disturbances {"wind": {"share": 1}} != {"wind": {"share": 2}}'),
-        ({"engine": "3"}, "engine 2 != 3"),
+        ({"engine": "9"}, "engine 3 != 9"),
         ({"git": {"sha": "b"}}, 'git {"sha": "a"} != {"sha": "b"}'),
     ],
 )

@@ -49,7 +49,7 @@ def test_one_hard_blow_spoils_the_episode() -> None:
     assert press(worlds, 200).any(axis=0).tolist() == [True, False, True]
 
 
-def sink_onto_the_button(worlds: BatchEnvironment, part: str, steps: int = 60) -> np.ndarray:
+def sink_onto_the_button(worlds: BatchEnvironment, part: str, steps: int = 40) -> np.ndarray:
     """Let the robot of every world, its arm stretched out ahead, sink onto an upright button below ``part`` of it.
 
     Returns:
