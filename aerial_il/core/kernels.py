@@ -29,6 +29,15 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return compiled
 
 
+def entry_of(compiled: Any, *arguments: Any) -> Callable[..., Any]:
+    """Entry of a :func:`kernel` for arguments of just these types, compiled here; it never looks at types again.
+
+    To find out the types of some dozens of arrays in nested tuples at each call costs more than to judge a world.
+    """
+    signature = tuple(numba.typeof(argument) for argument in arguments)
+    return compiled.compile(signature)
+
+
 _handed_out: dict[tuple[Any, Any], Any] = {}  # what has an address must live
 
 

@@ -26,6 +26,7 @@ class Crew:
     def __init__(self, n: int, num_threads: int = 0) -> None:
         hands = 1 if n < FEWEST_WORLDS else min(num_threads or available_cores(), n)
         self._drawn = np.zeros(1, np.int64)
+        self._counter = self._drawn.ctypes.data
         self._helpers = hands - 1
         self._pool = ThreadPoolExecutor(self._helpers, "aerial_il-crew") if self._helpers else None
 
@@ -36,7 +37,7 @@ class Crew:
         is the address of an ``int64``, see :func:`aerial_il.suite.native.draw`.
         """
         self._drawn[0] = 0
-        counter = self._drawn.ctypes.data
+        counter = self._counter
         if self._pool is None:
             work(counter)
             return

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
-from functools import partial
-from typing import NoReturn
+from collections.abc import Callable, Iterator
+from functools import cached_property, partial
+from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from aerial_il.control.laws import Law
 from aerial_il.control.scratch import SCRATCH
 from aerial_il.control.vehicle import Gains, alone, record_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
+from aerial_il.core.kernels import entry_of
 from aerial_il.core.seeding import episode_rng
 from aerial_il.suite import memory as mem
 from aerial_il.suite.assessment import Judgement, assess_all, judgement_of, make_found, rules_of
@@ -77,6 +78,7 @@ class Simulation:
             self.view, self.seen.records, observation.size(observation.state_names), len(self.spec.subtasks)
         )
         self._parts = observation.parts(observation.state_names)
+        self._columns = {name: (slice(None), part) for name, part in self._parts.items()}
         self._crew, self._local = Crew(worlds.n, num_threads), threading.local()
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._fresh = self._everyone, False
@@ -140,11 +142,19 @@ class Simulation:
 
     def fly(self, steps: int) -> None:
         """Second part: some physics steps of the moving worlds, each with its tick of the controllers."""
-        self._crew.run(partial(self._fly, steps))
+        self._crew.run(partial(self._fly, self._entry_of_fly, steps))
         self._fresh = False
 
-    def _fly(self, steps: int, counter: int) -> None:
-        fly(
+    def _fly(self, entry: Callable[..., Any], steps: int, counter: int) -> None:
+        entry(*self._orders(), steps, counter)
+
+    @cached_property
+    def _entry_of_fly(self) -> Callable[..., Any]:
+        return entry_of(fly, *self._orders(), 0, 0)
+
+    def _orders(self) -> tuple[Any, ...]:
+        """What :func:`fly` is told, but for its last two arguments: the same types each time."""
+        return (
             self._flight,
             self._rules,
             self._found,
@@ -154,8 +164,6 @@ class Simulation:
             self._arriving,
             self._mask,
             self._fresh,
-            steps,
-            counter,
         )
 
     def _workspace(self) -> np.ndarray:
@@ -197,7 +205,11 @@ class Simulation:
 
     def assess(self, mask: np.ndarray | None = None) -> None:
         """Read off anew what the worlds in ``mask`` (n,) bool show and how they stand; a flight does so by itself."""
-        self._crew.run(partial(assess_all, self._rules, self._found, self._select(mask)))
+        self._crew.run(partial(self._entry_of_assess, self._rules, self._found, self._select(mask)))
+
+    @cached_property
+    def _entry_of_assess(self) -> Callable[..., Any]:
+        return entry_of(assess_all, self._rules, self._found, self._everyone, 0)
 
     def observe(self) -> dict[str, np.ndarray]:
         """State observations of all worlds at this instant, ``name -> (n, ...)``."""
@@ -208,7 +220,7 @@ class Simulation:
     def observations(self) -> dict[str, np.ndarray]:
         """The same as of the last flight, reset or :meth:`assess`."""
         flat = self._found.observations.copy()
-        return {name: flat[:, part] for name, part in self._parts.items()}
+        return {name: flat[columns] for name, columns in self._columns.items()}
 
     def judge(self) -> Judgement:
         """Rewards, flags and measurements of all worlds at this instant."""
@@ -257,7 +269,7 @@ class Simulation:
         return mask
 
     def _checked(self, actions: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        actions = np.array(actions, float, ndmin=2)
+        actions = np.array(actions, float, order="C", ndmin=2)
         if actions.shape != (self.n, self.spec.action.size):
             raise InvalidValueError(
                 f"{self.spec.action.level} on {self.spec.robot} takes actions of shape "
