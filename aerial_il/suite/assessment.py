@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -40,8 +39,7 @@ REWARD, SUCCESS, CRASH, DROPPED, TRUNCATED, EE_ERROR, EFFORT, CONTACTS, FORCE_IN
 NUM_VERDICTS = 9
 
 
-@dataclass(frozen=True)
-class Judgement:
+class Judgement(NamedTuple):
     """How n worlds stand after a step. Each array is (n,), ``subtasks`` is (n, K).
 
     Attributes:
@@ -153,13 +151,14 @@ def make_found(view: View, seen: np.ndarray, observation_size: int, num_subtasks
 def judgement_of(found: Found) -> Judgement:
     """Copy the verdicts."""
     verdicts = found.verdicts.copy()
+    flags = verdicts.astype(bool)
     return Judgement(
         reward=verdicts[:, REWARD],
-        success=verdicts[:, SUCCESS] > 0.0,
-        crash=verdicts[:, CRASH] > 0.0,
-        dropped=verdicts[:, DROPPED] > 0.0,
-        truncated=verdicts[:, TRUNCATED] > 0.0,
-        subtasks=found.subtasks > 0.0,
+        success=flags[:, SUCCESS],
+        crash=flags[:, CRASH],
+        dropped=flags[:, DROPPED],
+        truncated=flags[:, TRUNCATED],
+        subtasks=found.subtasks.astype(bool),
         ee_error=verdicts[:, EE_ERROR],
         effort=verdicts[:, EFFORT],
         contacts=verdicts[:, CONTACTS],
