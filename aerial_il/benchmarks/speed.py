@@ -50,6 +50,8 @@ NOTES = (
     "Parent: this package at an earlier commit. Both fly their own experts in processes of their own, turn by turn. "
     "Flights: all of it, resets and expert included, nothing recorded. Env: the environment's steps alone. Alone: "
     "those of a single world. Collected: demonstrations on disk.",
+    "Ceiling: the ratio to the parent that one world alone would have if its physics were all there is, the same model "
+    "and the expert's flight rolled out in one call. A target near it, or above it, cannot be met.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is the faster.",
     "Time of a control step: flight is what the compiled threads do; python is the rest, done by one thread.",
     "Demonstrations: the expert from reset to success, flown without recording, and recorded as MCAP files; recording: "
@@ -262,7 +264,8 @@ def _parent_targets(beside: Sequence[Row], collecting: Sequence[Row]) -> Iterato
         name, manipulation = f"{row['robot']}, {row['task']}", row["task"] == MANIPULATION
         limit = FLIGHTS_RATIO_MANIPULATION if manipulation else FLIGHTS_RATIO
         yield _ratio(f"{name}: flights / the parent's", limit, row, "flights")
-        yield _ratio(f"{name}: one world alone / the parent's", ALONE_RATIO, row, "alone")
+        what = f"{name}: one world alone / the parent's, of which physics alone allows {row['ceiling']}"
+        yield _ratio(what, ALONE_RATIO, row, "alone")
     if beside:
         mean = float(np.exp(np.mean([np.log(row["ratio_flights"]) for row in beside])))
         what = f"flights / the parent's, geometric mean of {len(beside)} cells"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from aerial_il.suite.rendering import CameraRequest
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import CONTROL_DT_S
 
+OF_AN_EVENT = ("ee_error_m", "force_in_band_raw")  # NaN where nothing has been commanded or touched yet
 METADATA = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_DT_S)}
 
 
@@ -102,8 +104,9 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         self.aerial.close()
 
     def _info(self) -> dict[str, Any]:
-        measured = {name: np.nan_to_num(v) for name, v in self.aerial.info.items() if name not in self._absent}
-        info: dict[str, Any] = {name: v if v.ndim else v.item() for name, v in measured.items()}
+        measured = ((name, v) for name, v in self.aerial.info.items() if name not in self._absent)
+        info: dict[str, Any] = {name: v if v.ndim else v.item() for name, v in measured}
+        info.update((name, 0.0) for name in OF_AN_EVENT if math.isnan(info.get(name, 0.0)))
         return {**info, "is_success": info["success"], "seed": int(self.aerial.simulation.seeds[0])}
 
 

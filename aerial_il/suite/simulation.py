@@ -83,7 +83,8 @@ class Simulation:
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._fresh = self._everyone, False
         self._actions = self._arriving = np.zeros((worlds.n, self.spec.action.size))
-        self._flights = self._userdata[:, FLIGHT].copy()
+        self._identities = self._userdata[:, FLIGHT]
+        self._flights = self._identities.copy()
 
     @property
     def n(self) -> int:
@@ -135,7 +136,7 @@ class Simulation:
         """First part of :meth:`advance`: check the actions; the controllers take note of them when they next fly."""
         self._mask = self._select(mask)
         self._actions = self._checked(actions, self._mask)
-        self._flights = self._userdata[:, FLIGHT].copy()
+        self._flights = self._identities.copy()
         self._arriving = np.ascontiguousarray(self.disturbances.arriving(self._actions, self._mask))
         self._fresh = True
         return self._actions
@@ -278,7 +279,7 @@ class Simulation:
         executed, action = np.empty_like(actions), self.spec.action
         broken = limit_actions(actions, mask, action.low, action.high, executed)
         if broken < self.n:
-            self._flights = self._userdata[:, FLIGHT].copy()
+            self._flights = self._identities.copy()
             self._diverged(broken, "Action is not finite")
         return executed
 

@@ -106,6 +106,7 @@ def test_beside_a_checkout_both_fly_in_their_own_processes(tmp_path: Path) -> No
     report = settings.run(tmp_path, progress=False)
     (beside,) = report.tables["Beside the parent"]
     assert all(beside[f"ratio_{name}"] > 0.0 for name in ("flights", "env", "alone"))
+    assert beside["ceiling"] > beside["ratio_alone"], "physics alone is faster than physics with all around it"
     (collecting,) = report.tables["Collecting beside the parent"]
     assert collecting["collected_per_min"] > 0
     assert {"ours_s", "parent_s"} <= set(report.tables["First flight"][0])
@@ -114,9 +115,10 @@ def test_beside_a_checkout_both_fly_in_their_own_processes(tmp_path: Path) -> No
 
 def test_targets_beside_the_parent_can_be_missed() -> None:
     row = {"robot": "quad", "task": "hover", "range_flights": "", "range_alone": "", "range_collected": ""}
-    slow = [{**row, "ratio_flights": 1.0, "ratio_alone": 3.9}]
+    slow = [{**row, "ratio_flights": 1.0, "ratio_alone": 3.9, "ceiling": 6.0}]
     targets = list(speed._parent_targets(slow, [{**row, "ratio_collected": 1.9}]))
     assert [target.limit for target in targets] == [1.05, 4.0, 1.1, 2.0]
     assert not any(target.met for target in targets)
+    assert "physics alone allows 6.0" in targets[1].what
     manipulating = {**slow[0], "task": "pick_place"}
     assert [t.limit for t in speed._parent_targets([manipulating], [])] == [1.35, 4.0, 1.1]

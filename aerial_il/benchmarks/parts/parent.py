@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.benchmarks.parts import flown
+from aerial_il.benchmarks.parts.ceiling import physics_alone
 from aerial_il.benchmarks.parts.earlier import Checkout, Peer, turns
 from aerial_il.benchmarks.parts.report import Row
 
@@ -33,16 +34,19 @@ class Rivals:
     threads: int
 
     def flights(self, robot: str, task: str, *, seed: int) -> Row:
-        """Return how fast both fly a cell, many worlds at once and one alone, and the ratios."""
+        """Return how fast both fly a cell, many worlds at once and one alone, the ratios, and what the last could be at most."""
         cell = {"robot": robot, "task": task, "threads": self.threads, "seed": seed, "steps": FLIGHT_STEPS}
         many = turns(self.peers, self.repetitions, "flight", num_envs=self.num_envs, **cell)
         alone = turns(self.peers, self.repetitions, "flight", num_envs=1, **cell)
         for peer in self.peers.values():
             peer.ask("done", robot=robot, task=task)
+        physics = physics_alone(robot, task, seed=seed, steps=FLIGHT_STEPS, repetitions=self.repetitions)
         return {
             **_compared("flights", many, "flights"),
             **_compared("env", many, "env"),
-            **_compared("alone", alone, "env"),
+            **(single := _compared("alone", alone, "env")),
+            "physics_alone": round(physics),
+            "ceiling": round(physics / single["parent_alone"], 2),
         }
 
     def collecting(self, robot: str, task: str, *, seed: int, episodes: int) -> Row:
