@@ -33,6 +33,13 @@ FLIGHT = slice(mem.SEED, mem.STEP + 1)  # what identifies a moment: seed first, 
 STATE_OFFSET = int(STATE) & (int(mujoco.mjtState.mjSTATE_USERDATA) - 1)  # parts of a state that precede userdata
 
 
+class _Own(threading.local):
+    """What each thread has for itself: working memory of the controllers."""
+
+    def __init__(self) -> None:
+        self.workspace = np.zeros(1, SCRATCH)
+
+
 class Simulation:
     """Fly n worlds of one scenario.
 
@@ -79,7 +86,7 @@ class Simulation:
         )
         self._parts = observation.parts(observation.state_names)
         self._columns = {name: (slice(None), part) for name, part in self._parts.items()}
-        self._crew, self._local = Crew(worlds.n, num_threads), threading.local()
+        self._crew, self._own = Crew(worlds.n, num_threads), _Own()
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._fresh = self._everyone, False
         self._actions = self._arriving = np.zeros((worlds.n, self.spec.action.size))
@@ -159,19 +166,13 @@ class Simulation:
             self._flight,
             self._rules,
             self._found,
-            self._workspace(),
+            self._own.workspace,
             self.worlds.memory,
             self._actions,
             self._arriving,
             self._mask,
             self._fresh,
         )
-
-    def _workspace(self) -> np.ndarray:
-        """Working memory of the controllers, one for each thread."""
-        if not hasattr(self._local, "workspace"):
-            self._local.workspace = np.zeros(1, SCRATCH)
-        return self._local.workspace
 
     def settle(self) -> None:
         """Last part of :meth:`advance`: check the state."""
@@ -276,12 +277,12 @@ class Simulation:
                 f"{self.spec.action.level} on {self.spec.robot} takes actions of shape "
                 f"{(self.n, self.spec.action.size)} ({', '.join(self.spec.action.labels)}), got {actions.shape}."
             )
-        executed, action = np.empty_like(actions), self.spec.action
-        broken = limit_actions(actions, mask, action.low, action.high, executed)
+        action = self.spec.action
+        broken = limit_actions(actions, mask, action.low, action.high, actions)
         if broken < self.n:
             self._flights = self._identities.copy()
             self._diverged(broken, "Action is not finite")
-        return executed
+        return actions
 
     def _check_physics(self, mask: np.ndarray) -> None:
         """Refuse worlds that MuJoCo warned about: it goes on after a warning, from the start or without a contact."""
