@@ -55,6 +55,19 @@ def test_a_world_does_not_depend_on_how_many_there_are(tier: str, num_envs: int,
 
 
 @each_sample
+def test_actions_laid_out_by_columns_are_the_same_actions(robot: str, task: str) -> None:
+    worlds, answers = batch(robot, task), []
+    actions = random_actions(worlds.spec.action, 20, 3)
+    for order in ("C", "F"):
+        worlds.reset(SEEDS)
+        answers.append([worlds.step(np.asarray(each, order=order)) for each in actions])
+    for by_rows, by_columns in zip(*answers, strict=True):
+        for name, value in by_rows.info.items():
+            np.testing.assert_array_equal(value, by_columns.info[name], err_msg=name)
+        np.testing.assert_array_equal(by_rows.reward, by_columns.reward)
+
+
+@each_sample
 def test_same_seed_same_trajectory_and_another_seed_another(robot: str, task: str) -> None:
     worlds = batch(robot, task, "hard")
     actions = random_actions(worlds.spec.action, 20, 3)

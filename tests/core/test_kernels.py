@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numba
+import numpy as np
 import pytest
 
 from aerial_il.core import kernels, rotations
@@ -29,3 +31,23 @@ def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeyp
         stamps.append(kernels._kernel_sources.__wrapped__())
     assert len(set(stamps[:4])) == 4
     assert stamps[4] == stamps[3], "a file without kernels costs no compilation"
+
+
+@kernels.kernel
+def _add_up(pair, found):
+    found[0] = pair.first.sum() + pair.second
+
+
+class _Pair(NamedTuple):
+    first: np.ndarray
+    second: float
+
+
+def test_an_entry_is_the_kernel_for_the_types_it_was_made_for() -> None:
+    found, pair = np.zeros(1), _Pair(np.arange(3.0), 4.0)
+    entry = kernels.entry_of(_add_up, pair, found)
+    assert found[0] == 0.0, "making it runs nothing"
+    entry(_Pair(np.arange(5.0), 0.5), found)
+    assert found[0] == 10.5
+    with pytest.raises(TypeError):
+        entry(_Pair(np.arange(3, dtype=np.float32), 4.0), found)

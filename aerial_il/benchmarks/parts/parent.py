@@ -34,7 +34,7 @@ class Rivals:
     threads: int
 
     def flights(self, robot: str, task: str, *, seed: int) -> Row:
-        """Return how fast both fly a cell, many worlds at once and one alone, the ratios, and what the last could be at most."""
+        """Return how fast both fly a cell, many worlds and one alone, the ratios, and the latter's ceiling."""
         cell = {"robot": robot, "task": task, "threads": self.threads, "seed": seed, "steps": FLIGHT_STEPS}
         many = turns(self.peers, self.repetitions, "flight", num_envs=self.num_envs, **cell)
         alone = turns(self.peers, self.repetitions, "flight", num_envs=1, **cell)
