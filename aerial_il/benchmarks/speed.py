@@ -51,7 +51,7 @@ NOTES = (
     "Flights: all of it, resets and expert included, nothing recorded. Env: the environment's steps alone. Alone: "
     "those of a single world. Collected: demonstrations on disk.",
     "Ceiling: the ratio to the parent that one world alone would have if its physics were all there is, the same model "
-    "and the expert's flight rolled out in one call. A target near it, or above it, cannot be met.",
+    "and the expert's flight rolled out in one call. A target above it cannot be met, one just below it hardly.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is the faster.",
     "Time of a control step: flight is what the compiled threads do; python is the rest, done by one thread.",
     "Demonstrations: the expert from reset to success, flown without recording, and recorded as MCAP files; recording: "
