@@ -6,4 +6,6 @@ raised by whoever changes what a bit of a flight depends on.
 
 from __future__ import annotations
 
-ENGINE = "3"  # 1 says nothing of itself; 2, never released: solver from rest, no islands, hard tables; 3: grips without torsion
+# 1: does not name itself. 2, never released: the solver starts from rest, without islands; hard tables. 3: grips resist by
+# friction in the plane alone.
+ENGINE = "3"
