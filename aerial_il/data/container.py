@@ -130,9 +130,9 @@ class ContainerWriter:
         length = CHUNK_HEAD.size - 9 + len(rest) + len(data)
         head = CHUNK_HEAD.pack(Opcode.CHUNK, length, first, last, size, zlib.crc32(content)) + rest
         index, start = _message_index(channels, times, offsets), self._offset
-        self._put(head)
-        self._put(data)
-        places = dict(zip(channels, (self._offset + np.arange(len(index)) * index.itemsize).tolist(), strict=True))
+        self._put(b"".join((head, data, index.tobytes())))  # at once: small writes cost more than copies
+        begin = start + len(head) + len(data)
+        places = dict(zip(channels, range(begin, self._offset, index.itemsize), strict=True))
         entry = ChunkIndex(
             len(head) + len(data), start, name.decode(), len(data), last, index.nbytes, places, first, size
         )
@@ -140,7 +140,6 @@ class ContainerWriter:
         for channel in channels:
             self._counts[channel] += len(times)
         self._times += [first, last]
-        self._put(index.tobytes())
         self._file.flush()
 
     def finish(self) -> None:

@@ -39,18 +39,20 @@ def bytes_of(rows: np.ndarray) -> np.ndarray:
     return rows.view(np.uint8).reshape(*rows.shape, rows.dtype.itemsize)
 
 
-def gather(rows: np.ndarray, places: tuple[np.ndarray, np.ndarray, np.ndarray], first: int, values: np.ndarray) -> None:
-    """Copy a field of some worlds into their rows.
+def gather(
+    rows: np.ndarray, places: tuple[np.ndarray, np.ndarray, np.ndarray], fields: Iterable[tuple[int, np.ndarray]]
+) -> None:
+    """Copy fields of some worlds into their rows, all in one call: each call may lose the interpreter to a writer.
 
     Args:
         rows: (slots, steps, R) uint8.
         places: the worlds (w,), and for all worlds (n,) the slot and the step.
-        first: byte of the row at which the field begins.
-        values: (n, ...) of all worlds, in the dtype of the field.
+        fields: of each the byte of the row at which it begins, and its values (n, ...) of all worlds in its dtype.
     """
-    flat = np.ascontiguousarray(values).reshape(len(values), -1)
-    if flat.size:
-        _gather(rows, *places, first, flat.view(np.uint8))
+    filled = [(first, _bytes_per_world(values)) for first, values in fields if values.size]
+    if filled:
+        firsts, values = zip(*filled, strict=True)
+        _gather(rows, *places, np.array(firsts), values)
 
 
 def first_not_finite(values: np.ndarray) -> tuple[int, int] | None:
@@ -67,6 +69,11 @@ def first_difference(records: np.ndarray, template: np.ndarray, mask: np.ndarray
     """
     row, byte = _first_difference(records, template, mask)
     return None if row < 0 else (row, byte)
+
+
+def _bytes_per_world(values: np.ndarray) -> np.ndarray:
+    """Show ``values`` (n, ...) as (n, B) uint8, of the one type of array that compiled code knows."""
+    return np.require(values, requirements=("C", "W")).reshape(len(values), -1).view(np.uint8)
 
 
 def _joined(moves: Iterable[Move]) -> list[Move]:
@@ -95,11 +102,13 @@ def _pack(records, template, rows, moves):
 
 
 @kernel
-def _gather(rows, worlds, slots, steps, first, values):
+def _gather(rows, worlds, slots, steps, firsts, values):
     for world in worlds:
-        source, target = values[world], rows[slots[world], steps[world]][first:]
-        for byte in range(len(source)):
-            target[byte] = source[byte]
+        row = rows[slots[world], steps[world]]
+        for field in range(len(values)):
+            source, target = values[field][world], row[firsts[field] :]
+            for byte in range(len(source)):
+                target[byte] = source[byte]
 
 
 @kernel

@@ -56,6 +56,8 @@ class Recorder:
     def __init__(self, spec: EnvSpec, ctrl_size: int, num_envs: int = 1) -> None:
         self.layout = Layout(spec, ctrl_size)
         self._observed = spec.observation.state_names
+        places = {name: place_of(self.layout.row, name) for name in self.layout.row.names or ()}
+        self._places = {name: (dtype.base, first) for name, (dtype, first) in places.items()}
         self._writers: list[EpisodeWriter | None] = [None] * num_envs
         self._recording = np.zeros(num_envs, bool)
         self._count = np.zeros(num_envs, int)  # whole steps in the block of each world
@@ -137,9 +139,8 @@ class Recorder:
     def _store(self, values: Mapping[str, np.ndarray]) -> None:
         self._threads.check()
         worlds, rows = np.flatnonzero(self._recording), bytes_of(self._blocks)
-        for name, value in values.items():
-            dtype, first = place_of(self.layout.row, name)
-            gather(rows, (worlds, self._block, self._count), first, np.asarray(value, dtype.base))
+        fields = [(self._places[name][1], np.asarray(value, self._places[name][0])) for name, value in values.items()]
+        gather(rows, (worlds, self._block, self._count), fields)
 
     def _hand_over[T](
         self, world: int, job: Callable[..., T], writer: EpisodeWriter, count: int, **more: Any
