@@ -23,12 +23,12 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.adversarial.discriminator import Reward, Scorer, discriminator_loss
+from aerial_il.algorithms.adversarial.reward_net import LearnedReward, Shape
 from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.parts.discriminator import Reward, Scorer, discriminator_loss
-from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
-from aerial_il.algorithms.parts.replay import Batch
-from aerial_il.algorithms.parts.settings import require_choice
-from aerial_il.algorithms.parts.snapshot import Trained, adam
+from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.rl.settings import require_choice
+from aerial_il.algorithms.run.state import Trained, adam
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density, unsquashed
 
 RewardOn = Literal["state", "state_action"]

@@ -25,16 +25,16 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from aerial_il.algorithms.parts.learner import Learner
-from aerial_il.algorithms.parts.loader import AHEAD, Loader
-from aerial_il.algorithms.parts.optimisation import cosine
-from aerial_il.algorithms.parts.run_folder import BEST, RunFolder, read_metrics
-from aerial_il.algorithms.parts.selection import Selection
-from aerial_il.algorithms.parts.settings import require_not_negative, require_positive, require_share
-from aerial_il.algorithms.parts.signals import SignalWatch
-from aerial_il.algorithms.parts.standing import Standing
-from aerial_il.algorithms.parts.threads import torch_threads
-from aerial_il.algorithms.parts.training_set import (
+from aerial_il.algorithms.rl.settings import require_not_negative, require_positive, require_share
+from aerial_il.algorithms.run.folder import BEST, RunFolder, read_metrics
+from aerial_il.algorithms.run.signals import SignalWatch
+from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.algorithms.supervised.best_checkpoint import Standing
+from aerial_il.algorithms.supervised.learner import Learner
+from aerial_il.algorithms.supervised.loader import AHEAD, Loader
+from aerial_il.algorithms.supervised.optimisation import cosine
+from aerial_il.algorithms.supervised.selection import Selection
+from aerial_il.algorithms.supervised.training_set import (
     Demonstrations,
     Shuffle,
     TrainingSet,

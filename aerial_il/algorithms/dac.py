@@ -3,7 +3,7 @@
 A discriminator tells the demonstrator's transitions from the agent's, half of either in each minibatch, held back by a
 gradient penalty, spectral normalisation or dropout. What it thinks is the reward of a soft actor-critic, recomputed for
 each minibatch, so that old transitions are paid by the newest reward. Ends that matter lead to an absorbing state with
-a reward of its own; see :mod:`aerial_il.algorithms.parts.replay`.
+a reward of its own; see :mod:`aerial_il.algorithms.rl.replay_buffer`.
 
 ``control`` runs the same without a demonstration: ``random_actions`` puts flights of random actions in their place,
 ``constant_reward`` pays 1 for every step before an end and nothing is told apart. Whatever such a run reaches,
@@ -26,15 +26,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from aerial_il.algorithms.parts.blur import sample_shown
-from aerial_il.algorithms.parts.discriminator import Reward
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
-from aerial_il.algorithms.parts.flown import fly_step
-from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
-from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
-from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import (
+from aerial_il.algorithms.adversarial.action_noise import sample_shown
+from aerial_il.algorithms.adversarial.discriminator import Reward
+from aerial_il.algorithms.adversarial.reward_net import LearnedReward, Shape
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import check_policy, read_lesson
+from aerial_il.algorithms.rl.flown import fly_step
+from aerial_il.algorithms.rl.replay_buffer import Batch, Replay, joined, rows_of
+from aerial_il.algorithms.rl.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.rl.settings import (
     Imitating,
     OffPolicy,
     require_choice,
@@ -43,7 +43,7 @@ from aerial_il.algorithms.parts.settings import (
     require_share,
     require_widths,
 )
-from aerial_il.algorithms.parts.snapshot import Generator
+from aerial_il.algorithms.run.state import Generator
 from aerial_il.algorithms.sac import agent_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode

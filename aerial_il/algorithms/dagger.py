@@ -7,8 +7,9 @@ trained on the union of all rounds:
 
     pi_i = beta_i pi* + (1 - beta_i) pi^_i          D <- D u {(s, pi*(s)) : s visited by pi_i}
 
-What decides who flies, and which states are labelled, is the gate: a coin (classic), the ensemble's doubt and the risk
-of failing (ThriftyDAgger), or a supervisor (HG-DAgger). See :mod:`aerial_il.algorithms.parts.gates` for the sources.
+What decides who flies, and which states are labelled, is the gate: a coin (classic), the ensemble's disagreement and the
+risk of failing (ThriftyDAgger), or a supervisor (HG-DAgger). :mod:`aerial_il.algorithms.interactive.gates` names the
+sources.
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``, ``queries``
 (steps that the expert labelled), ``interventions`` (times it took over), ``expert_steps`` (steps it flew), the totals
@@ -25,11 +26,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from aerial_il.algorithms.bc import Evaluate
-from aerial_il.algorithms.parts.doubt import Scale
-from aerial_il.algorithms.parts.gates import CoinGate, GateSettings, Round
-from aerial_il.algorithms.parts.interactive import Interactive, Pilot, fly_and_learn
-from aerial_il.algorithms.parts.mixture import Mixture
-from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace
+from aerial_il.algorithms.interactive.disagreement import Scale
+from aerial_il.algorithms.interactive.gates import CoinGate, GateSettings, Round
+from aerial_il.algorithms.interactive.mixture import Mixture
+from aerial_il.algorithms.interactive.rounds import Collect, Rounds, Workplace
+from aerial_il.algorithms.interactive.settings import Interactive, Pilot, fly_and_learn
 from aerial_il.core.policy import Policy
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
@@ -68,7 +69,7 @@ class DAgger(Interactive):
         Args:
             dataset: demonstrations to begin with, flown in the same kind of environment; failures are left out.
             policy: what to train.
-            run: folder of the run; see :mod:`aerial_il.algorithms.parts.rounds`.
+            run: folder of the run; see :mod:`aerial_il.algorithms.interactive.rounds`.
             env: batch environment to fly in. expert: whom to ask. collect: records flights.
             seed: decides weights, minibatches, coins and the seeds of the flights.
             evaluate: ``(policy, round) -> named numbers`` from flights on seeds of its own.

@@ -31,11 +31,11 @@ from typing import Any
 import numpy as np
 
 from aerial_il.algorithms.bc import Evaluate
-from aerial_il.algorithms.parts.doubt import actions_along
-from aerial_il.algorithms.parts.interactive import Interactive, Pilot, fly_and_learn
-from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace
-from aerial_il.algorithms.parts.settings import require_positive
-from aerial_il.algorithms.parts.training_set import split
+from aerial_il.algorithms.interactive.disagreement import actions_along
+from aerial_il.algorithms.interactive.rounds import Collect, Rounds, Workplace
+from aerial_il.algorithms.interactive.settings import Interactive, Pilot, fly_and_learn
+from aerial_il.algorithms.rl.settings import require_positive
+from aerial_il.algorithms.supervised.training_set import split
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.seeding import named_rng

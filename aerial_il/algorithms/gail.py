@@ -24,16 +24,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.parts.blur import sample_shown
-from aerial_il.algorithms.parts.discriminator import Reward
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
-from aerial_il.algorithms.parts.learned_reward import LearnedReward
-from aerial_il.algorithms.parts.replay import Replay, rows_of
-from aerial_il.algorithms.parts.returns import RunningMoments
-from aerial_il.algorithms.parts.rollout import Rollout, fly, learn, learner_of
-from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import (
+from aerial_il.algorithms.adversarial.action_noise import sample_shown
+from aerial_il.algorithms.adversarial.discriminator import Reward
+from aerial_il.algorithms.adversarial.reward_net import LearnedReward
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import check_policy, read_lesson
+from aerial_il.algorithms.rl.replay_buffer import Replay, rows_of
+from aerial_il.algorithms.rl.returns import RunningMoments
+from aerial_il.algorithms.rl.rollout import Rollout, fly, learn, learner_of
+from aerial_il.algorithms.rl.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.rl.settings import (
     Imitating,
     OnPolicy,
     require_choice,

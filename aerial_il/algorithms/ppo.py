@@ -18,12 +18,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
-from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments
-from aerial_il.algorithms.parts.rollout import fly, learn, learner_of
-from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import OnPolicy
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import check_policy, plain_interface
+from aerial_il.algorithms.rl.returns import ReturnScale, RunningMoments
+from aerial_il.algorithms.rl.rollout import fly, learn, learner_of
+from aerial_il.algorithms.rl.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.rl.settings import OnPolicy
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy

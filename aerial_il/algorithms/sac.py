@@ -17,14 +17,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
-from aerial_il.algorithms.parts.flown import fly_step
-from aerial_il.algorithms.parts.replay import Replay, rows_of
-from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import OffPolicy
-from aerial_il.algorithms.parts.snapshot import Generator
-from aerial_il.algorithms.parts.soft_actor_critic import SoftActorCritic
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import check_policy, plain_interface
+from aerial_il.algorithms.rl.flown import fly_step
+from aerial_il.algorithms.rl.replay_buffer import Replay, rows_of
+from aerial_il.algorithms.rl.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.rl.settings import OffPolicy
+from aerial_il.algorithms.rl.soft_actor_critic import SoftActorCritic
+from aerial_il.algorithms.run.state import Generator
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy

@@ -21,13 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, read_lesson
-from aerial_il.algorithms.parts.flown import fly_step
-from aerial_il.algorithms.parts.replay import Batch, Replay, joined, rows_of
-from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import Imitating, OffPolicy
-from aerial_il.algorithms.parts.snapshot import Generator
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import check_policy, read_lesson
+from aerial_il.algorithms.rl.flown import fly_step
+from aerial_il.algorithms.rl.replay_buffer import Batch, Replay, joined, rows_of
+from aerial_il.algorithms.rl.session import Evaluate, open_session, origin_of
+from aerial_il.algorithms.rl.settings import Imitating, OffPolicy
+from aerial_il.algorithms.run.state import Generator
 from aerial_il.algorithms.sac import agent_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode

@@ -21,8 +21,8 @@ import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import Dart
-from aerial_il.algorithms.parts.rounds import plain
-from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.interactive.rounds import plain
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.ground import learning_code
 from aerial_il.benchmarks.parts.progress import bar

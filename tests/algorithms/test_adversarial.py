@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aerial_il.algorithms.adversarial.reward_net import load_reward, reward_along
 from aerial_il.algorithms.airl import AdversarialInverseLearning
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.parts.learned_reward import load_reward, reward_along
-from aerial_il.algorithms.parts.run_folder import METRICS, read_metrics
 from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.run.folder import METRICS, read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.algorithms.sqil import SoftQImitation
 from aerial_il.core.errors import CheckpointError, InvalidValueError

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import torch
 
+from aerial_il.algorithms.adversarial.action_noise import blurred
+from aerial_il.algorithms.adversarial.discriminator import REWARDS, RunningNorm, Scorer, gradient_penalty
+from aerial_il.algorithms.adversarial.reward_net import LearnedReward, Shape
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.algorithms.parts.blur import blurred
-from aerial_il.algorithms.parts.discriminator import REWARDS, RunningNorm, Scorer, gradient_penalty
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import (
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import (
     check_policy,
     check_same,
     decode,
@@ -22,11 +24,9 @@ from aerial_il.algorithms.parts.expert_data import (
     fit_interface,
     read_transitions,
 )
-from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
-from aerial_il.algorithms.parts.proximal import shuffled
-from aerial_il.algorithms.parts.replay import Batch, Replay, rows_of, split
-from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments, advantages
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.rl.proximal import shuffled
+from aerial_il.algorithms.rl.replay_buffer import Batch, Replay, rows_of, split
+from aerial_il.algorithms.rl.returns import ReturnScale, RunningMoments, advantages
 from aerial_il.algorithms.sac import SoftActorCriticLearning, agent_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.policies.mlp import MlpConfig

@@ -11,8 +11,8 @@ import pytest
 import torch
 
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.standing import Standing
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.supervised.best_checkpoint import Standing
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError

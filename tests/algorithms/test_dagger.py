@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from aerial_il.algorithms.dart import Disturbed, Noise
-from aerial_il.algorithms.parts.doubt import Scale, disagreement
-from aerial_il.algorithms.parts.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
-from aerial_il.algorithms.parts.mixture import IGNORED_STEPS, Choice, Mixture, Sight
-from aerial_il.algorithms.parts.rounds import Tally
-from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.supervisors import Corrector
+from aerial_il.algorithms.interactive.disagreement import Scale, disagreement
+from aerial_il.algorithms.interactive.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
+from aerial_il.algorithms.interactive.mixture import IGNORED_STEPS, Choice, Mixture, Sight
+from aerial_il.algorithms.interactive.rounds import Tally
+from aerial_il.algorithms.interactive.supervisors import Corrector
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError

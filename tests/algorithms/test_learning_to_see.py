@@ -12,10 +12,10 @@ import pytest
 import torch
 
 from aerial_il.algorithms.bc import BehaviourCloning, _shaken
-from aerial_il.algorithms.parts import training_set
-from aerial_il.algorithms.parts.loader import Loader
-from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.training_set import TrainingSet, cut_windows, fit_interface, read_demos
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.supervised import training_set
+from aerial_il.algorithms.supervised.loader import Loader
+from aerial_il.algorithms.supervised.training_set import TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import AHEAD, Dataset

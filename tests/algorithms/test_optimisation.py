@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from aerial_il.algorithms.parts.optimisation import Ema, adamw, cosine, from_arrays, to_arrays
+from aerial_il.algorithms.supervised.optimisation import Ema, adamw, cosine, from_arrays, to_arrays
 
 
 def test_the_learning_rate_warms_up_peaks_and_ends_at_its_floor() -> None:

@@ -16,7 +16,15 @@ from aerial_il.core.provenance import package_versions
 
 PROBED_SEEDS, PROBE_NOISE, LONGEST_PROBE = (4_000_000, 4_000_001), 0.3, 1500
 PACKAGE = Path(aerial_il.__file__).parent
-LEARNING = ("policies", "algorithms/parts", "data/windows.py")
+LEARNING = (
+    "policies",
+    "algorithms/run",
+    "algorithms/supervised",
+    "algorithms/interactive",
+    "algorithms/rl",
+    "algorithms/adversarial",
+    "data/windows.py",
+)
 
 
 @cache

@@ -14,9 +14,9 @@ from typing import Any, Protocol
 
 import aerial_il
 from aerial_il.algorithms.bc import CADENCE, BehaviourCloning
-from aerial_il.algorithms.parts.interactive import Interactive
-from aerial_il.algorithms.parts.rounds import plain
-from aerial_il.algorithms.parts.run_folder import METRICS, PROVENANCE, read_metrics
+from aerial_il.algorithms.interactive.rounds import plain
+from aerial_il.algorithms.interactive.settings import Interactive
+from aerial_il.algorithms.run.folder import METRICS, PROVENANCE, read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, collections, first, gather
 from aerial_il.benchmarks.parts.ground import ground, learning_code
 from aerial_il.benchmarks.parts.record import Record

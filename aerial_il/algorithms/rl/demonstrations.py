@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.replay import Replay, rows_of
-from aerial_il.algorithms.parts.settings import Bounds, Imitating, Labels
-from aerial_il.algorithms.parts.training_set import read_demos
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.replay_buffer import Replay, rows_of
+from aerial_il.algorithms.rl.settings import Bounds, Imitating, Labels
+from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
 from aerial_il.algorithms.bc import CADENCE, BehaviourCloning, Evaluate, due
-from aerial_il.algorithms.parts.rounds import Rounds, Training
-from aerial_il.algorithms.parts.settings import require_not_negative, require_positive
+from aerial_il.algorithms.interactive.rounds import Rounds, Training
+from aerial_il.algorithms.rl.settings import require_not_negative, require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from aerial_il.algorithms.parts.replay import Batch, Replay
-from aerial_il.algorithms.parts.snapshot import Trained
+from aerial_il.algorithms.rl.replay_buffer import Batch, Replay
+from aerial_il.algorithms.run.state import Trained
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 

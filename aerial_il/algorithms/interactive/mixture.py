@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from aerial_il.algorithms.parts.doubt import Scale
+from aerial_il.algorithms.interactive.disagreement import Scale
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 
 IGNORED = 1.0  # distance of action and advice, in deviations of demonstrated actions, that counts as ignoring it

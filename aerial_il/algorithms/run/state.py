@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from aerial_il.algorithms.parts.optimisation import from_arrays, to_arrays
+from aerial_il.algorithms.supervised.optimisation import from_arrays, to_arrays
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 

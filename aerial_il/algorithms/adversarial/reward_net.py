@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.parts.discriminator import REWARDS, Reward, Scorer, discriminator_loss, gradient_penalty
-from aerial_il.algorithms.parts.expert_data import encode, encode_actions
-from aerial_il.algorithms.parts.replay import Batch
-from aerial_il.algorithms.parts.run_folder import REWARD
-from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
+from aerial_il.algorithms.adversarial.discriminator import REWARDS, Reward, Scorer, discriminator_loss, gradient_penalty
+from aerial_il.algorithms.rl.demonstrations import encode, encode_actions
+from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.run.folder import REWARD
+from aerial_il.algorithms.run.state import Snapshot, Trained, adam, below
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.parts.snapshot import Snapshot
+from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
 from aerial_il.policies.parts.layout import Layout
 

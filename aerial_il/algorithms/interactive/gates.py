@@ -20,10 +20,10 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
-from aerial_il.algorithms.parts.doubt import Scale, actions_along, disagreement
-from aerial_il.algorithms.parts.mixture import Choice, Gate, Sight
-from aerial_il.algorithms.parts.risk import RiskModel, fit_risk
-from aerial_il.algorithms.parts.supervisors import Corrector, Supervisor
+from aerial_il.algorithms.interactive.disagreement import Scale, actions_along, disagreement
+from aerial_il.algorithms.interactive.mixture import Choice, Gate, Sight
+from aerial_il.algorithms.interactive.risk import RiskModel, fit_risk
+from aerial_il.algorithms.interactive.supervisors import Corrector, Supervisor
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode

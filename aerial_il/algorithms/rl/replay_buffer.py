@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.parts.snapshot import Snapshot
+from aerial_il.algorithms.run.state import Snapshot
 
 
 class Batch(NamedTuple):

@@ -19,9 +19,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.parts.cloning import away_from, clone
-from aerial_il.algorithms.parts.replay import Batch, Replay
-from aerial_il.algorithms.parts.snapshot import Snapshot, Trained, adam, below
+from aerial_il.algorithms.rl.pretraining import away_from, clone
+from aerial_il.algorithms.rl.replay_buffer import Batch, Replay
+from aerial_il.algorithms.run.state import Snapshot, Trained, adam, below
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 

@@ -13,12 +13,12 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight, report_over
-from aerial_il.algorithms.parts.run_folder import RunFolder
-from aerial_il.algorithms.parts.settings import Flying
-from aerial_il.algorithms.parts.signals import SignalWatch
-from aerial_il.algorithms.parts.snapshot import Part, Snapshot, pack, unpack
-from aerial_il.algorithms.parts.threads import torch_threads
+from aerial_il.algorithms.rl.collector import EndlessFlight, report_over
+from aerial_il.algorithms.rl.settings import Flying
+from aerial_il.algorithms.run.folder import RunFolder
+from aerial_il.algorithms.run.signals import SignalWatch
+from aerial_il.algorithms.run.state import Part, Snapshot, pack, unpack
+from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.core.errors import TrainingDivergedError
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.algorithms.parts.snapshot import Snapshot
+from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.policies.parts.normaliser import MIN_SCALE, Normaliser
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.parts.optimisation import Ema, adamw, from_arrays, to_arrays
+from aerial_il.algorithms.supervised.optimisation import Ema, adamw, from_arrays, to_arrays
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import TrainingDivergedError
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy

@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import decode, encode
-from aerial_il.algorithms.parts.snapshot import Generator
-from aerial_il.algorithms.parts.soft_actor_critic import SoftActorCritic
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import decode, encode
+from aerial_il.algorithms.rl.soft_actor_critic import SoftActorCritic
+from aerial_il.algorithms.run.state import Generator
 from aerial_il.policies.parts.layout import Interface
 
 
 class Flown(NamedTuple):
-    """One step of n worlds, in the order that :func:`aerial_il.algorithms.parts.replay.rows_of` takes.
+    """One step of n worlds, in the order that :func:`aerial_il.algorithms.rl.replay_buffer.rows_of` takes.
 
     Attributes:
         obs, next_obs: (n, Do) encoded; ``next_obs`` was seen before any reset.

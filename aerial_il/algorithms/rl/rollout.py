@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import decode, encode
-from aerial_il.algorithms.parts.proximal import Proximal
-from aerial_il.algorithms.parts.returns import advantages
-from aerial_il.algorithms.parts.settings import OnPolicy
+from aerial_il.algorithms.rl.collector import EndlessFlight
+from aerial_il.algorithms.rl.demonstrations import decode, encode
+from aerial_il.algorithms.rl.proximal import Proximal
+from aerial_il.algorithms.rl.returns import advantages
+from aerial_il.algorithms.rl.settings import OnPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 

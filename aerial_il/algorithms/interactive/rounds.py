@@ -24,9 +24,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from aerial_il.algorithms.bc import BehaviourCloning, Evaluate
-from aerial_il.algorithms.parts.run_folder import RunFolder
-from aerial_il.algorithms.parts.threads import torch_threads
-from aerial_il.algorithms.parts.training_set import cut_windows, digest_of, read_demos
+from aerial_il.algorithms.run.folder import RunFolder
+from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sync_folder
