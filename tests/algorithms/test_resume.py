@@ -53,7 +53,7 @@ def wait_for(child: subprocess.Popen[str], path: Path) -> None:
 def saved_step(run: Path) -> int:
     found = checkpoint.latest(run)
     assert found is not None
-    return found[1].state["learner"]["step"]
+    return found[1].state["parts"]["learner"]["step"]
 
 
 def told(run: Path) -> list[dict[str, float]]:

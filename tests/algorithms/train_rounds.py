@@ -22,7 +22,12 @@ BC = BehaviourCloning(
 )
 DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=100)
 THRIFTY = DAgger(
-    rounds=2, episodes=5, gate=ThriftyGate(ensemble=2, alone=5, least=3), training=BC, between_steps=100, warm=False
+    rounds=2,
+    episodes=5,
+    gate=ThriftyGate(ensemble=2, alone=5, least=3),
+    training=BC,
+    between_steps=100,
+    warm_start=False,
 )
 DART = Dart(rounds=2, episodes=5, training=BC, between_steps=100)
 SETTINGS = {"dagger": DAGGER, "thrifty": THRIFTY, "dart": DART}

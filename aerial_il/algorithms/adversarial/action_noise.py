@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import torch
 
-from aerial_il.algorithms.rl.replay_buffer import Batch, Replay
+from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
 
 
-def sample_shown(expert: Replay, count: int, actor: SquashedGaussian, *, blur: bool) -> Batch:
-    """Draw ``count`` demonstrated transitions for a discriminator, with the noise of ``actor`` if ``blur``."""
-    shown = expert.sample(count)
-    return blurred(shown, actor) if blur else shown
+def sample_demos(expert_buffer: ReplayBuffer, count: int, actor: SquashedGaussian, *, action_noise: bool) -> Batch:
+    """Draw ``count`` demonstrated transitions for a discriminator, with the noise of ``actor`` if asked for."""
+    demos = expert_buffer.sample(count)
+    return with_action_noise(demos, actor) if action_noise else demos
 
 
 @torch.no_grad()
-def blurred(shown: Batch, actor: SquashedGaussian) -> Batch:
-    """Return ``shown`` with the noise on its actions that ``actor`` would have added to them."""
-    _, log_std = actor.gaussian(shown.obs[:, None, :-1])
-    raw = unsquashed(shown.actions)
-    return shown._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))
+def with_action_noise(demos: Batch, actor: SquashedGaussian) -> Batch:
+    """Return ``demos`` with the noise on their actions that ``actor`` would have added to them."""
+    _, log_std = actor.gaussian(demos.obs[:, None, :-1])
+    raw = unsquashed(demos.actions)
+    return demos._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))

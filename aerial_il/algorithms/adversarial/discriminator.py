@@ -60,7 +60,7 @@ class RunningNorm(nn.Module):
         return ((inputs - self.mean) / torch.where(deviation < 1e-3, 1.0, deviation)).clamp(-LIMIT, LIMIT)
 
 
-class Scorer(nn.Module):
+class Discriminator(nn.Module):
     """A perceptron from the concatenated inputs (B, ·) to one number each (B,).
 
     Args:
@@ -93,11 +93,11 @@ class Scorer(nn.Module):
         return self.layers(standardised)[..., 0]
 
 
-def discriminator_loss(expert: Tensor, agent: Tensor) -> tuple[Tensor, dict[str, float]]:
-    """Return the cross-entropy of telling the demonstrator's logits (B,) from the agent's, and how often it does."""
+def cross_entropy(expert: Tensor, agent: Tensor) -> tuple[Tensor, dict[str, float]]:
+    """Return ``-log D`` of the demonstrator's logits (B,) ``- log(1 - D)`` of the agent's, and both accuracies."""
     loss = functional.softplus(-expert).mean() + functional.softplus(agent).mean()
     shares = {"expert": (expert > 0).float().mean().item(), "agent": (agent < 0).float().mean().item()}
-    return loss, {"reward/loss": loss.item(), **{f"reward/told_{who}": share for who, share in shares.items()}}
+    return loss, {"reward/loss": loss.item(), **{f"reward/acc_{who}": share for who, share in shares.items()}}
 
 
 def gradient_penalty(score: Callable[[Tensor], Tensor], expert: Tensor, agent: Tensor, mix: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""A reward learned from demonstrations: trained beside the agent, kept with its run, shown along any episode."""
+"""A reward network learned from demonstrations: trained beside the agent, saved with its run, told along episodes."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import TypedDict
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from aerial_il.algorithms.adversarial.discriminator import REWARDS, Reward, Scorer, discriminator_loss, gradient_penalty
-from aerial_il.algorithms.rl.demonstrations import encode, encode_actions
+from aerial_il.algorithms.adversarial.discriminator import REWARDS, Discriminator, Reward, gradient_penalty
+from aerial_il.algorithms.rl.interface import encode, encode_actions
 from aerial_il.algorithms.rl.replay_buffer import Batch
 from aerial_il.algorithms.run.folder import REWARD
-from aerial_il.algorithms.run.state import Snapshot, Trained, adam, below
+from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError
@@ -28,7 +29,7 @@ from aerial_il.policies.parts.layout import Interface
 
 
 class Shape(TypedDict):
-    """What rebuilds the network; see :class:`Scorer`. With ``actions`` false it sees observations alone."""
+    """What rebuilds the network; see :class:`Discriminator`. With ``actions`` false it sees observations alone."""
 
     hidden: Sequence[int]
     spectral: bool
@@ -38,8 +39,8 @@ class Shape(TypedDict):
     form: Reward
 
 
-class LearnedReward:
-    """What a discriminator pays, and how it learns.
+class RewardNet:
+    """A discriminator: its logits, the reward it pays, and its optimiser.
 
     Args:
         obs_size, action_size: Do and Da. shape: of the network and of the payment. lr: learning rate.
@@ -47,55 +48,53 @@ class LearnedReward:
 
     def __init__(self, obs_size: int, action_size: int, shape: Shape, *, lr: float = 3e-4) -> None:
         self.shape, self._sizes = shape, (obs_size, action_size)
-        inputs = obs_size + 1 + action_size * shape["actions"]
-        self.network = Scorer(
-            inputs,
+        self.network = Discriminator(
+            obs_size + 1 + action_size * shape["actions"],
             shape["hidden"],
             spectral=shape["spectral"],
             dropout=shape["dropout"],
             running_norm=shape["running_norm"],
         )
-        self._trained = Trained(self.network, adam(self.network, lr))
+        self._trained: TrainState[nn.Module] = TrainState(self.network, adam(self.network, lr))
 
     @torch.no_grad()
-    def pay(self, obs: Tensor, actions: Tensor) -> Tensor:
+    def reward(self, obs: Tensor, actions: Tensor) -> Tensor:
         """Return rewards (B,) for observations (B, Do + 1) and normalised actions (B, Da)."""
         return REWARDS[self.shape["form"]](self.network.eval()(self._inputs(obs, actions)))
 
-    def learn(self, expert: Batch, agent: Batch, *, penalty: float) -> dict[str, float]:
-        """Tell the demonstrator's transitions from the agent's a little better; ``penalty`` weighs the slope's."""
-        shown, flown = (self._inputs(batch.obs, batch.actions) for batch in (expert, agent))
-        network, both = self.network.train(), torch.cat([shown, flown])
+    def logits(self, expert: Batch, agent: Batch) -> tuple[Tensor, Tensor]:
+        """Return ``log D - log(1 - D)`` (B,) of the demonstrator's and of the agent's transitions, while training."""
+        sides = self._sides(expert, agent)
+        network, both = self.network.train(), torch.cat(sides)
         if network.norm is not None:
             network.norm.add(both)
-        loss, metrics = discriminator_loss(*network(both).split([len(shown), len(flown)]))
-        return metrics | self._descend(loss, shown, flown, penalty)
+        of_expert, of_agent = network(both).split([len(side) for side in sides])
+        return of_expert, of_agent
 
-    def _descend(self, loss: Tensor, shown: Tensor, flown: Tensor, penalty: float) -> dict[str, float]:
-        """Take one step, the slope between both sides' inputs held back; return how steep it was, where it is."""
-        metrics: dict[str, float] = {}
-        if penalty:
-            sides = self.network.standardised(shown), self.network.standardised(flown)
-            steep = gradient_penalty(self.network.score, *sides, torch.rand(len(shown), 1))
-            loss, metrics = loss + penalty * steep, {"reward/steep": steep.item()}
+    def gradient_penalty(self, expert: Batch, agent: Batch) -> Tensor:
+        """Return how far the network's slope is from 1 at random points between both sides' standardised inputs."""
+        sides = [self.network.standardised(side) for side in self._sides(expert, agent)]
+        return gradient_penalty(self.network.score, *sides, torch.rand(len(sides[0]), 1))
+
+    def descend(self, loss: Tensor) -> None:
+        """Take one step against the gradient of ``loss``."""
         self._trained.descend(loss)
-        return metrics
 
     def along(self, episode: Episode, interface: Interface) -> np.ndarray:
         """Return what each step of ``episode`` would be paid, (T,)."""
         frames = interface.layout.flatten(episode.obs)[:-1]
         obs = np.pad(encode(interface, frames), ((0, 0), (0, 1)))
         actions = encode_actions(interface, episode.executed_actions, frames)
-        return self.pay(tensor(obs), tensor(actions)).numpy()
+        return self.reward(tensor(obs), tensor(actions)).numpy()
 
     def after(self, ends: np.ndarray) -> np.ndarray:
         """Return what each step is paid in the absorbing states that ``ends`` (N, Do) lead to, (N,)."""
         marked = torch.cat([tensor(ends), torch.ones(len(ends), 1)], dim=1)
-        return self.pay(marked, torch.zeros(len(ends), self._sizes[1])).numpy().astype(float)
+        return self.reward(marked, torch.zeros(len(ends), self._sizes[1])).numpy().astype(float)
 
     def save(self, run: str | os.PathLike[str]) -> Path:
         """Keep the reward in the folder of its run."""
-        arrays = {name: value.numpy() for name, value in self.network.state_dict().items()}
+        arrays = weights_of(self.network)
         sizes = {"obs_size": self._sizes[0], "action_size": self._sizes[1]}
         shape = {**self.shape, "hidden": list(self.shape["hidden"])}
         return checkpoint.save(Path(run) / REWARD, Checkpoint(arrays, {}, {**sizes, "shape": shape}))
@@ -108,14 +107,17 @@ class LearnedReward:
 
     def load(self, saved: Checkpoint) -> None:
         """Take over the weights that :meth:`save` kept."""
-        self.network.load_state_dict({name: torch.from_numpy(a.copy()) for name, a in below("", saved.arrays).items()})
+        load_weights(self.network, saved.arrays)
+
+    def _sides(self, expert: Batch, agent: Batch) -> tuple[Tensor, Tensor]:
+        return self._inputs(expert.obs, expert.actions), self._inputs(agent.obs, agent.actions)
 
     def _inputs(self, obs: Tensor, actions: Tensor) -> Tensor:
         return torch.cat([obs, actions], dim=-1) if self.shape["actions"] else obs
 
 
-def load_reward(run: str | os.PathLike[str]) -> tuple[LearnedReward, Interface]:
-    """Return the reward that a finished run learned, and the way into it; see :meth:`LearnedReward.along`.
+def load_reward(run: str | os.PathLike[str]) -> tuple[RewardNet, Interface]:
+    """Return the reward that a finished run learned, and the way into it; see :meth:`RewardNet.along`.
 
     Raises:
         CheckpointError: the run has learned none, or what it kept is cut or altered.
@@ -136,13 +138,13 @@ def reward_along(run: str | os.PathLike[str], episode: Episode) -> np.ndarray:
     return reward.along(episode, policy.interface)
 
 
-def _kept(run: str | os.PathLike[str]) -> LearnedReward:
+def _kept(run: str | os.PathLike[str]) -> RewardNet:
     folder = Path(run) / REWARD
     if not checkpoint.is_sealed(folder):
         hint = "Only finished runs of gail, dac and airl keep one."
         raise CheckpointError(folder, "holds no learned reward.", hint)
     saved = checkpoint.load(folder)
-    reward = LearnedReward(saved.config["obs_size"], saved.config["action_size"], saved.config["shape"])
+    reward = RewardNet(saved.config["obs_size"], saved.config["action_size"], saved.config["shape"])
     reward.load(saved)
     return reward
 

@@ -12,7 +12,7 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 @dataclass(frozen=True, eq=False)
-class Scale:
+class ActionScale:
     """The spread of demonstrated actions, element by element.
 
     Attributes:
@@ -22,24 +22,24 @@ class Scale:
     sizes: np.ndarray
 
     @staticmethod
-    def of(policy: ChunkPolicy) -> Scale:
+    def of(policy: ChunkPolicy) -> ActionScale:
         """Return the scale that ``policy`` normalises actions with: anchored ones count as offsets."""
-        return Scale(policy.interface.action.scale.astype(float))
+        return ActionScale(policy.interface.action.scale.astype(float))
 
     def distance(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Root mean square (N,) over the elements of the scaled difference of actions (N, Da)."""
         return np.sqrt((((one - other) / self.sizes) ** 2).mean(axis=1))
 
 
-def disagreement(opinions: np.ndarray, scale: Scale) -> np.ndarray:
+def disagreement(actions: np.ndarray, scale: ActionScale) -> np.ndarray:
     """Variance over the K policies of their actions (K, N, Da), scaled, mean over the elements (N,)."""
-    return (opinions / scale.sizes).var(axis=0).mean(axis=1)
+    return (actions / scale.sizes).var(axis=0).mean(axis=1)
 
 
 def actions_along(policy: ChunkPolicy, episodes: Sequence[Episode]) -> np.ndarray:
     """Return what ``policy`` would have done (N, Da) at each step of the episodes, one after the other.
 
-    It is shown each flight from its start, as if it flew, and keeps its memory accordingly.
+    It is shown each flight from its start, as if it flew, and keeps its state accordingly.
     """
     lengths = np.array([len(episode) for episode in episodes])
     names = (*policy.interface.layout.names, *policy.config.images)

@@ -1,4 +1,4 @@
-"""When the expert flies while a learner learns: by the toss of a coin, by the ensemble's doubt, or by a person's word.
+"""Gates, which decide when the expert flies: a coin, the ensemble's disagreement and the risk, or a supervisor.
 
 A gate's settings are a frozen dataclass that says how many policies it compares (``ensemble``) and how many flights the
 learner makes alone before each round (``alone``); its ``open`` makes the gate of one round from those.
@@ -6,7 +6,7 @@ learner makes alone before each round (``alone``); its ``open`` makes the gate o
 Sources:
     S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret online
     learning", AISTATS 2011: algorithm 3.1 (DAgger).
-    K. Menda, K. Driggs-Campbell and M. Kochenderfer, "EnsembleDAgger", IROS 2019: doubt as the ensemble's variance.
+    K. Menda, K. Driggs-Campbell and M. Kochenderfer, "EnsembleDAgger", IROS 2019: novelty as the ensemble's variance.
     R. Hoque et al., "ThriftyDAgger: budget-aware novelty and risk gating for interactive imitation learning",
     CoRL 2021: section 4 (novelty, risk, switching back, thresholds from quantiles).
     M. Kelly et al., "HG-DAgger: interactive imitation learning with human experts", ICRA 2019: algorithm 1.
@@ -20,8 +20,8 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
-from aerial_il.algorithms.interactive.disagreement import Scale, actions_along, disagreement
-from aerial_il.algorithms.interactive.mixture import Choice, Gate, Sight
+from aerial_il.algorithms.interactive.disagreement import ActionScale, actions_along, disagreement
+from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
 from aerial_il.algorithms.interactive.risk import RiskModel, fit_risk
 from aerial_il.algorithms.interactive.supervisors import Corrector, Supervisor
 from aerial_il.core.errors import InvalidValueError
@@ -40,14 +40,14 @@ class Round:
         number: of the round, from 1; 0 is the first training on demonstrations.
         seed: of the run.
         members: the learner first, then the others of its ensemble.
-        lessons: labelled episodes that they were trained on.
+        dataset: labelled episodes that they were trained on.
         probes: flights of learners alone, of this round and those before.
     """
 
     number: int
     seed: int
     members: Sequence[ChunkPolicy]
-    lessons: Sequence[Episode]
+    dataset: Sequence[Episode]
     probes: Sequence[Episode]
 
 
@@ -99,9 +99,9 @@ class _Coin:
         kept = fresh if len(self._rngs) != len(seeds) else self._rngs
         self._rngs = [new if due else old for new, old, due in zip(fresh, kept, mask, strict=True)]
 
-    def choose(self, sight: Sight) -> Choice:
+    def decide(self, given: GateInput) -> Decision:
         tossed = np.array([rng.random() for rng in self._rngs])
-        return Choice(tossed < self._beta, np.ones(len(tossed), bool))
+        return Decision(tossed < self._beta, np.ones(len(tossed), bool))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,13 +111,13 @@ class ThriftyGate:
     It takes over where ``novelty > n`` or ``risk > r``, and hands back where the learner's action is near to its own,
     ``discrepancy < d``, and ``risk <= m``. Only the steps that it flies are queries. The thresholds come from data: n
     and r are the ``1 - alarms`` quantiles of novelty and risk over the states of the learner's own successful flights
-    (over all lessons where there is none), d is ``agreement`` times the mean discrepancy on the lessons, m the median
-    risk.
+    (over the labelled episodes where there is none), d is ``agreement`` times the mean discrepancy on the labelled
+    episodes, m the median risk.
 
     Three things differ from the paper. Risk is not learned by bootstrapping from demonstrations, but as the frequency
     of failure in flights that the learner makes alone and nobody labels (``alone``). The quantiles are taken over
     flights that went well: over all of them, a learner that is often stuck would find being stuck ordinary. And the
-    mean discrepancy is multiplied: it is an error in training, on lessons that a learner may know by heart, and one
+    mean discrepancy is multiplied: it is a training error, on episodes that a learner may know by heart, and one
     that is asked to be as near elsewhere is hardly ever trusted again.
 
     Attributes:
@@ -125,7 +125,7 @@ class ThriftyGate:
         alone: flights per round of the learner alone.
         alarms: share of the states of a good flight at which the expert is called, by novelty and by risk each.
         least: steps that it flies at least: a chunk of actions is learned from a run of them.
-        agreement: how many mean discrepancies on the lessons the learner may be away from it when it hands back.
+        agreement: how many mean discrepancies on labelled episodes the learner may be away when it hands back.
         patience: steps in a row that must be alarming before it is called.
         novelty, risk: which of the two alarms there are; novelty alone is EnsembleDAgger's doubt rule.
     """
@@ -153,9 +153,9 @@ class ThriftyGate:
             raise InvalidValueError("novelty and risk are both off: the expert would never be called.")
 
     def open(self, of: Round) -> Gate:
-        learner, scale = of.members[0], Scale.of(of.members[0])
+        learner, scale = of.members[0], ActionScale.of(of.members[0])
         risk = fit_risk(of.probes, learner, seed=of.seed) if self.risk else None
-        good = [flight for flight in of.probes if flight.success] or list(of.lessons)
+        good = [flight for flight in of.probes if flight.success] or list(of.dataset)
         proposed = [actions_along(member, good) for member in of.members]
         novelty = disagreement(np.stack(proposed), scale)
         risky = risk.of_episodes(good, proposed[0]) if risk else np.zeros(1)
@@ -166,7 +166,7 @@ class ThriftyGate:
             Thresholds(
                 novelty=float(np.quantile(novelty, 1 - self.alarms)) if self.novelty else np.inf,
                 risk=float(np.quantile(risky, 1 - self.alarms)) if self.risk else np.inf,
-                discrepancy=self.agreement * _mean_discrepancy(learner, of.lessons, scale),
+                discrepancy=self.agreement * _mean_discrepancy(learner, of.dataset, scale),
                 calm=float(np.median(risky)) if self.risk else np.inf,
             ),
             least=self.least,
@@ -190,7 +190,7 @@ class _Thrifty:
     def __init__(
         self,
         others: Sequence[ChunkPolicy],
-        scale: Scale,
+        scale: ActionScale,
         risk: RiskModel | None,
         thresholds: Thresholds,
         *,
@@ -199,39 +199,39 @@ class _Thrifty:
     ) -> None:
         self.others, self.scale, self.risk, self.thresholds = others, scale, risk, thresholds
         self.least, self.patience = least, patience
-        self._alarmed, self._flown, self._leave = np.zeros(0, int), np.zeros(0, int), np.zeros(0, bool)
+        self._alarmed_steps, self._flown_steps, self._leave = np.zeros(0, int), np.zeros(0, int), np.zeros(0, bool)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
-        if len(self._flown) != len(seeds):
-            self._alarmed, self._flown = np.zeros((2, len(seeds)), int)
+        if len(self._flown_steps) != len(seeds):
+            self._alarmed_steps, self._flown_steps = np.zeros((2, len(seeds)), int)
             self._leave = np.zeros(len(seeds), bool)
             mask = np.ones(len(seeds), bool)
             for other in self.others:
                 other.reset()
-        self._alarmed[mask], self._flown[mask], self._leave[mask] = 0, 0, False
+        self._alarmed_steps[mask], self._flown_steps[mask], self._leave[mask] = 0, 0, False
         for other in self.others:
             other.reset(mask)
 
-    def choose(self, sight: Sight) -> Choice:
-        opinions = np.stack([sight.proposed, *(other.act(sight.obs) for other in self.others)])
+    def decide(self, given: GateInput) -> Decision:
+        opinions = np.stack([given.learner_action, *(other.act(given.obs) for other in self.others)])
         novelty = disagreement(opinions, self.scale)
-        risk = self.risk.of(sight.obs, sight.proposed) if self.risk else np.zeros(len(novelty))
+        risk = self.risk.of(given.obs, given.learner_action) if self.risk else np.zeros(len(novelty))
         alarming = (novelty > self.thresholds.novelty) | (risk > self.thresholds.risk)
-        self._alarmed = np.where(alarming, self._alarmed + 1, 0)
-        flies = np.where(sight.flew, ~self._leave, self._alarmed >= self.patience)
-        self._flown = np.where(flies, self._flown + 1, 0)
-        agreed = self.scale.distance(sight.proposed, sight.wished) < self.thresholds.discrepancy
+        self._alarmed_steps = np.where(alarming, self._alarmed_steps + 1, 0)
+        flies = np.where(given.expert_flew, ~self._leave, self._alarmed_steps >= self.patience)
+        self._flown_steps = np.where(flies, self._flown_steps + 1, 0)
+        agreed = self.scale.distance(given.learner_action, given.expert_action) < self.thresholds.discrepancy
         calm = risk <= self.thresholds.calm
-        self._leave = flies & (self._flown >= self.least) & agreed & calm & ~alarming
-        return Choice(flies, flies)
+        self._leave = flies & (self._flown_steps >= self.least) & agreed & calm & ~alarming
+        return Decision(flies, flies)
 
 
 @dataclass(frozen=True, kw_only=True)
 class HumanGate:
-    """HG-DAgger: a supervisor takes the sticks when it sees fit and gives them back; only what it flew is learned.
+    """HG-DAgger: a supervisor takes over when it sees fit and hands back; only what the expert flew is learned.
 
     Attributes:
-        supervisor: who decides: a person's hand on the sticks, or a script in its place.
+        supervisor: who decides: a person, or a script in their place.
     """
 
     ensemble: ClassVar[int] = 1
@@ -240,32 +240,32 @@ class HumanGate:
     supervisor: Supervisor = field(default_factory=Corrector)
 
     def open(self, of: Round) -> Gate:
-        return _Supervised(self.supervisor, Scale.of(of.members[0]))
+        return _Supervised(self.supervisor, ActionScale.of(of.members[0]))
 
 
 class _Supervised:
-    """Passes the supervisor's word on."""
+    """Does what the supervisor says."""
 
-    def __init__(self, supervisor: Supervisor, scale: Scale) -> None:
+    def __init__(self, supervisor: Supervisor, scale: ActionScale) -> None:
         self._supervisor, self._scale = supervisor, scale
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
         self._supervisor.reset(mask)
 
-    def choose(self, sight: Sight) -> Choice:
+    def decide(self, given: GateInput) -> Decision:
         """A supervisor watches all the time, as a person does; only what it flies is asked for."""
-        distance = self._scale.distance(sight.proposed, sight.wished)
-        flies = np.asarray(self._supervisor.holds(sight.obs, distance, sight.flew), bool)
-        return Choice(flies, flies)
+        distance = self._scale.distance(given.learner_action, given.expert_action)
+        flies = np.asarray(self._supervisor.holds(given.obs, distance, given.expert_flew), bool)
+        return Decision(flies, flies)
 
 
 GateSettings = CoinGate | ThriftyGate | HumanGate
 
 
-def _mean_discrepancy(learner: ChunkPolicy, lessons: Sequence[Episode], scale: Scale) -> float:
-    """Mean distance between the learner's actions and the labels along the lessons."""
-    labels = np.concatenate([lesson.labels for lesson in lessons])
-    labelled = np.concatenate([lesson.asked for lesson in lessons])
+def _mean_discrepancy(learner: ChunkPolicy, dataset: Sequence[Episode], scale: ActionScale) -> float:
+    """Mean distance between the learner's actions and the labels along labelled episodes."""
+    labels = np.concatenate([episode.labels for episode in dataset])
+    labelled = np.concatenate([episode.asked for episode in dataset])
     labelled = labelled if labelled.any() else np.ones_like(labelled)
-    distance = scale.distance(actions_along(learner, lessons), labels)
+    distance = scale.distance(actions_along(learner, dataset), labels)
     return float(distance[labelled].mean())

@@ -1,6 +1,6 @@
-"""A learner and an expert who share the sticks: a gate says, world by world and step by step, which of them flies.
+"""A mixture of learner and expert: a gate decides, world by world and step by step, which of them flies.
 
-Every step is told as it was: the action that was flown, the expert's where it was asked, and who held the sticks.
+Every step is recorded as it was: the action that was executed, the expert's where it was asked, and who flew.
 """
 
 from __future__ import annotations
@@ -10,33 +10,33 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from aerial_il.algorithms.interactive.disagreement import Scale
+from aerial_il.algorithms.interactive.disagreement import ActionScale
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 
 IGNORED = 1.0  # distance of action and advice, in deviations of demonstrated actions, that counts as ignoring it
-IGNORED_STEPS = 50  # in a row after which the expert looks again
+IGNORED_STEPS = 50  # in a row after which the expert is reset
 
 
 @dataclass(frozen=True)
-class Sight:
+class GateInput:
     """What a gate may look at before a step of n worlds.
 
     Attributes:
         obs: ``name -> (n, ...)``.
-        proposed: (n, Da) what the learner would do.
-        wished: (n, Da) what the expert would do. A gate whose answer depends on a row of it has asked: see
-            :meth:`Gate.choose`.
-        flew: (n,) bool, the expert held the sticks in the step before.
+        learner_action: (n, Da) what the learner would do.
+        expert_action: (n, Da) what the expert would do. A gate whose answer depends on a row of it has asked: see
+            :meth:`Gate.decide`.
+        expert_flew: (n,) bool, the expert flew in the step before.
     """
 
     obs: Observation
-    proposed: np.ndarray
-    wished: np.ndarray
-    flew: np.ndarray
+    learner_action: np.ndarray
+    expert_action: np.ndarray
+    expert_flew: np.ndarray
 
 
 @dataclass(frozen=True)
-class Choice:
+class Decision:
     """A gate's answer.
 
     Attributes:
@@ -49,17 +49,17 @@ class Choice:
 
 
 class Gate(Protocol):
-    """Decides who flies. Its memory has a row per world."""
+    """Decides who flies. Its state has a row per world."""
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
         """Begin the episodes of ``seeds`` (n,) in the worlds of ``mask`` (n,) bool."""
         ...
 
-    def choose(self, sight: Sight) -> Choice:
-        """Say who flies now.
+    def decide(self, given: GateInput) -> Decision:
+        """Return who flies now.
 
-        Only in rows that are answered with ``asked`` may the answer depend on ``sight.wished``, or it would be a query
-        that nobody counts. A supervisor's gate is free to: who holds the sticks watches all the time.
+        Only in rows that are answered with ``asked`` may the answer depend on ``given.expert_action``, or it would be a
+        query that nobody counts. A supervisor's gate is free to: who may take over watches all the time.
         """
         ...
 
@@ -69,20 +69,20 @@ class Mixture:
 
     Both are shown every state, so that whichever takes over knows where it is: the learner's plan is up to date, and an
     expert with phases follows the flight. What it is not asked for is not told. An expert whose advice has been ignored
-    for a while has its memory cleared: what it believes to be going on is not, and it has to look again.
+    for a while is reset: what it believes to be going on is not.
 
     Args:
         learner: the policy in training.
         expert: whom to learn from.
         gate: who decides.
-        scale: in which advice and action are compared; None never clears the expert's memory.
+        scale: in which advice and action are compared; None never resets the expert.
 
     Attributes:
         expert_action: (n, Da) the expert's answers, NaN where it was not asked.
-        is_intervention: (n,) bool, the expert held the sticks.
+        is_intervention: (n,) bool, the expert flew.
     """
 
-    def __init__(self, learner: Policy, expert: Policy, gate: Gate, scale: Scale | None = None) -> None:
+    def __init__(self, learner: Policy, expert: Policy, gate: Gate, scale: ActionScale | None = None) -> None:
         self.learner, self.expert, self.gate, self.scale = learner, expert, gate, scale
         self._ignored = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
@@ -111,23 +111,23 @@ class Mixture:
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         chosen = np.ones(len(seeds), bool) if mask is None else mask
         self.gate.begin(seeds, chosen)
-        for mind in (self.learner, self.expert):
-            if isinstance(mind, SeededPolicy):
-                mind.begin(seeds, chosen)
+        for policy in (self.learner, self.expert):
+            if isinstance(policy, SeededPolicy):
+                policy.begin(seeds, chosen)
 
     def act(self, obs: Observation) -> np.ndarray:
         proposed = np.asarray(self.learner.act(obs), float)
         flown = np.asarray(self.expert.act(obs), float)
         wished = np.asarray(getattr(self.expert, "expert_action", flown), float)  # before its own perturbation
-        choice = self.gate.choose(Sight(obs, proposed, wished, self.is_intervention))
+        choice = self.gate.decide(GateInput(obs, proposed, wished, self.is_intervention))
         self.is_intervention = choice.expert_flies
-        self._look_again(proposed, wished)
+        self._reset_ignored(proposed, wished)
         asked = choice.asked | choice.expert_flies
         self.expert_action = np.where(asked[:, None], wished, np.nan)
         return np.where(choice.expert_flies[:, None], flown, proposed)
 
-    def _look_again(self, proposed: np.ndarray, wished: np.ndarray) -> None:
-        """Clear the expert's memory of the worlds in which the learner has done something else for long."""
+    def _reset_ignored(self, proposed: np.ndarray, wished: np.ndarray) -> None:
+        """Reset the expert in the worlds in which the learner has done something else for long."""
         if self.scale is None:
             return
         ignored = ~self.is_intervention & (self.scale.distance(proposed, wished) > IGNORED)

@@ -1,4 +1,4 @@
-"""How likely a learner is to fail from here, learned from flights that it made alone.
+"""The risk that a learner fails from here, learned from flights that it made alone.
 
 The outcome of a flight is known, so the probability is learned by classification rather than by bootstrapping: every
 state of a failed flight counts as one from which it fails.

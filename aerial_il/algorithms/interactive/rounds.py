@@ -1,4 +1,4 @@
-"""What interactive algorithms share: rounds of flying and learning that grow one dataset and survive any kill.
+"""Rounds of flying and learning that grow one dataset and survive any kill.
 
 A run's folder holds, besides what every run has::
 
@@ -17,13 +17,13 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
-from aerial_il.algorithms.bc import BehaviourCloning, Evaluate
+from aerial_il.algorithms.interactive.costs import FlightCosts, metrics_of
+from aerial_il.algorithms.interactive.settings import InteractiveSettings
+from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
@@ -32,6 +32,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sync_folder
 from aerial_il.core.policy import Policy
 from aerial_il.core.provenance import provenance
+from aerial_il.core.settings import plain
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -65,82 +66,71 @@ class Collect(Protocol):
     ) -> object: ...
 
 
-@dataclass(frozen=True)
-class Workplace:
-    """Where an interactive algorithm flies, and with whom.
+@dataclass(frozen=True, eq=False)
+class InteractiveProblem:
+    """What an interactive run learns on.
 
     Attributes:
-        env: a batch environment.
-        expert: whom it learns from; it can take over from any state.
-        collect: records flights.
+        settings: of its algorithm. policy: what is trained. seed: decides all randomness.
+        env: a batch environment. expert: whom it learns from; it can take over from any state.
+        collect: records flights. progress: show progress bars.
     """
 
+    settings: InteractiveSettings
+    policy: PolicyConfig
+    seed: int
     env: Any
     expert: Policy
     collect: Collect
+    progress: bool
 
+    def origin(self, demos: Sequence[Episode]) -> dict[str, Any]:
+        """Return where a policy comes from, as it is kept with it."""
+        data = {"demonstrations": len(demos), "frames": sum(map(len, demos))}
+        return {"algorithm": self.settings.name, "seed": self.seed, "dataset": data}
 
-@dataclass(frozen=True)
-class Tally:
-    """What some flights cost and brought.
-
-    Attributes:
-        flights, successes: how many. steps: control steps flown. queries: steps that the expert labelled.
-        interventions: times that it took over. expert_steps: steps that it flew.
-    """
-
-    flights: int
-    successes: int
-    steps: int
-    queries: int
-    interventions: int
-    expert_steps: int
-
-    @staticmethod
-    def of(episodes: Sequence[Episode]) -> Tally:
-        return Tally(
-            flights=len(episodes),
-            successes=sum(e.success for e in episodes),
-            steps=sum(map(len, episodes)),
-            queries=sum(int(e.asked.sum()) for e in episodes),
-            interventions=sum(
-                int((np.diff(e.is_intervention, prepend=False) & e.is_intervention).sum()) for e in episodes
-            ),
-            expert_steps=sum(int(e.is_intervention.sum()) for e in episodes),
-        )
+    def describe(self, demos: Sequence[Episode]) -> dict[str, Any]:
+        """Return plain values that determine the run."""
+        layout, _ = read_demos(demos, self.policy)
+        origin, spec = self.origin(demos), self.env.spec
+        where = {key: getattr(spec, key) for key in ("robot", "task", "tier", "controller")}
+        return {
+            **origin,
+            "dataset": {**origin["dataset"], "digest": digest_of(cut_windows(demos, layout, self.policy))},
+            "environment": {**where, "num_envs": self.env.num_envs},
+            "settings": plain(self.settings),
+            "policy": {"name": self.policy.name, **self.policy.to_dict()},
+        }
 
 
 class Rounds:
     """One interactive run; open it with :meth:`open`.
 
     Attributes:
-        demos: the demonstrations that it began with. lessons: all labelled episodes so far.
-        tallies: of the labelled flights of each round, from round 1.
+        problem: what it learns on.
+        demos: the demonstrations that it began with. dataset: all labelled episodes so far.
+        costs: of the labelled flights of each round, from round 1.
         learner: the policy after the newest round that is complete, or None.
+        finished: the policy of a run that is finished, or None.
     """
 
-    def __init__(self, folder: RunFolder, workplace: Workplace, training: Training, demos: Sequence[Episode]) -> None:
-        self._folder, self._at, self._training = folder, workplace, training
-        self.demos, self.lessons = list(demos), list(demos)
-        self.tallies: list[Tally] = []
+    def __init__(self, folder: RunFolder, problem: InteractiveProblem, demos: Sequence[Episode]) -> None:
+        self._folder, self.problem, self._settings = folder, problem, problem.settings
+        self.demos, self.dataset = list(demos), list(demos)
+        self.costs: list[FlightCosts] = []
         self.learner: ChunkPolicy | None = None
         self.finished = load_policy(folder.path) if folder.finished else None
         self._next = 0
         if folder.resumed and not self.finished:
             self._next = int(folder.resumed.state["round"]) + 1
-            self.learner = load_policy(self.place(self._next - 1) / TRAINING)
+            self.learner = load_policy(self._place(self._next - 1) / TRAINING)
             for number in range(1, self._next):
-                self._take_in(self._read(self.place(number) / FLIGHTS))
+                self._take_in(self._read(self._place(number) / FLIGHTS))
 
     @staticmethod
     @contextmanager
     def open(
-        run: str | os.PathLike[str],
-        dataset: Iterable[Episode],
-        workplace: Workplace,
-        training: Training,
-        *,
-        resume: bool,
+        run: str | os.PathLike[str], dataset: Iterable[Episode], problem: InteractiveProblem, *, resume: bool
     ) -> Iterator[Rounds]:
         """Check that all fits together, claim the folder, and find where to go on.
 
@@ -148,196 +138,120 @@ class Rounds:
             InvalidValueError: the demonstrations were flown in another environment, the expert is missing, the folder
                 holds another run, and whatever supervised learning refuses.
         """
-        if workplace.expert is None:
-            raise InvalidValueError(f"{training.name} asks an expert, and there is none. Try expert=scripted.")
-        spec = workplace.env.spec
-        _, demos = read_demos((_as_shown(episode, spec) for episode in dataset), training.policy)
+        if problem.expert is None:
+            raise InvalidValueError(f"{problem.settings.name} asks an expert, and there is none. Try expert=scripted.")
+        spec = problem.env.spec
+        _, demos = read_demos((_as_shown(episode, spec) for episode in dataset), problem.policy)
         _check(demos[0].spec, spec)
-        with RunFolder.open(
-            run, training.describe(demos, spec, workplace.env.num_envs), cadence=training.cadence, resume=resume
-        ) as folder:
+        with RunFolder.open(run, problem.describe(demos), cadence=CADENCE, resume=resume) as folder:
             if not resume:
                 for name in (ROUNDS, DATASET):
                     shutil.rmtree(folder.path / name, ignore_errors=True)
-            with torch_threads(training.bc.threads):
-                yield Rounds(folder, workplace, training, demos)
+            with torch_threads(problem.settings.training.threads):
+                yield Rounds(folder, problem, demos)
 
-    @property
-    def seed(self) -> int:
-        return self._training.seed
-
-    def place(self, number: int) -> Path:
-        return self._folder.path / ROUNDS / f"{number:03d}"
-
-    def left(self, rounds: int) -> range:
+    def left(self) -> range:
         """Return the numbers of the rounds that are not complete; round 0 only learns."""
-        return range(self._next, rounds + 1)
+        return range(self._next, self._settings.rounds + 1)
 
-    def fly(self, number: int, pilot: Callable[[], Policy], episodes: int, *, progress: bool) -> None:
-        """Have ``pilot`` fly the labelled flights of a round, unless they are there, and take them in."""
-        folder = self.place(number) / FLIGHTS
+    def fly(self, number: int, pilot: Callable[[], Policy]) -> None:
+        """Add the labelled flights of a round to the dataset: those that are there, else flown by ``pilot()``."""
+        folder = self._place(number) / FLIGHTS
         if not folder.exists():
-            self._have_flown(
-                folder, pilot(), range(episodes), number=number, name=self._training.name, progress=progress
-            )
+            self._record(folder, pilot(), range(self._settings.episodes), number=number, name=self._settings.name)
         self._take_in(self._read(folder))
         self._aggregate(number)
 
-    def alone(self, number: int, first: int, episodes: int, *, progress: bool) -> list[Episode]:
+    def alone(self, number: int, episodes: int) -> list[Episode]:
         """Return the flights that learners made alone in all rounds up to this one, having this round's made."""
-        folder = self.place(number) / ALONE
+        folder = self._place(number) / ALONE
         if not folder.exists():
             assert self.learner is not None
-            seeds = range(first, first + episodes)
-            self._have_flown(folder, self.learner, seeds, number=number, name="learner", progress=progress)
-        return [flight for k in range(1, number + 1) for flight in self._read(self.place(k) / ALONE)]
+            which = range(self._settings.episodes, self._settings.episodes + episodes)
+            self._record(folder, self.learner, which, number=number, name="learner")
+        return [flight for k in range(1, number + 1) for flight in self._read(self._place(k) / ALONE)]
 
-    def learn(self, number: int, *, last: bool, progress: bool) -> ChunkPolicy:
-        """Learn from all lessons, at length in the first and the last round."""
-        going_on = self._training.warm and self.learner is not None
-        settings = self._training.between if number and not last else self._training.bc
-        place = self.place(number) / TRAINING
-        settings.train(
-            self.lessons,
-            self._training.policy,
-            run=place,
-            seed=self._training.seed,
-            progress=progress,
-            failures=True,
-            initial=self.learner if going_on else None,
-        )
+    def learn(self, number: int) -> ChunkPolicy:
+        """Train the learner on the whole dataset, at length in the first and the last round."""
+        settings, place = self._settings, self._place(number) / TRAINING
+        training = settings.training if number in (0, settings.rounds) else settings.between
+        initial = self.learner if settings.warm_start else None
+        self._train(training, self.dataset, place, self.problem.seed, initial)
         self.learner = load_policy(place)  # as a resumed run has it, on the processor, wherever it was trained
         return self.learner
 
-    def auxiliary(
-        self, number: int, name: str, lessons: Sequence[Episode], *, seed: int, progress: bool
-    ) -> ChunkPolicy:
-        """Return a policy that only serves to judge the learner, trained afresh on ``lessons``."""
-        return replace(self._training.between, validation=0.0).train(
-            lessons,
-            self._training.policy,
-            run=self.place(number) / name,
-            seed=seed,
-            progress=progress,
-            failures=True,
-        )
+    def auxiliary(self, number: int, name: str, dataset: Sequence[Episode], *, seed: int) -> ChunkPolicy:
+        """Return a policy that only serves to judge the learner, trained afresh on ``dataset``."""
+        training = replace(self._settings.between, validation=0.0)
+        return self._train(training, dataset, self._place(number) / name, seed, None)
 
-    def report(self, number: int, *, evaluate: Evaluate | None, extra: Mapping[str, float], keep: int) -> None:
-        """Log the round, judged by ``evaluate`` if it is given, and make it the one to go on from."""
-        assert self.learner is not None
-        policy = self._signed(number)
-        judged = {f"evaluate/{k}": v for k, v in evaluate(policy, number).items()} if evaluate else {}
-        self._folder.log(number, {**self._costs(number), **extra, **judged})
+    def end_round(self, number: int, evaluate: Evaluate | None, metrics: Mapping[str, float] | None = None) -> None:
+        """Log the round, evaluated where that is due, and make it the one to go on from.
+
+        Args:
+            evaluate: ``(policy, round) -> named numbers``. metrics: more to log.
+        """
+        settings, policy = self._settings, self._signed(number)
+        judges = number == settings.rounds or due(settings.evaluate_every, number)
+        judged = {f"evaluate/{k}": v for k, v in evaluate(policy, number).items()} if evaluate and judges else {}
+        self._folder.log(number, {**self._metrics(), **(metrics or {}), **judged})
         saved = policy.to_checkpoint()
-        self._folder.save(number, Checkpoint(saved.arrays, {**saved.state, "round": number}, saved.config), keep=keep)
+        checkpoint = Checkpoint(saved.arrays, {**saved.state, "round": number}, saved.config)
+        self._folder.save(number, checkpoint, keep=settings.keep_checkpoints)
 
-    def finish(self, number: int) -> ChunkPolicy:
+    def finish(self) -> ChunkPolicy:
         """Save the last round's policy as the run's."""
-        policy = self._signed(number)
+        policy = self._signed(self._settings.rounds)
         self._folder.finish(policy)
         return policy
 
+    def _place(self, number: int) -> Path:
+        return self._folder.path / ROUNDS / f"{number:03d}"
+
+    def _train(
+        self, training: Any, dataset: Sequence[Episode], run: Path, seed: int, initial: ChunkPolicy | None
+    ) -> ChunkPolicy:
+        options = {"seed": seed, "progress": self.problem.progress, "failures": True, "initial": initial}
+        return training.train(dataset, self.problem.policy, run=run, **options)
+
     def _signed(self, number: int) -> ChunkPolicy:
+        """Return the learner with where it comes from."""
         assert self.learner is not None
-        costs = {k: int(v) for k, v in self._costs(number).items()}
-        origin = {**self._training.origin(self.demos), "round": number, **costs, "provenance": provenance()}
-        return ChunkPolicy(self._training.policy, self.learner.interface, self.learner.network, origin)
+        costs = {name: int(value) for name, value in self._metrics().items()}
+        origin = {**self.problem.origin(self.demos), "round": number, **costs, "provenance": provenance()}
+        return ChunkPolicy(self.problem.policy, self.learner.interface, self.learner.network, origin)
 
-    def _costs(self, number: int) -> dict[str, float]:
-        """What the round cost and what all of them did, demonstrations included."""
-        tally = self.tallies[number - 1] if number else Tally(0, 0, 0, 0, 0, 0)
-        shown = sum(map(len, self.demos))
-        return {
-            "flights": tally.flights,
-            "flights_solved": tally.successes,
-            "flight_steps": tally.steps,
-            "queries": tally.queries,
-            "interventions": tally.interventions,
-            "expert_steps": tally.expert_steps,
-            "total/queries": sum(t.queries for t in self.tallies),
-            "total/labelled_steps": shown + sum(t.queries for t in self.tallies),
-            "total/episodes": len(self.demos) + sum(t.flights for t in self.tallies),
-            "total/lessons": len(self.lessons),
-        }
+    def _metrics(self) -> dict[str, float]:
+        return metrics_of(self.costs, self.demos, self.dataset)
 
-    def _have_flown(self, folder: Path, pilot: Policy, which: range, *, number: int, name: str, progress: bool) -> None:
+    def _record(self, folder: Path, pilot: Policy, which: range, *, number: int, name: str) -> None:
         """Record flights, all or none: a kill in between leaves nothing, and the next call flies the same."""
-        aside, seed = folder.with_name(f"{folder.name}.flying"), self._training.seed
+        aside, seed, settings = folder.with_name(f"{folder.name}.flying"), self.problem.seed, self._settings
         shutil.rmtree(aside, ignore_errors=True)
-        first = FIRST_SEED + SEEDS_PER_RUN * seed + number * max(1, self._training.seeds_per_round)
-        tags = {"algorithm": self._training.name, "run_seed": seed, "round": number}
-        seeds = [first + i for i in which]
-        self._at.collect(self._at.env, pilot, seeds, aside, policy_name=name, settings=tags, progress=progress)
+        first = FIRST_SEED + SEEDS_PER_RUN * seed + number * max(1, settings.seeds_per_round)
+        tags = {"algorithm": settings.name, "run_seed": seed, "round": number}
+        options = {"policy_name": name, "settings": tags, "progress": self.problem.progress}
+        self.problem.collect(self.problem.env, pilot, [first + i for i in which], aside, **options)
         os.replace(aside, folder)
         sync_folder(folder.parent)
 
     def _read(self, folder: Path) -> list[Episode]:
-        return list(open_dataset(folder, cameras=self._training.policy.images, failures=True))
+        return list(open_dataset(folder, cameras=self.problem.policy.images, failures=True))
 
     def _take_in(self, flights: Sequence[Episode]) -> None:
         """Count the flights of a round and learn from those with labels that are as long as a chunk."""
-        self.tallies.append(Tally.of(flights))
-        self.lessons += [f for f in flights if f.asked.any() and len(f) >= self._training.policy.chunk]
+        self.costs.append(FlightCosts.of(flights))
+        self.dataset += [f for f in flights if f.asked.any() and len(f) >= self.problem.policy.chunk]
 
     def _aggregate(self, number: int) -> None:
-        dataset, spec = DatasetFolder(self._folder.path / DATASET), self._at.env.spec
+        """Add the flights of a round to the dataset on disk."""
+        dataset, spec = DatasetFolder(self._folder.path / DATASET), self.problem.env.spec
         dataset.claim(spec)
         for episode in self.demos:
             if dataset.find(episode.uid) is None:
                 write_episode(episode, dataset.file(episode.uid))
-        dataset.adopt(DatasetFolder(self.place(number) / FLIGHTS))
+        dataset.adopt(DatasetFolder(self._place(number) / FLIGHTS))
         dataset.write_index(spec)
-
-
-@dataclass(frozen=True)
-class Training:
-    """How an interactive run learns.
-
-    Attributes:
-        name: of the algorithm. settings: its settings. policy: what is trained. bc: how, in the first and last round.
-        between: how in the rounds between. warm: whether all but the first go on from the round before.
-        seed: of the run. seeds_per_round: flights of a round, of all kinds. cadence: settings no weight depends on.
-    """
-
-    name: str
-    settings: Any
-    policy: PolicyConfig
-    bc: BehaviourCloning
-    between: BehaviourCloning
-    warm: bool
-    seed: int
-    seeds_per_round: int
-    cadence: tuple[str, ...]
-
-    def origin(self, demos: Sequence[Episode]) -> dict[str, Any]:
-        data = {"demonstrations": len(demos), "frames": sum(map(len, demos))}
-        return {"algorithm": self.name, "seed": self.seed, "dataset": data}
-
-    def describe(self, demos: Sequence[Episode], spec: EnvSpec, num_envs: int) -> dict[str, Any]:
-        """Return plain values that determine the run."""
-        layout, _ = read_demos(demos, self.policy)
-        data = {**self.origin(demos)["dataset"], "digest": digest_of(cut_windows(demos, layout, self.policy))}
-        where = {key: getattr(spec, key) for key in ("robot", "task", "tier", "controller")} | {"num_envs": num_envs}
-        policy = {"name": self.policy.name, **self.policy.to_dict()}
-        return {
-            **self.origin(demos),
-            "dataset": data,
-            "environment": where,
-            "settings": plain(self.settings),
-            "policy": policy,
-        }
-
-
-def plain(settings: Any) -> Any:
-    """Return nested dataclasses as plain values, with the name of their class where they stand for a choice."""
-    if is_dataclass(settings) and not isinstance(settings, type):
-        inner = {f.name: plain(getattr(settings, f.name)) for f in fields(settings)}
-        return {"kind": type(settings).__name__, **inner}
-    if isinstance(settings, Mapping):
-        return {str(key): plain(value) for key, value in settings.items()}
-    if isinstance(settings, (tuple, list)):
-        return [plain(value) for value in settings]
-    return settings if isinstance(settings, (int, float, str, bool, type(None))) else type(settings).__name__
 
 
 def _as_shown(episode: Episode, spec: EnvSpec) -> Episode:

@@ -1,4 +1,4 @@
-"""Who watches a learner fly and takes the sticks when it goes wrong: a person, or a script in a person's place."""
+"""Supervisors, who watch a learner fly and take over when it goes wrong: a person, or a script in their place."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerial_il.core.policy import Observation
 
 
 class Supervisor(Protocol):
-    """Decides who holds the sticks; a person does so by holding a button."""
+    """Decides when the expert flies; a person does so by holding a button."""
 
     def reset(self, mask: np.ndarray) -> None:
         """Begin new flights in the worlds of ``mask`` (n,) bool."""
@@ -36,8 +36,8 @@ class Corrector:
     Attributes:
         take: distance above which it worries.
         give: distance below which it is content.
-        patience: steps of worry in a row before it takes the sticks: a person's reaction time.
-        least: contented steps in a row before it gives them back.
+        patience: steps of worry in a row before it takes over: a person's reaction time.
+        least: contented steps in a row before it hands back.
     """
 
     take: float = 0.5
@@ -56,7 +56,7 @@ class Corrector:
         self._count = np.where(mask, 0, self._count) if len(self._count) == len(mask) else np.zeros(len(mask), int)
 
     def holds(self, obs: Observation, distance: np.ndarray, flew: np.ndarray) -> np.ndarray:
-        telling = np.where(flew, distance < self.give, distance > self.take)  # what speaks for a change of hands
+        telling = np.where(flew, distance < self.give, distance > self.take)  # what speaks for a change
         self._count = np.where(telling, self._count + 1, 0)
         change = self._count >= np.where(flew, self.least, self.patience)
         self._count[change] = 0

@@ -1,4 +1,4 @@
-"""Memory of what was flown, one transition a row, so that a minibatch is one gather; with absorbing states.
+"""A replay buffer of transitions with absorbing states, one transition a row, so that a minibatch is one gather.
 
 An absorbing state stands for everything after an episode's end. It has a reward of its own, learned like any other;
 without it a reward that is always positive pays for staying alive and one that is always negative for dying, whatever
@@ -27,14 +27,14 @@ class Batch(NamedTuple):
         obs, next_obs: (B, Do + 1) encoded observations; the last column is 1 in the absorbing state, else 0.
         actions: (B, Da) normalised.
         rewards: (B,).
-        going: (B,) 1 where ``next_obs`` has a value, 0 where all ended with the action.
+        continues: (B,) 1 where ``next_obs`` has a value, 0 where all ended with the action.
     """
 
     obs: Tensor
     actions: Tensor
     next_obs: Tensor
     rewards: Tensor
-    going: Tensor
+    continues: Tensor
 
 
 def rows_of(
@@ -46,7 +46,7 @@ def rows_of(
     *,
     absorbing: bool,
 ) -> np.ndarray:
-    """Lay transitions out as rows ``obs, 0, actions, next_obs, absorbed, reward, going``.
+    """Lay transitions out as rows ``obs, 0, actions, next_obs, absorbed, reward, continues``.
 
     Args:
         obs, next_obs: (T, Do) encoded. actions: (T, Da) normalised. rewards: (T,).
@@ -60,8 +60,8 @@ def rows_of(
     """
     flags = np.zeros((len(obs), 1), np.float32)
     absorbed = terminal[:, None] & absorbing
-    going = np.where(terminal & (not absorbing), 0.0, 1.0)[:, None]
-    rows = np.concatenate([obs, flags, actions, next_obs, absorbed, rewards[:, None], going], axis=1)
+    continues = np.where(terminal & (not absorbing), 0.0, 1.0)[:, None]
+    rows = np.concatenate([obs, flags, actions, next_obs, absorbed, rewards[:, None], continues], axis=1)
     if not absorbing or not terminal.any():
         return rows.astype(np.float32)
     width, ends = obs.shape[1] + 1, rows[terminal]
@@ -70,7 +70,7 @@ def rows_of(
     return np.concatenate([rows, loop]).astype(np.float32)
 
 
-class Replay:
+class ReplayBuffer:
     """The last ``capacity`` rows and the generator that draws from them.
 
     Args:
@@ -113,10 +113,10 @@ class Replay:
 
 def split(rows: Tensor, widths: tuple[int, ...]) -> Batch:
     """Take rows (B, W) apart."""
-    obs, actions, next_obs, rewards, going = rows.split(widths, dim=1)
-    return Batch(obs, actions, next_obs, rewards[:, 0], going[:, 0])
+    obs, actions, next_obs, rewards, continues = rows.split(widths, dim=1)
+    return Batch(obs, actions, next_obs, rewards[:, 0], continues[:, 0])
 
 
-def joined(first: Batch, second: Batch) -> Batch:
+def concatenated(first: Batch, second: Batch) -> Batch:
     """Put two minibatches one after the other."""
     return Batch(*(torch.cat(pair) for pair in zip(first, second, strict=True)))

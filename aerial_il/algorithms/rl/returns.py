@@ -1,4 +1,4 @@
-"""Advantages and running moments: what an on-policy update is fed with."""
+"""Generalised advantages, running moments, and the normalisation of rewards by them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.policies.parts.normaliser import MIN_SCALE, Normaliser
 
 
-def advantages(
-    rewards: np.ndarray, values: np.ndarray, next_values: np.ndarray, ended: np.ndarray, *, gamma: float, decay: float
+def gae(
+    rewards: np.ndarray,
+    values: np.ndarray,
+    next_values: np.ndarray,
+    ended: np.ndarray,
+    *,
+    gamma: float,
+    gae_lambda: float,
 ) -> np.ndarray:
     """Return generalised advantage estimates (T, n).
 
-    ``A_t = delta_t + gamma * decay * (1 - ended_t) * A_{t+1}`` with
+    ``A_t = delta_t + gamma * gae_lambda * (1 - ended_t) * A_{t+1}`` with
     ``delta_t = r_t + gamma * V(s'_t) - V(s_t)``, where ``s'_t`` is what was seen before any reset.
 
     Args:
@@ -21,7 +27,7 @@ def advantages(
         next_values: (T, n) ``V(s'_t)``: the critic's where the world goes on or was only cut, so that a time limit
             does not count as a loss; after an end that matters, what that end is worth.
         ended: (T, n) bool, ``s'_t`` was the last of its episode.
-        gamma: discount. decay: lambda.
+        gamma: discount. gae_lambda: lambda.
 
     Source: J. Schulman et al., "High-Dimensional Continuous Control Using Generalized Advantage Estimation", 2016,
     equation 16; F. Pardo et al., "Time Limits in Reinforcement Learning", 2018, equation 6.
@@ -29,7 +35,7 @@ def advantages(
     errors = rewards + gamma * next_values - values
     found, later = np.zeros_like(errors), np.zeros(errors.shape[1:])
     for t in reversed(range(len(errors))):
-        later = errors[t] + gamma * decay * np.where(ended[t], 0.0, later)
+        later = errors[t] + gamma * gae_lambda * np.where(ended[t], 0.0, later)
         found[t] = later
     return found
 
@@ -72,7 +78,7 @@ class RunningMoments:
         self.count = saved.values["count"]
 
 
-class ReturnScale:
+class RewardNorm:
     """Divide rewards by the running deviation of discounted returns, so that values are of the order of one.
 
     Args:

@@ -24,6 +24,8 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import write_atomic, write_json
 from aerial_il.core.provenance import provenance
+from aerial_il.core.renamed import ALGORITHM_KEYS
+from aerial_il.core.renamed import METRICS as METRIC_NAMES
 from aerial_il.policies import FINAL
 
 if TYPE_CHECKING:
@@ -110,12 +112,13 @@ class RunFolder:
 
 
 def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
-    """Return the rows of a run's metrics; a last row cut short by a kill is left out."""
+    """Return the rows of a run's metrics by their present names; a last row cut short by a kill is left out."""
     try:
         lines = (Path(run) / METRICS).read_text().splitlines(keepends=True)
     except FileNotFoundError:
         return []
-    return [json.loads(line) for line in lines if line.endswith("\n")]
+    rows = (json.loads(line) for line in lines if line.endswith("\n"))
+    return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
 
 
 class _EventFile:
@@ -190,6 +193,7 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     text = yaml.safe_dump(dict(config), sort_keys=False)
     if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
         before, now = (_flat(yaml.safe_load(t), cadence) for t in ((path / CONFIG).read_text(), text))
+        before = {_new_key(key): value for key, value in before.items()}
         differing = sorted(k for k in before.keys() | now.keys() if before.get(k) != now.get(k))
         if differing:
             changes = "; ".join(f"{k}: {before.get(k)!r} then, {now.get(k)!r} now" for k in differing)
@@ -197,6 +201,12 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     with _writing(path / CONFIG):
         write_atomic(path / CONFIG, text)
         write_json(path / PROVENANCE, provenance())
+
+
+def _new_key(key: str) -> str:
+    """Return what a setting that an earlier version wrote is called now."""
+    group, _, name = key.partition(".")
+    return f"settings.{ALGORITHM_KEYS[name]}" if group == "settings" and name in ALGORITHM_KEYS else key
 
 
 def _flat(tree: Any, cadence: tuple[str, ...], prefix: str = "") -> dict[str, Any]:

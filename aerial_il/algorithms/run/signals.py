@@ -1,4 +1,4 @@
-"""Stop politely: remember SIGINT or SIGTERM until the training step is over and its checkpoint written."""
+"""A watch for SIGINT and SIGTERM that lets the training step end and its checkpoint be written first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run is made of, put into a checkpoint part by part and taken out again bit for bit."""
+"""State of a run in training: its parts as arrays and plain values in one checkpoint, restored bit for bit."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
-from torch import nn
 
-from aerial_il.algorithms.supervised.optimisation import from_arrays, to_arrays
 from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.renamed import TRAINING_STATE
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
-PREFIX = "parts"
+PARTS = "parts"
+GENERATOR, CUDA_GENERATOR = "torch.generator", "torch.cuda_generator"
 
 
 class Snapshot(NamedTuple):
@@ -23,7 +23,7 @@ class Snapshot(NamedTuple):
     values: Mapping[str, Any] = {}
 
 
-class Part(Protocol):
+class Stateful(Protocol):
     """Anything whose state decides how a run goes on."""
 
     def snapshot(self) -> Snapshot:
@@ -35,27 +35,70 @@ class Part(Protocol):
         ...
 
 
-def pack(parts: Mapping[str, Part], flying: ChunkPolicy) -> Checkpoint:
-    """Return a checkpoint that holds all ``parts``, torch's generator and a policy that can fly by itself."""
-    policy = flying.to_checkpoint()
+def pack(parts: Mapping[str, Stateful], policy: ChunkPolicy) -> Checkpoint:
+    """Return a checkpoint of all ``parts``, torch's generators, and ``policy``, which alone is enough to act."""
+    acting, taken = policy.to_checkpoint(), joined(parts)
+    arrays = {f"{PARTS}.{name}": array for name, array in taken.arrays.items()}
+    arrays[GENERATOR] = torch.get_rng_state().numpy()
+    if torch.cuda.is_available() and torch.cuda.is_initialized():
+        arrays[CUDA_GENERATOR] = torch.cuda.get_rng_state().numpy()
+    return Checkpoint({**acting.arrays, **arrays}, {**acting.state, PARTS: taken.values}, acting.config)
+
+
+def unpack(saved: Checkpoint, parts: Mapping[str, Stateful]) -> None:
+    """Restore ``parts`` and torch's generators from what :func:`pack` made, now or in an earlier version."""
+    saved = with_new_names(saved)
+    separate(Snapshot(below(f"{PARTS}.", saved.arrays), saved.state[PARTS]), parts)
+    torch.set_rng_state(torch.from_numpy(saved.arrays[GENERATOR].copy()))
+    if CUDA_GENERATOR in saved.arrays:
+        torch.cuda.set_rng_state(torch.from_numpy(saved.arrays[CUDA_GENERATOR].copy()))
+
+
+def joined(parts: Mapping[str, Stateful]) -> Snapshot:
+    """Return one snapshot of several parts: arrays under ``part.name``, values under ``part``."""
     taken = {name: part.snapshot() for name, part in parts.items()}
-    arrays = {f"{PREFIX}.{name}.{key}": array for name, one in taken.items() for key, array in one.arrays.items()}
-    arrays["torch.generator"] = torch.get_rng_state().numpy()
-    values = {name: dict(one.values) for name, one in taken.items()}
-    return Checkpoint({**policy.arrays, **arrays}, {**policy.state, PREFIX: values}, policy.config)
+    arrays = {f"{name}.{key}": array for name, one in taken.items() for key, array in one.arrays.items()}
+    return Snapshot(arrays, {name: dict(one.values) for name, one in taken.items()})
 
 
-def unpack(saved: Checkpoint, parts: Mapping[str, Part]) -> None:
-    """Restore ``parts`` and torch's generator from what :func:`pack` made."""
+def separate(saved: Snapshot, parts: Mapping[str, Stateful]) -> None:
+    """Restore several parts from what :func:`joined` made of them."""
     for name, part in parts.items():
-        arrays = below(f"{PREFIX}.{name}.", saved.arrays)
-        part.restore(Snapshot(arrays, saved.state[PREFIX][name]))
-    torch.set_rng_state(torch.from_numpy(saved.arrays["torch.generator"].copy()))
+        part.restore(Snapshot(below(f"{name}.", saved.arrays), saved.values.get(name, {})))
 
 
 def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the arrays whose names begin with ``prefix``, without it."""
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+
+
+def with_new_names(saved: Checkpoint) -> Checkpoint:
+    """Return a checkpoint of an earlier version as this one names its parts; one of this version as it is."""
+    if "learner" in saved.state:
+        saved = _from_learner(saved)
+    arrays = {_new_name(name): array for name, array in saved.arrays.items()}
+    parts = {TRAINING_STATE.get(name, name): values for name, values in saved.state[PARTS].items()}
+    return Checkpoint(arrays, {**saved.state, PARTS: parts}, saved.config)
+
+
+def _new_name(array: str) -> str:
+    """Return the new name of an array ``parts.PART.NAME``."""
+    prefix, _, rest = array.partition(".")
+    part, _, name = rest.partition(".")
+    return f"{PARTS}.{TRAINING_STATE[part]}.{name}" if prefix == PARTS and part in TRAINING_STATE else array
+
+
+def _from_learner(saved: Checkpoint) -> Checkpoint:
+    """Return a checkpoint of behaviour cloning from before all algorithms shared one layout."""
+    state, arrays = saved.state["learner"], dict(saved.arrays)
+    arrays |= {f"{PARTS}.learner.averaged.{k}": v for k, v in below("network.", saved.arrays).items()}
+    arrays |= {f"{PARTS}.learner.{k}": v for k, v in below("learner.", saved.arrays).items()}
+    for kind, name in (("cpu", GENERATOR), ("cuda", CUDA_GENERATOR)):
+        if kind in state["rng"]:
+            arrays[name] = np.frombuffer(bytes.fromhex(state["rng"][kind]), np.uint8)
+    means = {"sums": {name: [total, state["summed"]] for name, total in state["sums"].items()}}
+    values = {"step": state["step"], "elapsed_s": state["elapsed_s"], "means": means}
+    return Checkpoint(arrays, {**saved.state, PARTS: {"learner": values}}, saved.config)
 
 
 class Generator:
@@ -69,40 +112,3 @@ class Generator:
 
     def restore(self, saved: Snapshot) -> None:
         self.rng.bit_generator.state = saved.values["state"]
-
-
-class Trained:
-    """A network and its optimiser as a part of a run."""
-
-    def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer) -> None:
-        self.network, self.optimizer = network, optimizer
-        self._weights = list(network.parameters())
-
-    def learn_at(self, lr: float) -> None:
-        """Let all steps that follow be taken at the learning rate ``lr``."""
-        for group in self.optimizer.param_groups:
-            group["lr"] = lr
-
-    def descend(self, loss: torch.Tensor, clip_norm: float | None = None) -> None:
-        """Take one step against the gradient of ``loss``, which reaches this network alone."""
-        for weight in self._weights:
-            weight.grad = None
-        loss.backward(inputs=self._weights)
-        if clip_norm is not None:
-            nn.utils.clip_grad_norm_(self._weights, clip_norm)
-        self.optimizer.step()
-
-    def snapshot(self) -> Snapshot:
-        weights = {f"network.{name}": value.detach().cpu().numpy() for name, value in self.network.state_dict().items()}
-        moments = {f"optimizer.{name}": value for name, value in to_arrays(self.optimizer).items()}
-        return Snapshot({**weights, **moments})
-
-    def restore(self, saved: Snapshot) -> None:
-        weights = {name: torch.from_numpy(value.copy()) for name, value in below("network.", saved.arrays).items()}
-        self.network.load_state_dict(weights)
-        from_arrays(self.optimizer, below("optimizer.", saved.arrays))
-
-
-def adam(network: nn.Module, lr: float) -> torch.optim.Adam:
-    """Return Adam over ``network``, its step compiled into one loop over all weights."""
-    return torch.optim.Adam(network.parameters(), lr=lr, fused=True)

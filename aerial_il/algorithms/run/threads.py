@@ -1,4 +1,4 @@
-"""How many threads torch may use, for as long as it matters: results repeat bit for bit at a fixed number only."""
+"""A limit of torch's threads within a block: results repeat bit for bit at a fixed number only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a run's rollouts stand: which evaluation was the best one, and whether to go on."""
+"""The best checkpoint of a run, by its evaluations so far, and how long none has been better."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ LOWER_IS_BETTER = ("crashes", "dropped", "time_to_success_s")
 
 
 @dataclass(frozen=True)
-class Standing:
-    """The evaluations of a run so far, told from its metrics alone, so that a resumed run decides alike.
+class BestCheckpoint:
+    """The best of a run's evaluations so far, told from its metrics alone, so that a resumed run decides alike.
 
     Attributes:
-        best: highest value, or the lowest of what had better be low. step: where it was reached, for the last time.
+        value: highest value, or the lowest of what had better be low. step: where it was reached, for the last time.
         stale: evaluations since it was reached for the first time.
         evaluations: how many there were.
     """
 
-    best: float
+    value: float
     step: int
     stale: int
     evaluations: int
 
     @staticmethod
-    def of(rows: Iterable[Mapping[str, float]], name: str) -> Standing | None:
+    def of(rows: Iterable[Mapping[str, float]], name: str) -> BestCheckpoint | None:
         """Judge by the number called ``name``; None where no row has it."""
         told = [(row[name], int(row["step"])) for row in rows if name in row]
         if not told:
@@ -34,4 +34,4 @@ class Standing:
         merits = [-math.inf if math.isnan(value) else sign * value for value, _ in told]
         place = merits.index(max(merits))
         step = max(step for merit, (_, step) in zip(merits, told, strict=True) if merit == merits[place])
-        return Standing(told[place][0], step, len(told) - 1 - place, len(told))
+        return BestCheckpoint(told[place][0], step, len(told) - 1 - place, len(told))

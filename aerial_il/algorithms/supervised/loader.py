@@ -1,4 +1,4 @@
-"""Minibatches in time: the next ones are gathered by a thread while the trainer works on the present one."""
+"""A loader that gathers the next minibatches in a thread while the trainer works on the present one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which demonstrations a policy learns from, and how much each of them counts."""
+"""Selection of the demonstrations that a policy learns from, and the weight of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Demonstrations as a network wants them: checked, split, normalised, in minibatches of tensors."""
+"""Training sets: demonstrations checked, split, normalised, in minibatches of tensors."""
 
 from __future__ import annotations
 
