@@ -19,6 +19,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -54,6 +55,8 @@ class BehaviourCloning(SupervisedAlgorithm):
         obs_noise: deviation of the Gaussian noise added to normalised state fields while training.
         selection: which demonstrations are learned from, and how much each counts.
     """
+
+    name: ClassVar[str] = "bc"
 
     batch_size: int = 256
     lr: float = 1e-3
@@ -114,7 +117,7 @@ class BehaviourCloning(SupervisedAlgorithm):
         check_recorded(demos.layout.spec, expect or {})
         data = prepare(demos, policy, batch_size=self.batch_size, device=self.device, seed=seed, initial=initial)
         options = {"evaluate": evaluate, "resume": resume, "progress": progress}
-        with open_run(self, data, run, algorithm="bc", seed=seed, **options) as opened:
+        with open_run(self, data, run, algorithm=self.name, seed=seed, **options) as opened:
             return self._learn(opened, data.layout.size) if opened else load_policy(run)
 
     def _learn(self, run: SupervisedRun, state_size: int) -> ChunkPolicy:

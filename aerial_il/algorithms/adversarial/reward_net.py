@@ -73,8 +73,8 @@ class RewardNet:
 
     def gradient_penalty(self, expert: Batch, agent: Batch) -> Tensor:
         """Return how far the network's slope is from 1 at random points between both sides' standardised inputs."""
-        sides = [self.network.standardised(side) for side in self._sides(expert, agent)]
-        return gradient_penalty(self.network.score, *sides, torch.rand(len(sides[0]), 1))
+        of_expert, of_agent = (self.network.standardised(side) for side in self._sides(expert, agent))
+        return gradient_penalty(self.network.score, of_expert, of_agent, torch.rand(len(of_expert), 1))
 
     def descend(self, loss: Tensor) -> None:
         """Take one step against the gradient of ``loss``."""

@@ -48,7 +48,7 @@ class OffPolicy(OnlineAlgorithm):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "warmup", "utd_ratio", "actor_every", "batch_size", "buffer_size", "lr", "tau", "alpha")
-        require_share(self, "lr_floor")
+        require_share(self, "lr_floor", "tau")
         require_widths(self, "critic_hidden")
 
     def lr_at(self, left: float) -> float:

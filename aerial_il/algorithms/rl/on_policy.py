@@ -10,7 +10,7 @@ import numpy as np
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import decode, encode
-from aerial_il.algorithms.run.checks import require_positive, require_share, require_widths
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share, require_widths
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.layout import Interface
 
@@ -44,8 +44,9 @@ class OnPolicy(OnlineAlgorithm):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "epochs", "lr", "clip", "clip_norm")
+        require_not_negative(self, "entropy", "target_kl")
         for name in ("rollout", "batch_size"):
-            if getattr(self, name) < 2:
+            if not getattr(self, name) >= 2:
                 raise InvalidValueError(f"{name} is {getattr(self, name)}; advantages are compared, so at least 2.")
         require_share(self, "gae_lambda")
         require_widths(self, "critic_hidden")

@@ -17,7 +17,7 @@ def require_positive(settings: object, *names: str) -> None:
 def require_not_negative(settings: object, *names: str) -> None:
     """Raise :class:`InvalidValueError` if a named setting is negative."""
     for name in names:
-        if getattr(settings, name) < 0:
+        if not getattr(settings, name) >= 0:
             raise InvalidValueError(f"{name} is {getattr(settings, name)}; it must not be negative.")
 
 

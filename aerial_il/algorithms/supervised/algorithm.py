@@ -37,9 +37,11 @@ class SupervisedAlgorithm(ABC):
         device: torch device.
         mixed_precision: compute in bfloat16 where that loses little, on a GPU; a CPU always computes in float32.
         threads: torch threads; results repeat bit for bit at a fixed number only.
+        name: of the algorithm, that of its module.
         needs, rewarded, worlds: it flies nowhere, learns from no reward, and so needs no worlds.
     """
 
+    name: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
     rewarded: ClassVar[bool] = False
     worlds: ClassVar[int] = 1
