@@ -12,7 +12,7 @@ Terminal steps lead to an absorbing state with a reward of its own (:mod:`aerial
 ``constant_reward`` pays 1 for every step before an end and nothing is told apart. Whatever such a run reaches,
 demonstrations did not cause.
 
-Metrics: those of ``sac``; ``reward/loss``, ``reward/acc_expert``, ``reward/acc_agent`` (shares told rightly),
+Metrics: those of ``sac``; ``reward/loss``, ``reward/acc_expert``, ``reward/acc_agent`` (accuracies),
 ``reward/gradient_penalty``, ``reward/mean``. ``episode/return`` is the environment's own, which the agent never sees.
 
 Source: I. Kostrikov et al., "Discriminator-Actor-Critic: Addressing Sample Inefficiency and Reward Bias in Adversarial

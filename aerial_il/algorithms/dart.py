@@ -120,7 +120,7 @@ class Noise:
 
 
 class Disturbed:
-    """The expert, its actions shaken while its intentions are recorded.
+    """The expert, its actions disturbed while what it meant is recorded.
 
     Args:
         expert: who flies. noise: what is added; each episode has a stream of its own.
@@ -162,12 +162,12 @@ class Disturbed:
             self.expert.begin(seeds, mask)
 
     def act(self, obs: Observation) -> np.ndarray:
-        flown = np.asarray(self.expert.act(obs), float)
-        self.expert_action = np.asarray(getattr(self.expert, "expert_action", flown), float)
-        shaken, kept = flown + self._drift, self.noise.correlation
+        action = np.asarray(self.expert.act(obs), float)
+        self.expert_action = np.asarray(getattr(self.expert, "expert_action", action), float)
+        disturbed, kept = action + self._drift, self.noise.correlation
         fresh = np.stack([self._drawn(world) for world in range(len(self._rngs))])
         self._drift = kept * self._drift + np.sqrt(1.0 - kept**2) * fresh
-        return shaken
+        return disturbed
 
     def _drawn(self, world: int) -> np.ndarray:
         return self.noise.root @ self._rngs[world].standard_normal(len(self.noise.root))

@@ -11,7 +11,7 @@ what staying in the absorbing state for ever would be paid, learned like any oth
 
 ``control`` runs the same without a demonstration, see :mod:`aerial_il.algorithms.dac`.
 
-Metrics: those of ``ppo``; ``reward/loss``, ``reward/acc_expert``, ``reward/acc_agent`` (shares told rightly),
+Metrics: those of ``ppo``; ``reward/loss``, ``reward/acc_expert``, ``reward/acc_agent`` (accuracies),
 ``reward/gradient_penalty``, ``reward/mean``. ``episode/return`` is the environment's own, which the agent never sees.
 
 Source: J. Ho, S. Ermon, "Generative Adversarial Imitation Learning", 2016, with what A. Gleave et al., "imitation:

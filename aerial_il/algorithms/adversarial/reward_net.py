@@ -1,4 +1,4 @@
-"""A reward network learned from demonstrations: trained beside the agent, saved with its run, told along episodes."""
+"""A reward network learned from demonstrations: trained beside the agent, saved with its run, read along episodes."""
 
 from __future__ import annotations
 

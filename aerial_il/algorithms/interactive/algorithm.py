@@ -1,4 +1,4 @@
-"""What all algorithms that learn in rounds with an expert at hand share: the opening of a run."""
+"""The base of algorithms that learn in rounds with an expert at hand: the opening of a run."""
 
 from __future__ import annotations
 

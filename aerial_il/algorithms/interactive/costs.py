@@ -1,4 +1,4 @@
-"""What flights with an expert at hand cost and brought."""
+"""Costs of flights with an expert at hand: steps, queries, interventions, and how many succeeded."""
 
 from __future__ import annotations
 

@@ -68,8 +68,8 @@ class Mixture:
     """Flies for the learner or the expert, as the gate decides.
 
     Both are shown every state, so that whichever takes over knows where it is: the learner's plan is up to date, and an
-    expert with phases follows the flight. What it is not asked for is not told. An expert whose advice has been ignored
-    for a while is reset: what it believes to be going on is not.
+    expert with phases follows the flight. What it is not asked for is not recorded. An expert whose advice has been
+    ignored for a while is reset: what it believes to be going on is not.
 
     Args:
         learner: the policy in training.
@@ -116,21 +116,21 @@ class Mixture:
                 policy.begin(seeds, chosen)
 
     def act(self, obs: Observation) -> np.ndarray:
-        proposed = np.asarray(self.learner.act(obs), float)
-        flown = np.asarray(self.expert.act(obs), float)
-        wished = np.asarray(getattr(self.expert, "expert_action", flown), float)  # before its own perturbation
-        choice = self.gate.decide(GateInput(obs, proposed, wished, self.is_intervention))
-        self.is_intervention = choice.expert_flies
-        self._reset_ignored(proposed, wished)
-        asked = choice.asked | choice.expert_flies
-        self.expert_action = np.where(asked[:, None], wished, np.nan)
-        return np.where(choice.expert_flies[:, None], flown, proposed)
+        of_learner = np.asarray(self.learner.act(obs), float)
+        of_expert = np.asarray(self.expert.act(obs), float)
+        label = np.asarray(getattr(self.expert, "expert_action", of_expert), float)  # before its own perturbation
+        decision = self.gate.decide(GateInput(obs, of_learner, label, self.is_intervention))
+        self.is_intervention = decision.expert_flies
+        self._reset_ignored(of_learner, label)
+        asked = decision.asked | decision.expert_flies
+        self.expert_action = np.where(asked[:, None], label, np.nan)
+        return np.where(decision.expert_flies[:, None], of_expert, of_learner)
 
-    def _reset_ignored(self, proposed: np.ndarray, wished: np.ndarray) -> None:
+    def _reset_ignored(self, of_learner: np.ndarray, label: np.ndarray) -> None:
         """Reset the expert in the worlds in which the learner has done something else for long."""
         if self.scale is None:
             return
-        ignored = ~self.is_intervention & (self.scale.distance(proposed, wished) > IGNORED)
+        ignored = ~self.is_intervention & (self.scale.distance(of_learner, label) > IGNORED)
         self._ignored = np.where(ignored, self._ignored + 1, 0)
         lost = self._ignored >= IGNORED_STEPS
         if lost.any():

@@ -1,4 +1,4 @@
-"""What all algorithms that collect experience while they learn share: settings, and the opening of a run."""
+"""The base of algorithms that collect experience while they learn: common settings, and the opening of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often a run logs, evaluates and takes checkpoints: no weight depends on it."""
+"""The cadence of a run: when it logs, evaluates and takes checkpoints; no weight depends on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What algorithms that learn from a fixed set of demonstrations are told about their runs."""
+"""Settings that all algorithms of supervised learning share, and what they decide."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class SupervisedAlgorithm(ABC):
         minutes: end after this time even if steps are left; the schedule then follows the time, and the result depends
             on the speed of the machine. None for steps alone.
         validation: share of the episodes held out to report the error per action element.
-        best_by: number told by the rollouts by which the best policy on the way is kept.
-        patience: end after so many evaluations by rollouts in a row that were no better than the best; 0 for never.
+        best_by: number of the rollouts by which the best policy on the way is kept.
+        patience: evaluations by rollouts in a row, none better than the best, after which it ends; 0 for never.
             The learning rate is then still high, so that the policy may be worse than at the end of a whole run.
         log_every, validate_every, evaluate_every, checkpoint_every: steps between two; 0 for never.
         keep_checkpoints: how many of the newest stay on disk.
