@@ -1,4 +1,4 @@
-"""Learning algorithms: each file of this folder is one, found by its name; what they share lies in ``parts``."""
+"""Learning algorithms: each file of this folder is one, found by its name; what they share lies in its rooms."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 from types import ModuleType
 
+from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import UnknownNameError
 
 
@@ -19,3 +20,9 @@ def algorithm(name: str) -> ModuleType:
     if name not in list_algorithms():
         raise UnknownNameError("algorithm", name, list_algorithms())
     return importlib.import_module(f"{__name__}.{name}")
+
+
+def settings_of(name: str) -> type[Algorithm]:
+    """Return the class that holds the settings of the algorithm ``name`` and trains by them."""
+    module = algorithm(name)
+    return next(one for one in vars(module).values() if isinstance(one, type) and one.__dict__.get("name") == name)

@@ -1,6 +1,6 @@
 """Adversarial inverse reinforcement learning: imitation whose discriminator holds a reward that outlives the policy.
 
-The loop is that of :mod:`aerial_il.algorithms.gail`; the discriminator is another one,
+The loop and the loss, a cross-entropy, are those of :mod:`aerial_il.algorithms.gail`; the discriminator is another one,
 
     ``logit = f(s, a, s') - log pi(a | s)``,  ``f = g(s, a) + gamma * h(s') - h(s)``,
 
@@ -23,12 +23,12 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.adversarial.discriminator import Discriminator, Reward
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
 from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.parts.discriminator import Reward, Scorer, discriminator_loss
-from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
-from aerial_il.algorithms.parts.replay import Batch
-from aerial_il.algorithms.parts.settings import require_choice
-from aerial_il.algorithms.parts.snapshot import Trained, adam
+from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.run.checks import require_choice
+from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density, unsquashed
 
 RewardOn = Literal["state", "state_action"]
@@ -51,10 +51,10 @@ class AdversarialInverseLearning(AdversarialImitation):
         super().__post_init__()
         require_choice(self, "reward_on", RewardOn)
 
-    def judge(self, sizes: tuple[int, int], actor: SquashedGaussian) -> LearnedReward:
+    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussian) -> RewardNet:
         shape: Shape = {
             "hidden": self.reward_hidden,
-            "spectral": self.spectral,
+            "spectral": self.spectral_norm,
             "dropout": self.dropout,
             "running_norm": True,
             "actions": self.reward_on == "state_action",
@@ -63,11 +63,11 @@ class AdversarialInverseLearning(AdversarialImitation):
         return ShapedReward(*sizes, shape, lr=self.reward_lr, gamma=self.gamma, actor=actor)
 
 
-class ShapedReward(LearnedReward):
+class ShapedReward(RewardNet):
     """g as the network that is kept, h beside it, and the density of the policy as it stands.
 
     Args:
-        obs_size, action_size, shape, lr: of g; see :class:`LearnedReward`. gamma: discount. actor: the policy's.
+        obs_size, action_size, shape, lr: of g; see :class:`RewardNet`. gamma: discount. actor: the policy's.
     """
 
     def __init__(
@@ -76,31 +76,30 @@ class ShapedReward(LearnedReward):
         super().__init__(obs_size, action_size, shape, lr=lr)
         self._gamma, self._actor = gamma, actor
         plain = {"spectral": shape["spectral"], "dropout": shape["dropout"], "running_norm": True}
-        self._height = Scorer(obs_size + 1, shape["hidden"], **plain)
+        self._height = Discriminator(obs_size + 1, shape["hidden"], **plain)
         both = nn.ModuleDict({"reward": self.network, "height": self._height})
-        self._trained = Trained(both, adam(both, lr))
+        self._trained = TrainState(both, adam(both, lr))
 
     @torch.no_grad()
-    def pay(self, obs: Tensor, actions: Tensor) -> Tensor:
+    def reward(self, obs: Tensor, actions: Tensor) -> Tensor:
         """Return ``g - log pi`` (B,): the shaping by h changes no advantage, and is left out."""
-        return super().pay(obs, actions) - self._density(obs, actions)
+        return super().reward(obs, actions) - self._log_prob(obs, actions)
 
-    def learn(self, expert: Batch, agent: Batch, *, penalty: float) -> dict[str, float]:
-        """Tell the demonstrator's transitions from the agent's a little better; ``penalty`` weighs the slope of g."""
+    def logits(self, expert: Batch, agent: Batch) -> tuple[Tensor, Tensor]:
         self._trained.network.train()
-        shown, flown = (self._inputs(batch.obs, batch.actions) for batch in (expert, agent))
-        for norm, inputs in ((self.network.norm, (shown, flown)), (self._height.norm, (expert.obs, agent.obs))):
+        of_expert, of_agent = self._sides(expert, agent)
+        for norm, sides in ((self.network.norm, (of_expert, of_agent)), (self._height.norm, (expert.obs, agent.obs))):
             assert norm is not None
-            norm.add(torch.cat(inputs))
-        loss, metrics = discriminator_loss(self._logit(expert, shown), self._logit(agent, flown))
-        return metrics | self._descend(loss, shown, flown, penalty)
+            norm.add(torch.cat(sides))
+        return self._logit(expert, of_expert), self._logit(agent, of_agent)
 
     def _logit(self, batch: Batch, inputs: Tensor) -> Tensor:
-        shaping = self._gamma * batch.going * self._height(batch.next_obs) - self._height(batch.obs)
-        return self.network(inputs) + shaping - self._density(batch.obs, batch.actions)
+        """Return ``g(s, a) + gamma h(s') - h(s) - log pi(a | s)`` (B,)."""
+        shaping = self._gamma * batch.continues * self._height(batch.next_obs) - self._height(batch.obs)
+        return self.network(inputs) + shaping - self._log_prob(batch.obs, batch.actions)
 
     @torch.no_grad()
-    def _density(self, obs: Tensor, actions: Tensor) -> Tensor:
+    def _log_prob(self, obs: Tensor, actions: Tensor) -> Tensor:
         """Return ``log pi(a | s)`` (B,), 0 in the absorbing state, where there is nothing to choose."""
         raw = unsquashed(actions)
         found = log_density(raw, *self._actor.gaussian(obs[:, None, :-1])).sum(-1)

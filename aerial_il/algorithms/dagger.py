@@ -7,8 +7,9 @@ trained on the union of all rounds:
 
     pi_i = beta_i pi* + (1 - beta_i) pi^_i          D <- D u {(s, pi*(s)) : s visited by pi_i}
 
-What decides who flies, and which states are labelled, is the gate: a coin (classic), the ensemble's doubt and the risk
-of failing (ThriftyDAgger), or a supervisor (HG-DAgger). See :mod:`aerial_il.algorithms.parts.gates` for the sources.
+What decides who flies, and which states are labelled, is the gate: a coin (classic), the ensemble's disagreement and
+the risk of failing (ThriftyDAgger), or a supervisor (HG-DAgger). :mod:`aerial_il.algorithms.interactive.gates` names
+the sources. The loss of the supervised learning in each round is that of :mod:`aerial_il.algorithms.bc`.
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``, ``queries``
 (steps that the expert labelled), ``interventions`` (times it took over), ``expert_steps`` (steps it flew), the totals
@@ -20,92 +21,60 @@ online learning", AISTATS 2011, algorithm 3.1.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
-from aerial_il.algorithms.bc import Evaluate
-from aerial_il.algorithms.parts.doubt import Scale
-from aerial_il.algorithms.parts.gates import CoinGate, GateSettings, Round
-from aerial_il.algorithms.parts.interactive import Interactive, Pilot, fly_and_learn
-from aerial_il.algorithms.parts.mixture import Mixture
-from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
+from aerial_il.algorithms.interactive.disagreement import ActionScale
+from aerial_il.algorithms.interactive.gates import CoinGate, GateSettings, Round
+from aerial_il.algorithms.interactive.mixture import Mixture
+from aerial_il.algorithms.interactive.rounds import Rounds
+from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.policy import Policy
 from aerial_il.core.seeding import named_rng
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
 
 MEMBER_SEED = 1_000_003  # between the seeds of an ensemble's members
 
 
 @dataclass(frozen=True, kw_only=True)
-class DAgger(Interactive):
-    """Settings of a run.
+class DAgger(InteractiveAlgorithm):
+    """Settings of a run, beside those of :class:`InteractiveSettings`.
 
     Attributes:
+        training: behaviour cloning of the dataset so far; its loss is the policy network's.
         gate: who flies and who is asked.
     """
 
+    name: ClassVar[str] = "dagger"
+
+    training: BehaviourCloning = field(default_factory=BehaviourCloning)
     gate: GateSettings = field(default_factory=CoinGate)
 
-    def train(
-        self,
-        dataset: Iterable[Episode],
-        policy: PolicyConfig,
-        *,
-        run: str | os.PathLike[str],
-        env: object,
-        expert: Policy,
-        collect: Collect,
-        seed: int = 0,
-        evaluate: Evaluate | None = None,
-        resume: bool = True,
-        progress: bool = True,
-    ) -> ChunkPolicy:
-        """Learn by flying.
+    @property
+    def seeds_per_round(self) -> int:
+        return self.episodes + self.gate.alone
 
-        Args:
-            dataset: demonstrations to begin with, flown in the same kind of environment; failures are left out.
-            policy: what to train.
-            run: folder of the run; see :mod:`aerial_il.algorithms.parts.rounds`.
-            env: batch environment to fly in. expert: whom to ask. collect: records flights.
-            seed: decides weights, minibatches, coins and the seeds of the flights.
-            evaluate: ``(policy, round) -> named numbers`` from flights on seeds of its own.
-            resume: continue what ``run`` holds; a finished run returns its policy at once.
-            progress: show progress bars.
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+        for number in rounds.left():
+            if number:
+                rounds.fly(number, lambda number=number: self._mixture(rounds, number))
+            rounds.learn(number)
+            beta = {"beta": self.gate.share(number)} if number and isinstance(self.gate, CoinGate) else {}
+            rounds.end_round(number, evaluate, beta)
+        return rounds.finish()
 
-        Returns:
-            The policy of the last round, as saved in ``run/policy``.
-
-        Raises:
-            InvalidValueError: demonstrations of another environment, no expert, or ``run`` holds another run.
-            SimulationDivergedError, StorageError: from the flights. The errors of behaviour cloning.
-        """
-        workplace = Workplace(env, expert, collect)
-        learning = self.learning("dagger", policy, seed, alone=self.gate.alone)
-        with Rounds.open(run, dataset, workplace, learning, resume=resume) as rounds:
-
-            def pilot(number: int) -> Pilot:
-                return Pilot(lambda: self._mixture(rounds, number, workplace, progress), self._beta(number))
-
-            return fly_and_learn(rounds, self, pilot, evaluate=evaluate, progress=progress)
-
-    def _mixture(self, rounds: Rounds, number: int, at: Workplace, progress: bool) -> Policy:
-        """Return the mixture that flies round ``number``."""
+    def _mixture(self, rounds: Rounds, number: int) -> Policy:
+        """Return the mixture of learner and expert that flies round ``number``."""
         assert rounds.learner is not None
-        others = [self._member(rounds, number, k, progress) for k in range(1, self.gate.ensemble)]
-        alone = self.gate.alone
-        probes = rounds.alone(number, self.episodes, alone, progress=progress) if alone else []
-        of = Round(number, rounds.seed, [rounds.learner, *others], rounds.lessons, probes)
-        return Mixture(rounds.learner, at.expert, self.gate.open(of), Scale.of(rounds.learner))
+        others = [self._member(rounds, number, k) for k in range(1, self.gate.ensemble)]
+        probes = rounds.alone(number, self.gate.alone) if self.gate.alone else []
+        of = Round(number, rounds.problem.seed, [rounds.learner, *others], rounds.dataset, probes)
+        return Mixture(rounds.learner, rounds.problem.expert, self.gate.open(of), ActionScale.of(rounds.learner))
 
-    def _member(self, rounds: Rounds, number: int, k: int, progress: bool) -> ChunkPolicy:
-        """Return member k > 0 of the ensemble: other first weights, and other lessons, drawn with replacement."""
-        seed = rounds.seed + MEMBER_SEED * k
-        drawn = named_rng(seed, "bagging", str(number)).integers(len(rounds.lessons), size=len(rounds.lessons))
-        lessons = [rounds.lessons[i] for i in drawn]
-        return rounds.auxiliary(number, f"member_{k}", lessons, seed=seed, progress=progress)
-
-    def _beta(self, number: int) -> Mapping[str, float]:
-        return {"beta": self.gate.share(number)} if isinstance(self.gate, CoinGate) else {}
+    def _member(self, rounds: Rounds, number: int, k: int) -> ChunkPolicy:
+        """Return member k > 0 of the ensemble: other first weights, and episodes drawn with replacement."""
+        seed, count = rounds.problem.seed + MEMBER_SEED * k, len(rounds.dataset)
+        drawn = named_rng(seed, "bagging", str(number)).integers(count, size=count)
+        return rounds.auxiliary(number, f"member_{k}", [rounds.dataset[i] for i in drawn], seed=seed)

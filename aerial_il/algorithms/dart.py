@@ -8,7 +8,7 @@ covariance is the maximum-likelihood estimate from the learner's errors on label
 
 where alpha scales the estimate up to the deviation expected of the final learner; here alpha is ``scale`` times
 ``T tr S``, so that ``Sigma = scale S``. Labels have no noise. Before each round the errors are those of a second
-policy, trained without a share of the lessons, on that share.
+policy, trained without a share of the dataset, on that share.
 
 Two things differ from the paper. The noise has the correlation over time that the errors have (``coloured``): a
 vehicle is deaf to white noise at 50 Hz, and a policy errs the same way for many steps. And elements that the
@@ -23,41 +23,44 @@ spread of demonstrated actions) and ``noise_correlation`` (from one step to the 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.bc import Evaluate
-from aerial_il.algorithms.parts.doubt import actions_along
-from aerial_il.algorithms.parts.interactive import Interactive, Pilot, fly_and_learn
-from aerial_il.algorithms.parts.rounds import Collect, Rounds, Workplace
-from aerial_il.algorithms.parts.settings import require_positive
-from aerial_il.algorithms.parts.training_set import split
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
+from aerial_il.algorithms.interactive.disagreement import actions_along
+from aerial_il.algorithms.interactive.rounds import Rounds
+from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.algorithms.run.checks import require_positive
+from aerial_il.algorithms.supervised.training_set import split
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
 
 MOST = 0.98  # largest correlation from one step to the next: a decay over 50 steps
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dart(Interactive):
-    """Settings of a run.
+class Dart(InteractiveAlgorithm):
+    """Settings of a run, beside those of :class:`InteractiveSettings`.
 
     Attributes:
+        training: behaviour cloning of the dataset so far; its loss is the policy network's.
         scale: factor on the covariance of the learner's errors.
         coloured: give the noise the correlation over time that the errors have; white otherwise, as in the paper.
-        held_out: share of the lessons on which the errors are measured.
+        held_out: share of the dataset on which the errors are measured.
     """
+
+    name: ClassVar[str] = "dart"
 
     rounds: int = 4
     episodes: int = 10
+    training: BehaviourCloning = field(default_factory=BehaviourCloning)
     scale: float = 1.0
     coloured: bool = True
     held_out: float = 0.2
@@ -68,35 +71,22 @@ class Dart(Interactive):
         if not 0 < self.held_out < 1:
             raise InvalidValueError(f"held_out is {self.held_out}; it must lie in (0, 1).")
 
-    def train(
-        self,
-        dataset: Iterable[Episode],
-        policy: PolicyConfig,
-        *,
-        run: str | os.PathLike[str],
-        env: object,
-        expert: Policy,
-        collect: Collect,
-        seed: int = 0,
-        evaluate: Evaluate | None = None,
-        resume: bool = True,
-        progress: bool = True,
-    ) -> ChunkPolicy:
-        """Learn from a disturbed expert; arguments, result and errors are those of DAgger."""
-        workplace, learning = Workplace(env, expert, collect), self.learning("dart", policy, seed)
-        with Rounds.open(run, dataset, workplace, learning, resume=resume) as rounds:
-
-            def pilot(number: int) -> Pilot:
-                noise = self._noise(rounds, number, progress)
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+        for number in rounds.left():
+            metrics: dict[str, float] = {}
+            if number:
+                noise = self._noise(rounds, number)
+                rounds.fly(number, lambda noise=noise: Disturbed(rounds.problem.expert, noise))
                 metrics = {"noise": noise.size, "noise_correlation": noise.correlation}
-                return Pilot(lambda: Disturbed(expert, noise), metrics)
+            rounds.learn(number)
+            rounds.end_round(number, evaluate, metrics)
+        return rounds.finish()
 
-            return fly_and_learn(rounds, self, pilot, evaluate=evaluate, progress=progress)
-
-    def _noise(self, rounds: Rounds, number: int, progress: bool) -> Noise:
-        """Estimate how a learner errs from one that did not see a share of the lessons."""
-        kept, held = split(rounds.lessons, self.held_out, seed=rounds.seed + number)
-        other = rounds.auxiliary(number, "held_out", kept, seed=rounds.seed, progress=progress)
+    def _noise(self, rounds: Rounds, number: int) -> Noise:
+        """Estimate how a learner errs from one that did not see a share of the dataset."""
+        seed = rounds.problem.seed
+        kept, held = split(rounds.dataset, self.held_out, seed=seed + number)
+        other = rounds.auxiliary(number, "held_out", kept, seed=seed)
         return Noise.of(other, held or kept, scale=self.scale, coloured=self.coloured)
 
 
@@ -130,7 +120,7 @@ class Noise:
 
 
 class Disturbed:
-    """The expert, its actions shaken while its intentions are recorded.
+    """The expert, its actions disturbed while what it meant is recorded.
 
     Args:
         expert: who flies. noise: what is added; each episode has a stream of its own.
@@ -172,12 +162,12 @@ class Disturbed:
             self.expert.begin(seeds, mask)
 
     def act(self, obs: Observation) -> np.ndarray:
-        flown = np.asarray(self.expert.act(obs), float)
-        self.expert_action = np.asarray(getattr(self.expert, "expert_action", flown), float)
-        shaken, kept = flown + self._drift, self.noise.correlation
+        action = np.asarray(self.expert.act(obs), float)
+        self.expert_action = np.asarray(getattr(self.expert, "expert_action", action), float)
+        disturbed, kept = action + self._drift, self.noise.correlation
         fresh = np.stack([self._drawn(world) for world in range(len(self._rngs))])
         self._drift = kept * self._drift + np.sqrt(1.0 - kept**2) * fresh
-        return shaken
+        return disturbed
 
     def _drawn(self, world: int) -> np.ndarray:
         return self.noise.root @ self._rngs[world].standard_normal(len(self.noise.root))

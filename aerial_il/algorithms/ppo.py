@@ -1,80 +1,198 @@
 """Proximal policy optimisation: reinforcement learning from the environment's own reward, one rollout at a time.
 
-Each turn flies ``rollout`` steps, estimates advantages, and moves actor and critic over them several times.
+Each turn collects ``rollout`` steps, estimates generalised advantages A, and moves actor and critic over them several
+times, the actor never far from where it acted: it maximises
+
+    ``min(rho A, clip(rho, 1 - clip, 1 + clip) A)``,    rho = pi(a | s) / pi_old(a | s).
+
 Observations are standardised by their running moments, rewards divided by the running deviation of returns; an episode
 that was only cut by its time limit goes on in the critic's estimate.
 
-Metrics: ``actor/loss``, ``actor/moved`` (Kullback-Leibler divergence), ``actor/clipped``, ``critic/loss``,
+Metrics: ``actor/loss``, ``actor/approx_kl`` (Kullback-Leibler divergence), ``actor/clip_fraction``, ``critic/loss``,
 ``critic/value``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
 ``evaluate/<name>``; ``elapsed_s``.
 
-Source: J. Schulman et al., "Proximal Policy Optimization Algorithms", 2017; defaults are those of its table 3.
+Source: J. Schulman et al., "Proximal Policy Optimization Algorithms", 2017, equation 7;
+defaults are those of its table 3.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from itertools import pairwise
+from typing import ClassVar
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
-from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments
-from aerial_il.algorithms.parts.rollout import fly, learn, learner_of
-from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import OnPolicy
-from aerial_il.data.episode import Episode
-from aerial_il.policies import load_policy
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
+from aerial_il.algorithms.rl.on_policy import OnPolicy, Rollout, collect_rollout
+from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.replay_buffer import ReplayBuffer
+from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
+from aerial_il.algorithms.run.state import Snapshot, joined, separate
+from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.layout import Interface, Layout
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.layout import Interface
+from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProximalPolicyOptimisation(OnPolicy):
     """Settings of a run; see :class:`OnPolicy`."""
 
-    rewarded: ClassVar[bool] = True
+    name: ClassVar[str] = "ppo"
 
-    def train(
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        agent = ProximalActorCritic(self, run.build_actor(), run.sizes[0])
+        obs_norm, reward_norm = RunningMoments(run.sizes[0]), RewardNorm(run.collector.n, self.gamma)
+        run.begin(agent.actor, {"agent": agent, "obs_norm": obs_norm, "reward_norm": reward_norm})
+        run.interface = standardised(run.interface, obs_norm)
+
+        while run.goes_on():
+            rollout = collect_rollout(run.collector, run.interface, agent, self.rollout)
+            rewards = reward_norm.scale(rollout.rewards, rollout.ended)
+            run.log(agent.update(rollout, rewards, left=run.left))
+            obs_norm.add(run.interface.layout.relate(rollout.flat("frames")))
+            run.interface = standardised(run.interface, obs_norm)
+            run.end_turn()
+
+        return run.finish()
+
+
+def standardised(interface: Interface, obs_norm: RunningMoments) -> Interface:
+    """Return the interface with observations standardised by their moments so far."""
+    return replace(interface, obs=obs_norm.normaliser()) if obs_norm.count else interface
+
+
+class ProximalActorCritic:
+    """Actor and critic, moved by several passes over a rollout.
+
+    Args:
+        settings: of the algorithm.
+        actor: the policy's network.
+        obs_size: Do.
+    """
+
+    def __init__(self, settings: OnPolicy, actor: SquashedGaussian, obs_size: int) -> None:
+        self.settings, self.actor, critic = settings, actor, Critic(obs_size, settings.critic_hidden)
+        self._actor, self._critic = (
+            TrainState(actor, adam(actor, settings.lr)),
+            TrainState(critic, adam(critic, settings.lr)),
+        )
+
+    @torch.no_grad()
+    def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Draw actions (n, Da), their forms before the tanh (n, Da) and log densities (n,) for observations (n, Do)."""
+        drawn = self.actor.sample(tensor(obs)[:, None])
+        return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
+
+    @torch.no_grad()
+    def values(self, obs: np.ndarray) -> np.ndarray:
+        """Return what the critic expects (...) from encoded observations (..., Do)."""
+        return self._critic.network(tensor(obs)).numpy()
+
+    def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
+        """Move the actor's centre towards demonstrated actions in ``steps`` minibatches."""
+        bc_pretrain(self._actor, self.actor, demos, steps=steps, batch_size=self.settings.batch_size)
+
+    def update(
         self,
-        dataset: Iterable[Episode] | None,
-        policy: PolicyConfig,
+        rollout: Rollout,
+        rewards: np.ndarray,
         *,
-        env: Any,
-        run: str | os.PathLike[str],
-        seed: int = 0,
-        evaluate: Evaluate | None = None,
-        resume: bool = True,
-        progress: bool = True,
-    ) -> ChunkPolicy:
-        """Learn to collect the environment's reward; arguments and errors are those of ``sac``."""
-        policy = check_policy(policy)
-        layout = Layout.of(env.spec, policy)
-        plain, sizes = plain_interface(layout, policy), (layout.size, env.spec.action.size)
-        origin = origin_of("ppo", seed, env)
-        with open_session(
-            self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
-        ) as session:
-            if session.folder.finished:
-                return load_policy(run)
-            flight = EndlessFlight(env, layout, seed=seed)
-            agent = learner_of(self, policy.build(*sizes), sizes[0])
-            moments, paid = RunningMoments(sizes[0]), ReturnScale(flight.n, self.gamma)
-            session.begin(flight, {"agent": agent, "moments": moments, "paid": paid})
+        left: float,
+        end_values: np.ndarray | float = 0.0,
+        improve: bool = True,
+    ) -> dict[str, float]:
+        """Learn from one rollout.
 
-            def interface() -> Interface:
-                return replace(plain, obs=moments.normaliser()) if moments.count else plain
+        Args:
+            rewards: (T, n) what each step is paid.
+            left: share of the training that is left; the learning rate follows it.
+            end_values: (T, n) what all that follows is worth where a step was terminal; elsewhere of no effect.
+            improve: whether the actor moves at all; the critic alone learns what it is worth.
+        """
+        values, next_values = self.values(rollout.obs), self.values(rollout.next_obs)
+        next_values = np.where(rollout.terminal, end_values, next_values)
+        factors = {"gamma": self.settings.gamma, "gae_lambda": self.settings.gae_lambda}
+        advantages = gae(rewards, values, next_values, rollout.ended, **factors)
+        targets = (advantages + values).ravel()
+        for part in (self._actor, self._critic):
+            part.set_lr(self.settings.lr * left)
+        arrays = (rollout.flat("obs"), rollout.flat("raw"), advantages.ravel(), targets)
+        obs, raw, advantages, targets = (tensor(np.asarray(array, np.float32)) for array in arrays)
+        return {**self._passes(obs, raw, advantages, targets, improve=improve), "critic/value": float(values.mean())}
 
-            def flying() -> ChunkPolicy:
-                return session.pilot(policy, interface(), agent.network)
+    def _passes(
+        self, obs: Tensor, raw: Tensor, advantages: Tensor, targets: Tensor, *, improve: bool
+    ) -> dict[str, float]:
+        """Go over a rollout several times; a pass that moved the actor too far, ``1.5 target_kl``, is its last."""
+        with torch.no_grad():
+            old_log_prob = self._log_prob(obs, raw)
+        passes: list[np.ndarray] = []
+        for _ in range(self.settings.epochs):
+            rows = []
+            for i in minibatches(len(obs), self.settings.batch_size):
+                critic_loss = self.critic_loss(obs[i], targets[i])
+                self._critic.descend(critic_loss, clip_norm=self.settings.clip_norm)
+                actor_loss, approx_kl, clipped = self.actor_loss(obs[i], raw[i], advantages[i], old_log_prob[i])
+                if improve:
+                    self._actor.descend(actor_loss, clip_norm=self.settings.clip_norm)
+                rows.append((actor_loss.item(), critic_loss.item(), approx_kl, clipped))
+            passes.append(np.mean(rows, axis=0))
+            improve = improve and not (self.settings.target_kl and passes[-1][2] > 1.5 * self.settings.target_kl)
+        names = ("actor/loss", "critic/loss", "actor/approx_kl", "actor/clip_fraction")
+        return dict(zip(names, map(float, np.mean(passes, axis=0)), strict=True))
 
-            while session.goes_on(flying):
-                rollout = fly(flight, agent, interface(), self.rollout)
-                rewards = paid.scale(rollout.rewards, rollout.ended)
-                session.note(learn(agent, rollout, rewards, self, left=session.left))
-                moments.add(layout.relate(rollout.flat("frames")))
-                session.turn(flying)
+    def critic_loss(self, obs: Tensor, targets: Tensor) -> Tensor:
+        """Return the critic's mean squared error."""
+        return ((self._critic.network(obs) - targets) ** 2).mean()
 
-            return session.finish(flying())
+    def actor_loss(
+        self, obs: Tensor, raw: Tensor, advantages: Tensor, old_log_prob: Tensor
+    ) -> tuple[Tensor, float, float]:
+        """Return the clipped objective's loss, the divergence from the acting policy, and the share clipped."""
+        clip = self.settings.clip
+        mean, log_std = self.actor.gaussian(obs[:, None])
+        log_ratio = log_density(raw, mean, log_std).sum(-1) - old_log_prob
+        ratio = log_ratio.exp()
+        gain = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+        kept = torch.minimum(ratio * gain, ratio.clamp(1 - clip, 1 + clip) * gain)
+        loss = -kept.mean() - self.settings.entropy * log_std.sum(-1).mean()
+        with torch.no_grad():
+            approx_kl = (ratio - 1 - log_ratio).mean().item()
+            clipped = ((ratio - 1).abs() > clip).float().mean().item()
+        return loss, approx_kl, clipped
+
+    def _log_prob(self, obs: Tensor, raw: Tensor) -> Tensor:
+        return log_density(raw, *self.actor.gaussian(obs[:, None])).sum(-1)
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot(joined({"actor": self._actor, "critic": self._critic}).arrays)
+
+    def restore(self, saved: Snapshot) -> None:
+        separate(saved, {"actor": self._actor, "critic": self._critic})
+
+
+class Critic(nn.Module):
+    """A perceptron with tanh from observations (B, Do) to values (B,)."""
+
+    def __init__(self, inputs: int, hidden: Sequence[int]) -> None:
+        super().__init__()
+        parts = [part for a, b in pairwise((inputs, *hidden)) for part in (nn.Linear(a, b), nn.Tanh())]
+        self.layers = nn.Sequential(*parts, nn.Linear(hidden[-1], 1))
+
+    def forward(self, obs: Tensor) -> Tensor:
+        return self.layers(obs)[..., 0]
+
+
+def minibatches(count: int, batch_size: int) -> list[Tensor]:
+    """Return rows in random order, in minibatches; a last row left alone, which has no spread, joins others."""
+    parts = list(torch.randperm(count).split(batch_size))
+    if len(parts) > 1 and len(parts[-1]) == 1:
+        parts[-2:] = [torch.cat(parts[-2:])]
+    return parts

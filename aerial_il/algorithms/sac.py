@@ -1,113 +1,186 @@
-"""Soft actor-critic: reinforcement learning from the environment's own reward, with a memory of all that was flown.
+"""Soft actor-critic: reinforcement learning from the environment's own reward, with a replay buffer.
 
-Each turn of the loop flies one step in every world, keeps it, and takes ``updates`` gradient steps for each environment
-step on minibatches of the memory; the actor moves at every ``actor_every``-th of them, which saves a third of the time.
-The mean action is what flies in the end.
+Each turn of the loop takes one step in every world, keeps it, and takes ``utd_ratio`` gradient steps for each
+environment step on minibatches of the buffer. Two critics learn
+
+    ``Q(s, a) = r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))``,    a' ~ pi(. | s'),
+
+Q' following them slowly; the actor minimises ``alpha log pi(a | s) - min Q(s, a)``, and alpha is moved so that the
+entropy stays near its target. Actor and alpha move at every ``actor_every``-th step, which saves a third of the time.
+The mean action is what flies in the end. In the absorbing state of imitators
+(:mod:`aerial_il.algorithms.rl.replay_buffer`) there is one action, zero, and no entropy.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``, ``actor/entropy``, ``actor/alpha``; ``episode/return``,
 ``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
 
 Source: T. Haarnoja et al., "Soft Actor-Critic Algorithms and Applications", 2018; defaults are its table 1.
+I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, for the absorbing state.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
+import copy
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from itertools import pairwise
+from typing import ClassVar
 
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import check_policy, plain_interface
-from aerial_il.algorithms.parts.flown import fly_step
-from aerial_il.algorithms.parts.replay import Replay, rows_of
-from aerial_il.algorithms.parts.session import Evaluate, open_session, origin_of
-from aerial_il.algorithms.parts.settings import OffPolicy
-from aerial_il.algorithms.parts.snapshot import Generator
-from aerial_il.algorithms.parts.soft_actor_critic import SoftActorCritic
-from aerial_il.core.seeding import named_rng
-from aerial_il.data.episode import Episode
-from aerial_il.policies import load_policy
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from aerial_il.algorithms.rl.bc_pretraining import bc_loss, bc_pretrain
+from aerial_il.algorithms.rl.off_policy import OffPolicy, RandomActions, collect_step
+from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, rows_of
+from aerial_il.algorithms.run.state import Snapshot, below, joined, separate
+from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of
+from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+CRITICS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class SoftActorCriticLearning(OffPolicy):
     """Settings of a run; see :class:`OffPolicy`."""
 
-    rewarded: ClassVar[bool] = True
+    name: ClassVar[str] = "sac"
 
-    def train(
-        self,
-        dataset: Iterable[Episode] | None,
-        policy: PolicyConfig,
-        *,
-        env: Any,
-        run: str | os.PathLike[str],
-        seed: int = 0,
-        evaluate: Evaluate | None = None,
-        resume: bool = True,
-        progress: bool = True,
-    ) -> ChunkPolicy:
-        """Learn to collect the environment's reward.
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        agent = SoftActorCritic(self, run.build_actor(), run.sizes)
+        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
+        buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
+        run.begin(agent.actor, {"agent": agent, "replay_buffer": buffer, "random_actions": blind})
+
+        while run.goes_on():
+            warming_up = run.collector.steps < self.warmup
+            step = collect_step(run.collector, run.interface, blind if warming_up else agent)
+            buffer.add(rows_of(*step, absorbing=False))
+
+            agent.set_lr(self.lr_at(run.left))
+            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
+                run.log(agent.update(buffer.sample(self.batch_size)))
+            run.end_turn()
+
+        return run.finish()
+
+
+class SoftActorCritic:
+    """Actor, critics, slowly following targets and the temperature alpha.
+
+    Args:
+        settings: of the algorithm.
+        actor: the policy's network.
+        sizes: elements of an observation and of an action, Do and Da.
+    """
+
+    def __init__(self, settings: OffPolicy, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+        self.settings, self.actor, self._updates = settings, actor, 0
+        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
+        temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
+        self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
+        improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
+        self._actor_state = TrainState(improved, adam(improved, settings.lr))
+        self._critics = TrainState(critics, adam(critics, settings.lr))
+        self._targets = copy.deepcopy(critics).requires_grad_(False)
+        self._pairs = list(zip(self._targets.parameters(), critics.parameters(), strict=True))
+
+    @torch.no_grad()
+    def explore(self, obs: np.ndarray) -> np.ndarray:
+        """Draw actions (n, Da) for encoded observations (n, Do)."""
+        return self.actor.sample(tensor(obs)[:, None])[0].numpy()
+
+    def set_lr(self, lr: float) -> None:
+        """Take all steps that follow at the learning rate ``lr``."""
+        for part in (self._actor_state, self._critics):
+            part.set_lr(lr)
+
+    def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
+        """Move the actor's centre towards demonstrated actions in ``steps`` minibatches."""
+        bc_pretrain(self._actor_state, self.actor, demos, steps=steps, batch_size=self.settings.batch_size)
+
+    def update(
+        self, batch: Batch, *, demos: Batch | None = None, bc_weight: float = 0.0, improve: bool = True
+    ) -> dict[str, float]:
+        """Take one step of critics and targets and, where it is due, of actor and temperature.
 
         Args:
-            dataset: not looked at, there is a reward to learn from; taken so that every algorithm is called alike.
-            policy: what to train, a ``squashed_gaussian``.
-            env: a batch environment to fly in; it is reset.
-            run: folder for configuration, metrics, checkpoints and the finished policy.
-            seed: decides initial weights, exploration, minibatches and which episodes are flown.
-            evaluate: ``(policy, step) -> named numbers`` to log every ``evaluate_every`` steps and at the end.
-            resume: continue what ``run`` holds; a finished run returns its policy at once.
-            progress: show a progress bar.
-
-        Raises:
-            InvalidValueError: another kind of policy, or ``run`` holds another run.
-            SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
+            batch: what all of them learn from.
+            demos: demonstrations that the actor is drawn to as well, with weight ``bc_weight``.
+            improve: whether the actor moves at all; critics alone learn what a policy is worth.
         """
-        policy = check_policy(policy)
-        layout = Layout.of(env.spec, policy)
-        interface = plain_interface(layout, policy)
-        sizes = (layout.size, env.spec.action.size)
-        origin = origin_of("sac", seed, env)
-        with open_session(
-            self, run, origin, policy=policy, evaluate=evaluate, resume=resume, progress=progress
-        ) as session:
-            if session.folder.finished:
-                return load_policy(run)
-            flight, noise = EndlessFlight(env, layout, seed=seed), Generator(named_rng(seed, "sac", "warm-up"))
-            agent = agent_of(self, policy.build(*sizes), sizes)
-            memory = Replay(self.memory, *sizes, named_rng(seed, "sac", "minibatches"))
-            session.begin(flight, {"agent": agent, "memory": memory, "noise": noise})
+        critic_loss, metrics = self.critic_loss(batch)
+        self._critics.descend(critic_loss)
+        self._updates += 1
+        if improve and self._updates % self.settings.actor_every == 0:
+            pull = bc_weight * bc_loss(self.actor, demos) if demos is not None else 0.0
+            actor_loss, alpha_loss, found = self.actor_and_alpha_loss(batch)
+            self._actor_state.descend(actor_loss + pull + alpha_loss)  # the first two reach the actor, the last alpha
+            metrics |= found
+        self._follow()
+        return metrics
 
-            def flying() -> ChunkPolicy:
-                return session.pilot(policy, interface, agent.network)
+    def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
+        """Return the squared Bellman error of both critics."""
+        targets = self._bellman_targets(batch)
+        values = self._critics.network(batch.obs, batch.actions)
+        loss = ((values - targets) ** 2).mean(1).sum()
+        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
 
-            while session.goes_on(flying):
-                warm = flight.steps < self.warmup
-                flown = fly_step(flight, agent, interface, blind=noise if warm else None)
-                memory.add(rows_of(*flown, absorbing=False))
-                agent.learn_at(self.lr_at(session.left))
-                for _ in range(0 if warm else session.owed(self.updates)):
-                    session.note(agent.update(memory.sample(self.batch_size)))
-                session.turn(flying)
+    @torch.no_grad()
+    def _bellman_targets(self, batch: Batch) -> Tensor:
+        """Return ``r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
+        alive = 1.0 - batch.next_obs[:, -1]
+        actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])
+        worth = self._targets(batch.next_obs, alive[:, None] * actions).min(0).values
+        soft_value = worth - self._log_alpha.exp() * alive * log_prob
+        return batch.rewards + self.settings.gamma * batch.continues * soft_value
 
-            return session.finish(flying())
+    def actor_and_alpha_loss(self, batch: Batch) -> tuple[Tensor, Tensor, dict[str, float]]:
+        """Return ``alpha log pi - min Q`` and alpha's loss, both without the absorbing state, where none is chosen."""
+        alive = 1.0 - batch.obs[:, -1]
+        share, alpha = alive / alive.sum().clamp(min=1.0), self._log_alpha.detach().exp()
+        actions, _, log_prob = self.actor.sample(batch.obs[:, None, :-1])
+        worth = self._critics.network(batch.obs, actions).min(0).values
+        actor_loss = (share * (alpha * log_prob - worth)).sum()
+        entropy = -(share * log_prob.detach()).sum()
+        alpha_loss = self._log_alpha * (entropy - self._target_entropy)
+        found = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
+        return actor_loss, alpha_loss, found
+
+    @torch.no_grad()
+    def _follow(self) -> None:
+        for target, current in self._pairs:
+            target.lerp_(current, self.settings.tau)
+
+    def snapshot(self) -> Snapshot:
+        arrays = joined({"actor": self._actor_state, "critics": self._critics}).arrays
+        targets = {f"targets.{name}": array for name, array in weights_of(self._targets).items()}
+        return Snapshot({**arrays, **targets}, {"updates": self._updates})
+
+    def restore(self, saved: Snapshot) -> None:
+        separate(saved, {"actor": self._actor_state, "critics": self._critics})
+        load_weights(self._targets, below("targets.", saved.arrays))
+        self._updates = saved.values["updates"]
 
 
-def agent_of(settings: OffPolicy, actor: SquashedGaussian, sizes: tuple[int, int]) -> SoftActorCritic:
-    """Return a new agent around ``actor`` for observations and actions of these ``sizes``."""
-    return SoftActorCritic(
-        actor,
-        *sizes,
-        hidden=settings.critic_hidden,
-        lr=settings.lr,
-        gamma=settings.gamma,
-        tau=settings.tau,
-        entropy=settings.entropy,
-        alpha=settings.alpha,
-        actor_every=settings.actor_every,
-    )
+class Critics(nn.Module):
+    """Two perceptrons side by side, each layer one multiplication: (B, Do + 1), (B, Da) -> (2, B)."""
+
+    def __init__(self, inputs: int, hidden: Sequence[int]) -> None:
+        super().__init__()
+        self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
+        for a, b in pairwise((inputs, *hidden, 1)):
+            bound = 1.0 / math.sqrt(a)
+            self.weights.append(nn.Parameter(torch.empty(CRITICS, a, b).uniform_(-bound, bound)))
+            self.biases.append(nn.Parameter(torch.empty(CRITICS, 1, b).uniform_(-bound, bound)))
+
+    def forward(self, obs: Tensor, actions: Tensor) -> Tensor:
+        x = torch.cat([obs, actions], dim=-1).expand(CRITICS, -1, -1)
+        *hidden, last = zip(self.weights, self.biases, strict=True)
+        for weight, bias in hidden:
+            x = torch.relu(torch.baddbmm(bias, x, weight))
+        return torch.baddbmm(last[1], x, last[0])[..., 0]

@@ -20,7 +20,7 @@ import numpy as np
 import aerial_il
 from aerial_il import policies
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.adroit import POLICIES, TASKS, AdroitTask, PublishedRewards, expert_of
 from aerial_il.benchmarks.parts.demonstrations import SEEDS_PER_DRAW
 from aerial_il.benchmarks.parts.figures import learning_lines

@@ -21,8 +21,7 @@ import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import Dart
-from aerial_il.algorithms.parts.rounds import plain
-from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.ground import learning_code
 from aerial_il.benchmarks.parts.progress import bar
@@ -41,6 +40,7 @@ from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.policy import Policy
+from aerial_il.core.settings import plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import t_interval
 from aerial_il.policies.mlp import MlpConfig

@@ -20,11 +20,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 import aerial_il
+from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.parts.learned_reward import reward_along, shuffled
-from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.settings import Control, Imitating
+from aerial_il.algorithms.rl.imitation import Control, Imitation
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.benchmarks.parts.demonstrations import SEEDS_PER_DRAW
 from aerial_il.benchmarks.parts.figures import reward_lines
@@ -298,7 +298,7 @@ class Gail:
         learner = self._fitted(replace(self.dac, subsample=self.subsample), point)
         return replace(learner, steps=self.num_envs) if point.method == CLONE else learner
 
-    def _fitted[Learner: Imitating](self, learner: Learner, point: Point) -> Learner:
+    def _fitted[Learner: Imitation](self, learner: Learner, point: Point) -> Learner:
         """Return ``learner`` with the length and the control of one training."""
         return replace(learner, steps=self._of(point.task, "steps", learner.steps), control=point.control)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.record import Record

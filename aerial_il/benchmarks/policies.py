@@ -22,9 +22,9 @@ from torch.utils.data import DataLoader, Dataset
 
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.learner import Learner
-from aerial_il.algorithms.parts.threads import torch_threads
-from aerial_il.algorithms.parts.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
+from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.algorithms.supervised.learner import Learner
+from aerial_il.algorithms.supervised.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
 from aerial_il.benchmarks.parts.stopwatch import Arm, interleave

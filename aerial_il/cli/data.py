@@ -62,7 +62,7 @@ def warn_of_changes(path: str) -> None:
 
 def check_origin(path: str, expected: Mapping[str, str]) -> None:
     """Refuse a dataset with demonstrations of another robot, task, tier or action level than ``expected``."""
-    from aerial_il.algorithms.parts.training_set import check_recorded
+    from aerial_il.algorithms.supervised.training_set import check_recorded
 
     for part in open_dataset(path).parts if expected else ():
         check_recorded(part.spec, expected)

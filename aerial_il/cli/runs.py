@@ -38,8 +38,8 @@ def predictions(run: TrainingRun, dataset: str | None) -> tuple[list[Prediction]
 def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     """Return the episodes that ``run`` held out, once it is certain that the dataset is the same still."""
     from aerial_il.algorithms.bc import BehaviourCloning
-    from aerial_il.algorithms.parts.selection import Selection
-    from aerial_il.algorithms.parts.training_set import cut_windows, digest_of, window_weights
+    from aerial_il.algorithms.supervised.selection import Selection
+    from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, window_weights
     from aerial_il.policies import load_policy
 
     settings = run.config.get("settings", {})
@@ -69,7 +69,7 @@ def _dataset_of(run: TrainingRun, dataset: str | None) -> str | None:
 
 def rewarded(run: TrainingRun, dataset: str | None) -> dict[str, dict[str, np.ndarray]]:
     """Return uid -> label -> learned reward along the first demonstration; empty without such a reward or dataset."""
-    from aerial_il.algorithms.parts.run_folder import REWARD
+    from aerial_il.algorithms.run.folder import REWARD
     from aerial_il.data.dataset import open_dataset
 
     path = _dataset_of(run, dataset)
@@ -84,7 +84,7 @@ def rewarded(run: TrainingRun, dataset: str | None) -> dict[str, dict[str, np.nd
 
 def paid_along(run: str | os.PathLike[str], episode: Episode) -> dict[str, np.ndarray]:
     """Return what the reward learned by ``run`` pays for each step, (T,), as flown and with the actions shuffled."""
-    from aerial_il.algorithms.parts.learned_reward import reward_along, shuffled
+    from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
 
     flights = {"as flown": episode, "actions shuffled": shuffled(episode)}
     return {label: reward_along(run, flight) for label, flight in flights.items()}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 
@@ -18,3 +19,15 @@ def make_tuples(settings: Any) -> None:
             object.__setattr__(settings, field.name, tuple(value))
         elif isinstance(value, str | int | float) and str(field.type).startswith("tuple["):
             object.__setattr__(settings, field.name, (value,))
+
+
+def plain(settings: Any) -> Any:
+    """Return nested dataclasses as plain values, with the name of their class where they stand for a choice."""
+    if is_dataclass(settings) and not isinstance(settings, type):
+        inner = {f.name: plain(getattr(settings, f.name)) for f in fields(settings)}
+        return {"kind": type(settings).__name__, **inner}
+    if isinstance(settings, Mapping):
+        return {str(key): plain(value) for key, value in settings.items()}
+    if isinstance(settings, (tuple, list)):
+        return [plain(value) for value in settings]
+    return settings if isinstance(settings, (int, float, str, bool, type(None))) else type(settings).__name__

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aerial_il.algorithms.adversarial.reward_net import load_reward, reward_along
 from aerial_il.algorithms.airl import AdversarialInverseLearning
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.parts.learned_reward import load_reward, reward_along
-from aerial_il.algorithms.parts.run_folder import METRICS, read_metrics
 from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.run.folder import METRICS, read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.algorithms.sqil import SoftQImitation
 from aerial_il.core.errors import CheckpointError, InvalidValueError
@@ -37,8 +37,13 @@ OFF: dict[str, Any] = {
     "tau": 0.05,
     "actor_every": 1,
 }
-JUDGE: dict[str, Any] = {"reward_hidden": (32,), "reward_lr": 2e-3, "reward_updates": 1.0, "penalty": 1.0}
-ALONE: dict[str, Any] = {"cloning": 0, "nearness": 0.0, "blur": False, "lr_floor": 1.0}  # the discriminator teaches
+JUDGE: dict[str, Any] = {"reward_hidden": (32,), "reward_lr": 2e-3, "reward_updates": 1.0, "gradient_penalty": 1.0}
+ALONE: dict[str, Any] = {
+    "bc_pretrain_steps": 0,
+    "bc_weight": 0.0,
+    "action_noise": False,
+    "lr_floor": 1.0,
+}  # the discriminator teaches
 ON: dict[str, Any] = {
     "rollout": 512,
     "lr": 3e-3,
@@ -56,12 +61,12 @@ def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: boo
 
 
 def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
-    assert learn(SoftActorCriticLearning(steps=2_000, updates=0.5, **OFF), tmp_path / "sac") > 0.9
+    assert learn(SoftActorCriticLearning(steps=2_000, utd_ratio=0.5, **OFF), tmp_path / "sac") > 0.9
     assert learn(ProximalPolicyOptimisation(steps=12_000, **ON), tmp_path / "ppo") > 0.9
 
 
 def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
-    settings = DiscriminatorActorCritic(steps=2_500, updates=0.5, **JUDGE, **OFF, **ALONE)
+    settings = DiscriminatorActorCritic(steps=2_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
     demos = demonstrations(10)
     assert learn(settings, tmp_path / "dac", demos) > 0.9
     assert learn(replace(settings, control="random_actions"), tmp_path / "control", demos) < 0.85
@@ -72,7 +77,14 @@ def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Pa
 def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
     """Arriving ends the episode; a reward that is positive everywhere must not make it linger."""
     settings = DiscriminatorActorCritic(
-        steps=3_000, updates=0.5, reward_hidden=(32,), penalty=1.0, reward=reward, log_every=1_000, **OFF, **ALONE
+        steps=3_000,
+        utd_ratio=0.5,
+        reward_hidden=(32,),
+        gradient_penalty=1.0,
+        reward=reward,
+        log_every=1_000,
+        **OFF,
+        **ALONE,
     )
     learn(settings, tmp_path / "dac", demonstrations(10, ends_at_success=True), ends=True)
     assert read_metrics(tmp_path / "dac")[-1]["episode/success"] > 0.8
@@ -81,13 +93,15 @@ def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", [AdversarialImitation, AdversarialInverseLearning])
 def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
-    judge = {"reward_hidden": (32,), "reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 48, "memory": 2048}
+    judge = {"reward_hidden": (32,), "reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 48, "buffer_size": 2048}
     assert learn(algorithm(steps=20_000, **judge, **ON), tmp_path, demonstrations(10)) > 0.7
 
 
 def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> None:
     """And afterwards it does not: what reinforcement has added can be told from what cloning had reached."""
-    settings = AdversarialImitation(steps=1_024, cloning=200, warmup=1_024, reward_updates=2, reward_batch=64, **ON)
+    settings = AdversarialImitation(
+        steps=1_024, bc_pretrain_steps=200, warmup=1_024, reward_updates=2, reward_batch=64, **ON
+    )
     demos, centres = demonstrations(3), []
     for name, chosen in (
         ("short", replace(settings, steps=512)),
@@ -102,13 +116,13 @@ def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_sqil_learns(tmp_path: Path) -> None:
-    assert learn(SoftQImitation(steps=3_000, updates=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7
+    assert learn(SoftQImitation(steps=3_000, utd_ratio=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7
 
 
 @pytest.mark.slow
 def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> None:
     demos = demonstrations(10)
-    settings = DiscriminatorActorCritic(steps=1_500, updates=0.5, **JUDGE, **OFF, **ALONE)
+    settings = DiscriminatorActorCritic(steps=1_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
     settings.train(demos, POLICY, env=Drift(8), run=tmp_path, progress=False)
     shown = reward_along(tmp_path, demos[0])
     assert shown.shape == (len(demos[0]),)

@@ -9,25 +9,23 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.algorithms.parts.blur import blurred
-from aerial_il.algorithms.parts.discriminator import REWARDS, RunningNorm, Scorer, gradient_penalty
-from aerial_il.algorithms.parts.endless_flight import EndlessFlight
-from aerial_il.algorithms.parts.expert_data import (
-    check_policy,
-    check_same,
-    decode,
-    encode,
-    encode_actions,
-    fit_interface,
-    read_transitions,
+from aerial_il.algorithms.adversarial.action_noise import with_action_noise
+from aerial_il.algorithms.adversarial.discriminator import (
+    REWARDS,
+    Discriminator,
+    RunningNorm,
+    cross_entropy,
+    gradient_penalty,
 )
-from aerial_il.algorithms.parts.learned_reward import LearnedReward, Shape
-from aerial_il.algorithms.parts.proximal import shuffled
-from aerial_il.algorithms.parts.replay import Batch, Replay, rows_of, split
-from aerial_il.algorithms.parts.returns import ReturnScale, RunningMoments, advantages
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
-from aerial_il.algorithms.sac import SoftActorCriticLearning, agent_of
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
+from aerial_il.algorithms.dac import DiscriminatorActorCritic
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation, minibatches
+from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.demonstrations import check_same, read_transitions
+from aerial_il.algorithms.rl.interface import check_policy, decode, encode, encode_actions, fit_interface
+from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, rows_of, split
+from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
+from aerial_il.algorithms.sac import SoftActorCritic, SoftActorCriticLearning
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.layout import Layout
@@ -61,7 +59,7 @@ def test_advantages_are_the_direct_sum_over_what_is_left_of_each_episode() -> No
     rewards, values, later = rng.normal(size=(3, 12, 4))
     ended = rng.random((12, 4)) < 0.2
     gamma, decay = 0.9, 0.8
-    found = advantages(rewards, values, later, ended, gamma=gamma, decay=decay)
+    found = gae(rewards, values, later, ended, gamma=gamma, gae_lambda=decay)
     for world in range(4):
         for t in range(12):
             total, weight = 0.0, 1.0
@@ -78,9 +76,9 @@ def test_a_time_limit_is_no_loss() -> None:
     gamma = 0.9
     rewards, value = np.ones((6, 1)), np.full((6, 1), 1 / (1 - gamma))
     ended = np.array([[False], [False], [True]] * 2)
-    np.testing.assert_allclose(advantages(rewards, value, value, ended, gamma=gamma, decay=0.95), 0.0, atol=1e-12)
+    np.testing.assert_allclose(gae(rewards, value, value, ended, gamma=gamma, gae_lambda=0.95), 0.0, atol=1e-12)
     lost = np.where(ended, 0.0, value)
-    assert (advantages(rewards, value, lost, ended, gamma=gamma, decay=0.95) < 0).all()
+    assert (gae(rewards, value, lost, ended, gamma=gamma, gae_lambda=0.95) < 0).all()
 
 
 def test_running_moments_are_those_of_everything_at_once() -> None:
@@ -101,7 +99,7 @@ def test_running_moments_are_those_of_everything_at_once() -> None:
 
 def test_scaled_rewards_have_returns_of_deviation_one() -> None:
     rewards = np.random.default_rng(0).normal(5.0, 50.0, (4000, 2))
-    scale = ReturnScale(2, gamma=0.9)
+    scale = RewardNorm(2, gamma=0.9)
     scaled = scale.scale(rewards, np.zeros_like(rewards, bool))
     total, seen = np.zeros(2), []
     for row in scaled:
@@ -121,21 +119,21 @@ def test_an_end_leads_to_an_absorbing_state_and_a_cut_does_not() -> None:
     np.testing.assert_array_equal(batch.obs[3], [12, 13, 1])
     np.testing.assert_array_equal(batch.actions[:, 0], [0.5, 0.5, 0.5, 0])
     np.testing.assert_array_equal(batch.rewards, [1, 2, 3, 2])
-    np.testing.assert_array_equal(batch.going, 1)
+    np.testing.assert_array_equal(batch.continues, 1)
     plain = split(torch.from_numpy(rows_of(obs, actions, rewards, after, terminal, absorbing=False)), (3, 1, 3, 1, 1))
-    np.testing.assert_array_equal(plain.going, [1, 0, 1])
+    np.testing.assert_array_equal(plain.continues, [1, 0, 1])
     assert (plain.next_obs[:, -1] == 0).all()
     assert len(plain.obs) == 3
 
 
 def test_the_memory_forgets_the_oldest_and_draws_the_same_after_a_restart() -> None:
-    memory = Replay(5, 1, 1, np.random.default_rng(0))
+    memory = ReplayBuffer(5, 1, 1, np.random.default_rng(0))
     row = np.arange(8, dtype=np.float32)[:, None] * np.ones((1, 7), np.float32)
     memory.add(row[:4])
     memory.add(row[4:])
     assert len(memory) == 5
     assert set(memory.sample(200).rewards.tolist()) == {3, 4, 5, 6, 7}
-    again = Replay(5, 1, 1, np.random.default_rng(9))
+    again = ReplayBuffer(5, 1, 1, np.random.default_rng(9))
     again.restore(memory.snapshot())
     assert torch.equal(again.sample(50).obs, memory.sample(50).obs)
     for one in (memory, again):
@@ -145,7 +143,7 @@ def test_the_memory_forgets_the_oldest_and_draws_the_same_after_a_restart() -> N
 
 def test_the_gradient_penalty_is_that_of_finite_differences() -> None:
     torch.manual_seed(0)
-    score = Scorer(3, (16,), spectral=False, dropout=0.0, running_norm=False).double()
+    score = Discriminator(3, (16,), spectral=False, dropout=0.0, running_norm=False).double()
     expert, agent, mix = torch.randn(5, 3).double(), torch.randn(5, 3).double(), torch.rand(5, 1).double()
     between, step = mix * expert + (1 - mix) * agent, 1e-5
     slopes = [(score(between + step * e) - score(between - step * e)) / (2 * step) for e in torch.eye(3).double()]
@@ -162,7 +160,7 @@ def test_the_gradient_penalty_is_that_of_finite_differences() -> None:
 
 def test_spectral_normalisation_bounds_the_slope() -> None:
     torch.manual_seed(0)
-    score = Scorer(4, (32, 32), spectral=True, dropout=0.0, running_norm=False)
+    score = Discriminator(4, (32, 32), spectral=True, dropout=0.0, running_norm=False)
     for _ in range(50):
         score(torch.randn(8, 4))
     a, b = torch.randn(2, 500, 4)
@@ -173,17 +171,19 @@ def test_spectral_normalisation_bounds_the_slope() -> None:
 @pytest.mark.parametrize("changes", [{}, {"spectral": True}, {"dropout": 0.5}, {"running_norm": True}])
 def test_a_discriminator_tells_two_clouds_apart(changes: dict[str, object]) -> None:
     torch.manual_seed(0)
-    judge = LearnedReward(2, 1, {**SHAPE, **changes}, lr=3e-3)  # type: ignore[typeddict-item]
+    reward_net = RewardNet(2, 1, {**SHAPE, **changes}, lr=3e-3)  # type: ignore[typeddict-item]
 
     def cloud(centre: float, count: int = 64) -> Batch:
         obs = torch.cat([centre + torch.randn(count, 2), torch.zeros(count, 1)], dim=1)
         return Batch(obs, torch.zeros(count, 1), obs, torch.zeros(count), torch.ones(count))
 
     for _ in range(120):
-        judge.learn(cloud(2.0), cloud(-2.0), penalty=0.1)
+        expert, agent = cloud(2.0), cloud(-2.0)
+        loss, _ = cross_entropy(*reward_net.logits(expert, agent))
+        reward_net.descend(loss + 0.1 * reward_net.gradient_penalty(expert, agent))
     expert, agent = cloud(2.0, 500), cloud(-2.0, 500)
-    assert (judge.pay(expert.obs, expert.actions) > 0).float().mean() > 0.95
-    assert (judge.pay(agent.obs, agent.actions) < 0).float().mean() > 0.95
+    assert (reward_net.reward(expert.obs, expert.actions) > 0).float().mean() > 0.95
+    assert (reward_net.reward(agent.obs, agent.actions) < 0).float().mean() > 0.95
 
 
 def test_rewards_are_functions_of_the_discriminator() -> None:
@@ -215,24 +215,24 @@ def test_samples_have_the_density_that_is_told() -> None:
 def test_a_restored_flight_goes_on_as_if_nothing_had_happened() -> None:
     """The environment cannot save its state: its actions are flown again."""
     rng, layout = np.random.default_rng(0), Layout.of(drift.SPEC, POLICY)
-    flight = EndlessFlight(Drift(3), layout, seed=1)
+    flight = Collector(Drift(3), layout, seed=1)
     for _ in range(40):
         flight.step(rng.uniform(-1, 1, (3, 1)))
     saved, actions = flight.snapshot(), rng.uniform(-1, 1, (70, 3, 1))
-    again = EndlessFlight(Drift(3), layout, seed=5)
+    again = Collector(Drift(3), layout, seed=5)
     again.restore(saved)
     for action in actions:
         for mine, theirs in zip(flight.step(action), again.step(action), strict=True):
             np.testing.assert_array_equal(mine, theirs)
-    assert flight.report() == again.report()
+    assert flight.episode_means() == again.episode_means()
 
 
 def test_an_environment_that_does_not_repeat_itself_is_told() -> None:
     layout = Layout.of(drift.SPEC, POLICY)
-    flight = EndlessFlight(Drift(2), layout, seed=1)
+    flight = Collector(Drift(2), layout, seed=1)
     flight.step(np.full((2, 1), 0.1))
     env = Drift(2)
-    again = EndlessFlight(env, layout, seed=1)
+    again = Collector(env, layout, seed=1)
     env.step = lambda actions, mask=None: Drift.step(env, 2 * actions, mask)  # type: ignore[method-assign]
     with pytest.raises(InvalidValueError, match="does not repeat itself"):
         again.restore(flight.snapshot())
@@ -242,17 +242,17 @@ def test_ends_are_told_from_cuts() -> None:
     layout = Layout.of(drift.SPEC, POLICY)
     for ends in (False, True):
         env = Drift(20, ends_at_success=ends)
-        flight = EndlessFlight(env, layout, seed=0)
+        flight = Collector(env, layout, seed=0)
         ended = [flight.step(drift.guide(env._observe())) for _ in range(drift.MAX_STEPS)]
         assert np.any([step.terminal for step in ended]) == ends
         assert np.any([step.truncated for step in ended]) != ends
-    flight = EndlessFlight(Drift(4), layout, seed=0)
+    flight = Collector(Drift(4), layout, seed=0)
     out = [flight.step(np.full((4, 1), 0.5)) for _ in range(drift.MAX_STEPS)]
     assert np.any([step.terminal for step in out])
 
 
 def test_an_action_that_is_not_finite_is_told_by_seed_and_step() -> None:
-    flight = EndlessFlight(Drift(2), Layout.of(drift.SPEC, POLICY), seed=0)
+    flight = Collector(Drift(2), Layout.of(drift.SPEC, POLICY), seed=0)
     flight.step(np.zeros((2, 1)))
     with pytest.raises(SimulationDivergedError, match="step 1 of the episode with seed 1000001"):
         flight.step(np.array([[0.0], [np.nan]]))
@@ -270,7 +270,7 @@ def test_demonstrations_become_transitions() -> None:
     _, thin, _ = read_transitions(whole, POLICY, trajectories=3, subsample=4, seed=0)
     assert len(thin.frames) < 0.4 * len(found.frames)
     for bounds in ("environment", "demonstrations"):
-        interface = fit_interface(layout, found, POLICY, bounds)
+        interface = fit_interface(layout, found.frames, found.actions, policy=POLICY, bounds=bounds)
         actions = encode_actions(interface, found.actions, found.frames)
         assert np.abs(actions).max() <= 1
         np.testing.assert_allclose(decode(interface, actions, found.frames), found.actions, atol=1e-6)
@@ -279,9 +279,9 @@ def test_demonstrations_become_transitions() -> None:
 
 def test_no_minibatch_has_a_single_row() -> None:
     """Its advantages have no deviation to be divided by."""
-    assert [len(part) for part in shuffled(2049, 1024)] == [1024, 1025]
-    assert [len(part) for part in shuffled(2050, 1024)] == [1024, 1024, 2]
-    assert torch.cat(shuffled(129, 64)).sort().values.tolist() == list(range(129))
+    assert [len(part) for part in minibatches(2049, 1024)] == [1024, 1025]
+    assert [len(part) for part in minibatches(2050, 1024)] == [1024, 1024, 2]
+    assert torch.cat(minibatches(129, 64)).sort().values.tolist() == list(range(129))
     for wrong in ({"batch_size": 1}, {"rollout": 1}):
         with pytest.raises(InvalidValueError, match="so at least 2"):
             ProximalPolicyOptimisation(**wrong)
@@ -303,12 +303,12 @@ def test_what_cannot_be_imitated_is_refused() -> None:
     anchored = replace(POLICY, anchor="ee_pos", blind_to=())
     layout, found, _ = read_transitions(point_mass.demonstrations(2), anchored, trajectories=None, subsample=1, seed=0)
     with pytest.raises(InvalidValueError, match="bounds=demonstrations"):
-        fit_interface(layout, found, anchored, "environment")
+        fit_interface(layout, found.frames, found.actions, policy=anchored, bounds="environment")
     turned = replace(POLICY, anchor="ee_pos", relative=True, blind_to=("ee_*",))
     layout, found, _ = read_transitions(point_mass.demonstrations(2), turned, trajectories=None, subsample=1, seed=0)
     with pytest.raises(InvalidValueError, match=r"relative to the end effector.*bounds=demonstrations"):
-        fit_interface(layout, found, turned, "environment")
-    interface = fit_interface(layout, found, turned, "demonstrations")
+        fit_interface(layout, found.frames, found.actions, policy=turned, bounds="environment")
+    interface = fit_interface(layout, found.frames, found.actions, policy=turned, bounds="demonstrations")
     actions = encode_actions(interface, found.actions, found.frames)
     np.testing.assert_allclose(decode(interface, actions, found.frames), found.actions, atol=1e-5)
 
@@ -332,7 +332,7 @@ def test_demonstrations_are_blurred_as_the_agent_explores() -> None:
     shown = Batch(
         torch.zeros(4000, 2), torch.full((4000, 1), 0.3), torch.zeros(4000, 2), torch.zeros(4000), torch.ones(4000)
     )
-    raw = torch.atanh(blurred(shown, actor).actions)
+    raw = torch.atanh(with_action_noise(shown, actor).actions)
     assert abs(float(raw.mean()) - np.arctanh(0.3)) < 0.01
     assert abs(float(raw.std()) - np.exp(-2.0)) < 0.01
 
@@ -341,15 +341,15 @@ def test_an_agent_learns_at_the_rate_that_is_left() -> None:
     settings = SoftActorCriticLearning(lr=1e-3, lr_floor=0.2, critic_hidden=(8,))
     assert [settings.lr_at(left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-3, 6e-4, 2e-4])
     torch.manual_seed(0)
-    agent = agent_of(settings, POLICY.build(1, 1), (1, 1))
+    agent = SoftActorCritic(settings, POLICY.build(1, 1), (1, 1))
     batch = Batch(torch.zeros(16, 2), torch.rand(16, 1), torch.zeros(16, 2), torch.ones(16), torch.ones(16))
 
     def moved_at(rate: float) -> bool:
-        before = [weights.clone() for weights in agent.network.parameters()]
-        agent.learn_at(rate)
+        before = [weights.clone() for weights in agent.actor.parameters()]
+        agent.set_lr(rate)
         for _ in range(settings.actor_every):
             agent.update(batch)
-        return any(not torch.equal(a, b) for a, b in zip(before, agent.network.parameters(), strict=True))
+        return any(not torch.equal(a, b) for a, b in zip(before, agent.actor.parameters(), strict=True))
 
     assert moved_at(1e-3)
     assert not moved_at(0.0)

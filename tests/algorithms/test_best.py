@@ -11,8 +11,8 @@ import pytest
 import torch
 
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.standing import Standing
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.supervised.best_checkpoint import BestCheckpoint
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
@@ -164,14 +164,14 @@ def rows(values: Sequence[float]) -> Iterator[dict[str, float]]:
     ("values", "step", "stale"), [([0.1], 10, 0), ([0.5, 0.5], 20, 1), ([0.5, 0.2, 0.4], 10, 2), ([0.1, 0.3], 20, 0)]
 )
 def test_where_the_rollouts_stand(values: list[float], step: int, stale: int) -> None:
-    standing = Standing.of(rows(values), "evaluate/success")
-    assert standing is not None
-    assert (standing.step, standing.stale, standing.best) == (step, stale, max(values))
-    assert Standing.of([{"step": 1.0}], "evaluate/success") is None
+    best = BestCheckpoint.of(rows(values), "evaluate/success")
+    assert best is not None
+    assert (best.step, best.stale, best.value) == (step, stale, max(values))
+    assert BestCheckpoint.of([{"step": 1.0}], "evaluate/success") is None
 
 
 def test_few_crashes_and_little_time_are_better_and_no_time_at_all_is_worst() -> None:
     told = [{"step": 10.0, "time_to_success_s": float("nan")}, {"step": 20.0, "time_to_success_s": 9.0}]
-    assert Standing.of(told, "time_to_success_s") == Standing(9.0, 20, 0, 2)
+    assert BestCheckpoint.of(told, "time_to_success_s") == BestCheckpoint(9.0, 20, 0, 2)
     told = [{"step": 10.0, "evaluate/crashes": 1.0}, {"step": 20.0, "evaluate/crashes": 7.0}]
-    assert Standing.of(told, "evaluate/crashes") == Standing(1.0, 10, 1, 2)
+    assert BestCheckpoint.of(told, "evaluate/crashes") == BestCheckpoint(1.0, 10, 1, 2)

@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from aerial_il.algorithms.dart import Disturbed, Noise
-from aerial_il.algorithms.parts.doubt import Scale, disagreement
-from aerial_il.algorithms.parts.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
-from aerial_il.algorithms.parts.mixture import IGNORED_STEPS, Choice, Mixture, Sight
-from aerial_il.algorithms.parts.rounds import Tally
-from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.supervisors import Corrector
+from aerial_il.algorithms.interactive.costs import FlightCosts
+from aerial_il.algorithms.interactive.disagreement import ActionScale, disagreement
+from aerial_il.algorithms.interactive.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
+from aerial_il.algorithms.interactive.mixture import IGNORED_STEPS, Decision, GateInput, Mixture
+from aerial_il.algorithms.interactive.supervisors import Corrector
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError
@@ -224,8 +224,8 @@ def test_named_schedules_are_what_their_names_say() -> None:
 def coins(seeds: np.ndarray, steps: int = 200) -> np.ndarray:
     gate = CoinGate(beta="exponential", decay=0.3).open(Round(1, 7, [], [], []))
     gate.begin(seeds, np.ones(len(seeds), bool))
-    sight = Sight({}, *np.zeros((2, len(seeds), 1)), np.zeros(len(seeds), bool))
-    return np.stack([gate.choose(sight).expert_flies for _ in range(steps)], axis=1)
+    sight = GateInput({}, *np.zeros((2, len(seeds), 1)), np.zeros(len(seeds), bool))
+    return np.stack([gate.decide(sight).expert_flies for _ in range(steps)], axis=1)
 
 
 def test_coins_fall_by_the_episode_not_by_its_place_in_the_batch() -> None:
@@ -251,11 +251,11 @@ class Every:
     """Lets the expert fly where the mask says so, and asks elsewhere where the second says so."""
 
     def __init__(self, flies: list[bool], asks: list[bool]) -> None:
-        self.choice = Choice(np.array(flies), np.array(asks))
+        self.choice = Decision(np.array(flies), np.array(asks))
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None: ...
 
-    def choose(self, sight: Sight) -> Choice:
+    def decide(self, sight: GateInput) -> Decision:
         return self.choice
 
 
@@ -285,7 +285,7 @@ class Stubborn(Fixed):
 def test_an_expert_that_is_ignored_for_long_looks_again() -> None:
     """Where it flies itself it is not ignored, however far the learner's action is."""
     gate = Every([False, True], [True, True])
-    mixture = Mixture(Fixed(0.0), Stubborn(0.0), gate, Scale(np.ones(1)))
+    mixture = Mixture(Fixed(0.0), Stubborn(0.0), gate, ActionScale(np.ones(1)))
     mixture.attach(Corridor(2))
     for _ in range(IGNORED_STEPS):
         mixture.act({"error": np.zeros((2, 1))})
@@ -296,7 +296,7 @@ def test_an_expert_that_is_ignored_for_long_looks_again() -> None:
 
 def thrifty(others: list[Any], **options: Any) -> _Thrifty:
     limits = Thresholds(novelty=0.1, risk=np.inf, discrepancy=0.3, calm=np.inf)
-    gate = _Thrifty(others, Scale(np.ones(1)), None, limits, **({"least": 2, "patience": 1} | options))
+    gate = _Thrifty(others, ActionScale(np.ones(1)), None, limits, **({"least": 2, "patience": 1} | options))
     gate.begin(np.arange(1), np.ones(1, bool))
     return gate
 
@@ -304,8 +304,8 @@ def thrifty(others: list[Any], **options: Any) -> _Thrifty:
 def fly(gate: _Thrifty, proposals: list[float], wishes: list[float]) -> list[bool]:
     flew, told = np.zeros(1, bool), []
     for proposed, wished in zip(proposals, wishes, strict=True):
-        sight = Sight({"error": np.zeros((1, 1))}, np.array([[proposed]]), np.array([[wished]]), flew)
-        flew = gate.choose(sight).expert_flies
+        sight = GateInput({"error": np.zeros((1, 1))}, np.array([[proposed]]), np.array([[wished]]), flew)
+        flew = gate.decide(sight).expert_flies
         told.append(bool(flew[0]))
     return told
 
@@ -325,8 +325,8 @@ def test_the_learner_is_left_alone_until_it_doubts() -> None:
 
 def test_disagreement_is_a_variance_in_units_of_the_data() -> None:
     opinions = np.array([[[1.0, 0.0]], [[3.0, 0.0]]])
-    assert disagreement(opinions, Scale(np.array([1.0, 1.0]))) == pytest.approx([0.5])
-    assert disagreement(opinions, Scale(np.array([2.0, 1.0]))) == pytest.approx([0.125])
+    assert disagreement(opinions, ActionScale(np.array([1.0, 1.0]))) == pytest.approx([0.5])
+    assert disagreement(opinions, ActionScale(np.array([2.0, 1.0]))) == pytest.approx([0.125])
 
 
 def test_thrifty_asks_less_counts_what_it_asks_and_learns(tmp_path: Path, demos: list[Episode]) -> None:
@@ -342,7 +342,7 @@ def test_thrifty_asks_less_counts_what_it_asks_and_learns(tmp_path: Path, demos:
         starts = sum(int((np.diff(f.is_intervention, prepend=False) & f.is_intervention).sum()) for f in flights)
         assert row["interventions"] == starts
     probes = list(open_dataset(run / "rounds" / "001" / "alone", failures=True))
-    assert Tally.of(probes).queries == 0
+    assert FlightCosts.of(probes).queries == 0
     assert len(probes) == 5
 
 

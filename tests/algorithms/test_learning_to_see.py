@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.bc import BehaviourCloning, _shaken
-from aerial_il.algorithms.parts import training_set
-from aerial_il.algorithms.parts.loader import Loader
-from aerial_il.algorithms.parts.run_folder import read_metrics
-from aerial_il.algorithms.parts.training_set import TrainingSet, cut_windows, fit_interface, read_demos
+from aerial_il.algorithms.bc import BehaviourCloning, with_noise
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.supervised import training_set
+from aerial_il.algorithms.supervised.loader import Loader
+from aerial_il.algorithms.supervised.training_set import TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import AHEAD, Dataset
@@ -67,7 +67,7 @@ def test_minibatches_hold_each_window_s_own_frames(demos: list[Episode]) -> None
 
 
 def test_noise_shakes_the_state_and_leaves_pixels_alone() -> None:
-    shaken = _shaken(torch.zeros(2, 1, 5), 2, 1.0)
+    shaken = with_noise(torch.zeros(2, 1, 5), 2, 1.0)
     assert (shaken[..., :2] != 0).all()
     assert (shaken[..., 2:] == 0).all()
 

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.parts.run_folder import METRICS, REWARD, read_metrics
-from aerial_il.algorithms.parts.training_set import TrainingSet
+from aerial_il.algorithms.run.folder import METRICS, REWARD, read_metrics
+from aerial_il.algorithms.supervised.training_set import TrainingSet
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError, TrainingDivergedError
 from aerial_il.data.episode import Episode
@@ -53,7 +53,7 @@ def wait_for(child: subprocess.Popen[str], path: Path) -> None:
 def saved_step(run: Path) -> int:
     found = checkpoint.latest(run)
     assert found is not None
-    return found[1].state["learner"]["step"]
+    return found[1].state["parts"]["learner"]["step"]
 
 
 def told(run: Path) -> list[dict[str, float]]:

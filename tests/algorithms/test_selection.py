@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.selection import Selection, jerk
-from aerial_il.algorithms.parts.training_set import Shuffle, cut_windows, digest_of, read_demos, window_weights
+from aerial_il.algorithms.supervised.selection import Selection, jerk
+from aerial_il.algorithms.supervised.training_set import Shuffle, cut_windows, digest_of, read_demos, window_weights
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.mlp import MlpConfig

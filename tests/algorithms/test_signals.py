@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from aerial_il.algorithms.parts.signals import SignalWatch
+from aerial_il.algorithms.run.signals import SignalWatch
 
 
 def send(number: signal.Signals) -> None:

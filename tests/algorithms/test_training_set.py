@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.parts.training_set import (
+from aerial_il.algorithms.supervised.training_set import (
     Shuffle,
     TrainingSet,
     cut_windows,

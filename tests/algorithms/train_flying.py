@@ -17,16 +17,27 @@ from tests.algorithms.drift import Drift, demonstrations
 POLICY = SquashedGaussianConfig(hidden=(8,))
 STOP = 300
 EVERY: dict[str, Any] = {"steps": 480, "log_every": 60, "evaluate_every": 100, "checkpoint_every": 40, "batch_size": 16}
-OFF: dict[str, Any] = {**EVERY, "warmup": 60, "updates": 0.3, "critic_hidden": (8,), "memory": 300, "lr_floor": 0.1}
+OFF: dict[str, Any] = {
+    **EVERY,
+    "warmup": 60,
+    "utd_ratio": 0.3,
+    "critic_hidden": (8,),
+    "buffer_size": 300,
+    "lr_floor": 0.1,
+}
 ON: dict[str, Any] = {**EVERY, "rollout": 48, "epochs": 2, "critic_hidden": (8,)}
-JUDGE: dict[str, Any] = {"reward_hidden": (8,), "dropout": 0.2, "spectral": True}
+JUDGE: dict[str, Any] = {"reward_hidden": (8,), "dropout": 0.2, "spectral_norm": True}
 SETTINGS: dict[str, Any] = {
     "sac": SoftActorCriticLearning(**OFF),
-    "dac": DiscriminatorActorCritic(**OFF, **JUDGE, expert_share=0.25, cloning=5, nearness=1.0, blur=True),
+    "dac": DiscriminatorActorCritic(
+        **OFF, **JUDGE, expert_share=0.25, bc_pretrain_steps=5, bc_weight=1.0, action_noise=True
+    ),
     "sqil": SoftQImitation(**OFF),
     "ppo": ProximalPolicyOptimisation(**ON),
-    "gail": AdversarialImitation(**ON, **JUDGE, reward_batch=32, memory=200, cloning=5, warmup=100, blur=True),
-    "airl": AdversarialInverseLearning(**ON, **JUDGE, reward_batch=32, memory=200),
+    "gail": AdversarialImitation(
+        **ON, **JUDGE, reward_batch=32, buffer_size=200, bc_pretrain_steps=5, warmup=100, action_noise=True
+    ),
+    "airl": AdversarialInverseLearning(**ON, **JUDGE, reward_batch=32, buffer_size=200),
 }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import Dart
-from aerial_il.algorithms.parts.gates import CoinGate, ThriftyGate
+from aerial_il.algorithms.interactive.gates import CoinGate, ThriftyGate
 from aerial_il.collection.collect import collect
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -22,7 +22,12 @@ BC = BehaviourCloning(
 )
 DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=100)
 THRIFTY = DAgger(
-    rounds=2, episodes=5, gate=ThriftyGate(ensemble=2, alone=5, least=3), training=BC, between_steps=100, warm=False
+    rounds=2,
+    episodes=5,
+    gate=ThriftyGate(ensemble=2, alone=5, least=3),
+    training=BC,
+    between_steps=100,
+    warm_start=False,
 )
 DART = Dart(rounds=2, episodes=5, training=BC, between_steps=100)
 SETTINGS = {"dagger": DAGGER, "thrifty": THRIFTY, "dart": DART}

@@ -10,7 +10,7 @@ import pytest
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
-from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks import dagger
 from aerial_il.benchmarks.dagger import EPISODES, START, STEPS, Arm, Asked, Interactive
 from aerial_il.benchmarks.parts.demonstrations import Source

@@ -15,7 +15,7 @@ from tests.algorithms.drift import MAX_STEPS, Drift, demonstrations
 def test_the_reward_is_paid_along_the_first_demonstration(tmp_path: Path) -> None:
     demos, folder = demonstrations(2), tmp_path / "run"
     settings = DiscriminatorActorCritic(
-        steps=64, warmup=32, batch_size=8, critic_hidden=(8,), reward_hidden=(8,), cloning=0, nearness=0.0
+        steps=64, warmup=32, batch_size=8, critic_hidden=(8,), reward_hidden=(8,), bc_pretrain_steps=0, bc_weight=0.0
     )
     policy = SquashedGaussianConfig(hidden=(8,))
     settings.train(demos, policy, env=Drift(4), run=folder, progress=False)

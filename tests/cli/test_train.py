@@ -29,7 +29,10 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert main(["collect", "task=reach", "episodes=2", "out=demos", QUIET]) == 0
-        assert main(["train", "algorithm=dac", "dataset=demos", "algorithm.cloning=2", *OFF_POLICY, "run=dac"]) == 0
+        assert (
+            main(["train", "algorithm=dac", "dataset=demos", "algorithm.bc_pretrain_steps=2", *OFF_POLICY, "run=dac"])
+            == 0
+        )
     return folder
 
 

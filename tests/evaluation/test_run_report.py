@@ -58,7 +58,7 @@ def make_dagger(folder: Path) -> Path:
 
 
 ADVERSARIAL = (
-    *("reward/loss", "reward/told_expert", "reward/told_agent", "reward/steep", "reward/mean"),
+    *("reward/loss", "reward/acc_expert", "reward/acc_agent", "reward/gradient_penalty", "reward/mean"),
     *("actor/loss", "actor/entropy", "actor/alpha", "critic/loss", "critic/value"),
     *("episode/return", "episode/length", "episode/success", "episode/count", "of/another/kind"),
 )

@@ -11,8 +11,8 @@ import pytest
 import torch
 import yaml
 
-from aerial_il.algorithms.parts.selection import Selection
 from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.supervised.selection import Selection
 from aerial_il.core.errors import CheckpointError, InvalidValueError, UnknownNameError
 from aerial_il.policies import list_policies, load_policy, policy_config
 from aerial_il.policies.mlp import MlpConfig

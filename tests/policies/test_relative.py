@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from aerial_il.algorithms.parts.training_set import cut_windows, fit_interface, read_demos
+from aerial_il.algorithms.supervised.training_set import cut_windows, fit_interface, read_demos
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rotations import mat_from_rot6d, rot6d_from_mat
 from aerial_il.core.specs import EnvSpec

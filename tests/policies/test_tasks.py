@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.parts.training_set import read_demos
+from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode

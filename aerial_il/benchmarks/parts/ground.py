@@ -16,7 +16,8 @@ from aerial_il.core.provenance import package_versions
 
 PROBED_SEEDS, PROBE_NOISE, LONGEST_PROBE = (4_000_000, 4_000_001), 0.3, 1500
 PACKAGE = Path(aerial_il.__file__).parent
-LEARNING = ("policies", "algorithms/parts", "data/windows.py")
+ROOMS = sorted(file.parent for file in (PACKAGE / "algorithms").glob("*/__init__.py"))  # what algorithms share
+LEARNING = (PACKAGE / "policies", *ROOMS, PACKAGE / "data" / "windows.py")
 
 
 @cache
@@ -63,7 +64,7 @@ def learning_code(*algorithms: str) -> dict[str, str]:
         algorithms: names of those that train, e.g. ``bc``.
     """
     files = [PACKAGE / "algorithms" / f"{name}.py" for name in algorithms]
-    files += [file for part in LEARNING for file in _sources(PACKAGE / part)]
+    files += [file for part in LEARNING for file in _sources(part)]
     return {"code": code_digest(files), "torch": package_versions().get("torch", "")}
 
 

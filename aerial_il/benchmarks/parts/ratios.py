@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aerial_il.algorithms.parts.run_folder import read_metrics
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.report import Row, Target
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import EvaluationResult

@@ -13,15 +13,16 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import aerial_il
-from aerial_il.algorithms.bc import CADENCE, BehaviourCloning
-from aerial_il.algorithms.parts.interactive import Interactive
-from aerial_il.algorithms.parts.rounds import plain
-from aerial_il.algorithms.parts.run_folder import METRICS, PROVENANCE, read_metrics
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.interactive.settings import InteractiveSettings
+from aerial_il.algorithms.run.cadence import CADENCE
+from aerial_il.algorithms.run.folder import METRICS, PROVENANCE, read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, collections, first, gather
 from aerial_il.benchmarks.parts.ground import ground, learning_code
 from aerial_il.benchmarks.parts.record import Record
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
+from aerial_il.core.settings import plain
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import LOG
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
@@ -197,7 +198,7 @@ def without_cadence(settings: Any) -> dict[str, Any]:
     return kept(plain(settings))
 
 
-def steps_of(algorithm: BehaviourCloning | Interactive) -> int:
+def steps_of(algorithm: BehaviourCloning | InteractiveSettings) -> int:
     """Return the optimisation steps of all rounds: the first and the last in full, those between shorter."""
     if isinstance(algorithm, BehaviourCloning):
         return algorithm.steps

@@ -1,0 +1,1 @@
+"""Machinery of adversarial imitation: discriminators and the rewards learned with them."""

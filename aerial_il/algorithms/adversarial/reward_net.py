@@ -1,0 +1,155 @@
+"""A reward network learned from demonstrations: trained beside the agent, saved with its run, read along episodes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypedDict
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from aerial_il.algorithms.adversarial.discriminator import REWARDS, Discriminator, Reward, gradient_penalty
+from aerial_il.algorithms.rl.interface import encode, encode_actions
+from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.run.folder import REWARD
+from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.errors import CheckpointError
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.tensors import tensor
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.layout import Interface
+
+
+class Shape(TypedDict):
+    """What rebuilds the network; see :class:`Discriminator`. With ``actions`` false it sees observations alone."""
+
+    hidden: Sequence[int]
+    spectral: bool
+    dropout: float
+    running_norm: bool
+    actions: bool
+    form: Reward
+
+
+class RewardNet:
+    """A discriminator: its logits, the reward it pays, and its optimiser.
+
+    Args:
+        obs_size, action_size: Do and Da. shape: of the network and of the payment. lr: learning rate.
+    """
+
+    def __init__(self, obs_size: int, action_size: int, shape: Shape, *, lr: float = 3e-4) -> None:
+        self.shape, self._sizes = shape, (obs_size, action_size)
+        self.network = Discriminator(
+            obs_size + 1 + action_size * shape["actions"],
+            shape["hidden"],
+            spectral=shape["spectral"],
+            dropout=shape["dropout"],
+            running_norm=shape["running_norm"],
+        )
+        self._trained: TrainState[nn.Module] = TrainState(self.network, adam(self.network, lr))
+
+    @torch.no_grad()
+    def reward(self, obs: Tensor, actions: Tensor) -> Tensor:
+        """Return rewards (B,) for observations (B, Do + 1) and normalised actions (B, Da)."""
+        return REWARDS[self.shape["form"]](self.network.eval()(self._inputs(obs, actions)))
+
+    def logits(self, expert: Batch, agent: Batch) -> tuple[Tensor, Tensor]:
+        """Return ``log D - log(1 - D)`` (B,) of the demonstrator's and of the agent's transitions, while training."""
+        sides = self._sides(expert, agent)
+        network, both = self.network.train(), torch.cat(sides)
+        if network.norm is not None:
+            network.norm.add(both)
+        of_expert, of_agent = network(both).split([len(side) for side in sides])
+        return of_expert, of_agent
+
+    def gradient_penalty(self, expert: Batch, agent: Batch) -> Tensor:
+        """Return how far the network's slope is from 1 at random points between both sides' standardised inputs."""
+        of_expert, of_agent = (self.network.standardised(side) for side in self._sides(expert, agent))
+        return gradient_penalty(self.network.score, of_expert, of_agent, torch.rand(len(of_expert), 1))
+
+    def descend(self, loss: Tensor) -> None:
+        """Take one step against the gradient of ``loss``."""
+        self._trained.descend(loss)
+
+    def along(self, episode: Episode, interface: Interface) -> np.ndarray:
+        """Return what each step of ``episode`` would be paid, (T,)."""
+        frames = interface.layout.flatten(episode.obs)[:-1]
+        obs = np.pad(encode(interface, frames), ((0, 0), (0, 1)))
+        actions = encode_actions(interface, episode.executed_actions, frames)
+        return self.reward(tensor(obs), tensor(actions)).numpy()
+
+    def after(self, ends: np.ndarray) -> np.ndarray:
+        """Return what each step is paid in the absorbing states that ``ends`` (N, Do) lead to, (N,)."""
+        marked = torch.cat([tensor(ends), torch.ones(len(ends), 1)], dim=1)
+        return self.reward(marked, torch.zeros(len(ends), self._sizes[1])).numpy().astype(float)
+
+    def save(self, run: str | os.PathLike[str]) -> Path:
+        """Keep the reward in the folder of its run."""
+        arrays = weights_of(self.network)
+        sizes = {"obs_size": self._sizes[0], "action_size": self._sizes[1]}
+        shape = {**self.shape, "hidden": list(self.shape["hidden"])}
+        return checkpoint.save(Path(run) / REWARD, Checkpoint(arrays, {}, {**sizes, "shape": shape}))
+
+    def snapshot(self) -> Snapshot:
+        return self._trained.snapshot()
+
+    def restore(self, saved: Snapshot) -> None:
+        self._trained.restore(saved)
+
+    def load(self, saved: Checkpoint) -> None:
+        """Take over the weights that :meth:`save` kept."""
+        load_weights(self.network, saved.arrays)
+
+    def _sides(self, expert: Batch, agent: Batch) -> tuple[Tensor, Tensor]:
+        return self._inputs(expert.obs, expert.actions), self._inputs(agent.obs, agent.actions)
+
+    def _inputs(self, obs: Tensor, actions: Tensor) -> Tensor:
+        return torch.cat([obs, actions], dim=-1) if self.shape["actions"] else obs
+
+
+def load_reward(run: str | os.PathLike[str]) -> tuple[RewardNet, Interface]:
+    """Return the reward that a finished run learned, and the way into it; see :meth:`RewardNet.along`.
+
+    Raises:
+        CheckpointError: the run has learned none, or what it kept is cut or altered.
+    """
+    reward = _kept(run)
+    return reward, load_policy(run).interface
+
+
+def reward_along(run: str | os.PathLike[str], episode: Episode) -> np.ndarray:
+    """Return what the reward learned by ``run`` pays for each step of ``episode``, (T,).
+
+    Raises:
+        CheckpointError: see :func:`load_reward`.
+        InvalidValueError: the episode comes from another environment than the run.
+    """
+    reward, policy = _kept(run), load_policy(run)
+    policy.check(episode.spec)
+    return reward.along(episode, policy.interface)
+
+
+def _kept(run: str | os.PathLike[str]) -> RewardNet:
+    folder = Path(run) / REWARD
+    if not checkpoint.is_sealed(folder):
+        hint = "Only finished runs of gail, dac and airl keep one."
+        raise CheckpointError(folder, "holds no learned reward.", hint)
+    saved = checkpoint.load(folder)
+    reward = RewardNet(saved.config["obs_size"], saved.config["action_size"], saved.config["shape"])
+    reward.load(saved)
+    return reward
+
+
+def shuffled(episode: Episode) -> Episode:
+    """Return ``episode`` with its actions in another order: what a reward should think less of."""
+    order = named_rng(0, "shuffled actions").permutation(len(episode))
+    return replace(episode, executed_actions=episode.executed_actions[order])

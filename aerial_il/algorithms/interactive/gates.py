@@ -1,0 +1,271 @@
+"""Gates, which decide when the expert flies: a coin, the ensemble's disagreement and the risk, or a supervisor.
+
+A gate's settings are a frozen dataclass that says how many policies it compares (``ensemble``) and how many flights the
+learner makes alone before each round (``alone``); its ``open`` makes the gate of one round from those.
+
+Sources:
+    S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret online
+    learning", AISTATS 2011: algorithm 3.1 (DAgger).
+    K. Menda, K. Driggs-Campbell and M. Kochenderfer, "EnsembleDAgger", IROS 2019: novelty as the ensemble's variance.
+    R. Hoque et al., "ThriftyDAgger: budget-aware novelty and risk gating for interactive imitation learning",
+    CoRL 2021: section 4 (novelty, risk, switching back, thresholds from quantiles).
+    M. Kelly et al., "HG-DAgger: interactive imitation learning with human experts", ICRA 2019: algorithm 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
+
+from aerial_il.algorithms.interactive.disagreement import ActionScale, actions_along, disagreement
+from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
+from aerial_il.algorithms.interactive.risk import RiskModel, fit_risk
+from aerial_il.algorithms.interactive.supervisors import Corrector, Supervisor
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import named_rng
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+
+Beta = Literal["exponential", "linear", "zero"]
+
+
+@dataclass(frozen=True)
+class Round:
+    """What a gate may be made from.
+
+    Attributes:
+        number: of the round, from 1; 0 is the first training on demonstrations.
+        seed: of the run.
+        members: the learner first, then the others of its ensemble.
+        dataset: labelled episodes that they were trained on.
+        probes: flights of learners alone, of this round and those before.
+    """
+
+    number: int
+    seed: int
+    members: Sequence[ChunkPolicy]
+    dataset: Sequence[Episode]
+    probes: Sequence[Episode]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoinGate:
+    """Classic DAgger: every state is labelled; in each step the expert flies with probability beta.
+
+    Attributes:
+        beta: ``exponential`` (decay to the power of the round), ``linear`` (from 1 to 0 over some rounds), or ``zero``
+            (1 in round 0, which is the demonstrations, and 0 afterwards).
+        decay: of the exponential schedule, in [0, 1].
+        over: rounds of the linear schedule.
+    """
+
+    ensemble: ClassVar[int] = 1
+    alone: ClassVar[int] = 0
+
+    beta: Beta = "exponential"
+    decay: float = 0.7
+    over: int = 15
+
+    def __post_init__(self) -> None:
+        if self.beta not in get_args(Beta):
+            raise InvalidValueError(f"Unknown beta schedule {self.beta!r}. Valid: {', '.join(get_args(Beta))}.")
+        if not 0 <= self.decay <= 1:
+            raise InvalidValueError(f"decay is {self.decay}; a share of flying that decays lies in [0, 1].")
+        if self.over < 1:
+            raise InvalidValueError(f"over is {self.over}; a linear schedule takes at least 1 round.")
+
+    def share(self, number: int) -> float:
+        """Return beta in round ``number``: 1 in round 0, never rising."""
+        if self.beta == "exponential":
+            return self.decay**number
+        return max(0.0, 1.0 - number / self.over) if self.beta == "linear" else float(number == 0)
+
+    def open(self, of: Round) -> Gate:
+        return _Coin(self.share(of.number), of.seed, of.number)
+
+
+class _Coin:
+    """Tosses a coin per world and step; each episode has a stream of its own."""
+
+    def __init__(self, beta: float, seed: int, number: int) -> None:
+        self._beta, self._names = beta, ("dagger coin", str(seed), str(number))
+        self._rngs: list[np.random.Generator] = []
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
+        fresh = [named_rng(int(seed), *self._names) for seed in seeds]
+        kept = fresh if len(self._rngs) != len(seeds) else self._rngs
+        self._rngs = [new if due else old for new, old, due in zip(fresh, kept, mask, strict=True)]
+
+    def decide(self, given: GateInput) -> Decision:
+        tossed = np.array([rng.random() for rng in self._rngs])
+        return Decision(tossed < self._beta, np.ones(len(tossed), bool))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThriftyGate:
+    """ThriftyDAgger: the expert is called where the ensemble disagrees or failure is likely, and soon sent away.
+
+    It takes over where ``novelty > n`` or ``risk > r``, and hands back where the learner's action is near to its own,
+    ``discrepancy < d``, and ``risk <= m``. Only the steps that it flies are queries. The thresholds come from data: n
+    and r are the ``1 - alarms`` quantiles of novelty and risk over the states of the learner's own successful flights
+    (over the labelled episodes where there is none), d is ``agreement`` times the mean discrepancy on the labelled
+    episodes, m the median risk.
+
+    Three things differ from the paper. Risk is not learned by bootstrapping from demonstrations, but as the frequency
+    of failure in flights that the learner makes alone and nobody labels (``alone``). The quantiles are taken over
+    flights that went well: over all of them, a learner that is often stuck would find being stuck ordinary. And the
+    mean discrepancy is multiplied: it is a training error, on episodes that a learner may know by heart, and one
+    that is asked to be as near elsewhere is hardly ever trusted again.
+
+    Attributes:
+        ensemble: policies whose disagreement is novelty.
+        alone: flights per round of the learner alone.
+        alarms: share of the states of a good flight at which the expert is called, by novelty and by risk each.
+        least: steps that it flies at least: a chunk of actions is learned from a run of them.
+        agreement: how many mean discrepancies on labelled episodes the learner may be away when it hands back.
+        patience: steps in a row that must be alarming before it is called.
+        novelty, risk: which of the two alarms there are; novelty alone is EnsembleDAgger's doubt rule.
+    """
+
+    ensemble: int = 3
+    alone: int = 10
+    alarms: float = 0.02
+    least: int = 10
+    agreement: float = 1.0
+    patience: int = 1
+    novelty: bool = True
+    risk: bool = True
+
+    def __post_init__(self) -> None:
+        if self.ensemble < 2:
+            raise InvalidValueError(f"ensemble is {self.ensemble}; disagreement takes at least 2 policies.")
+        if not 0 < self.alarms < 1:
+            raise InvalidValueError(f"alarms is {self.alarms}; it is a share of states, in (0, 1).")
+        for name in ("alone", "least", "patience"):
+            if getattr(self, name) < 1:
+                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
+        if not self.agreement > 0:
+            raise InvalidValueError(f"agreement is {self.agreement}; the expert hands back at more than 0 only.")
+        if not (self.novelty or self.risk):
+            raise InvalidValueError("novelty and risk are both off: the expert would never be called.")
+
+    def open(self, of: Round) -> Gate:
+        learner, scale = of.members[0], ActionScale.of(of.members[0])
+        risk = fit_risk(of.probes, learner, seed=of.seed) if self.risk else None
+        good = [flight for flight in of.probes if flight.success] or list(of.dataset)
+        proposed = [actions_along(member, good) for member in of.members]
+        novelty = disagreement(np.stack(proposed), scale)
+        risky = risk.of_episodes(good, proposed[0]) if risk else np.zeros(1)
+        return _Thrifty(
+            of.members[1:],
+            scale,
+            risk,
+            Thresholds(
+                novelty=float(np.quantile(novelty, 1 - self.alarms)) if self.novelty else np.inf,
+                risk=float(np.quantile(risky, 1 - self.alarms)) if self.risk else np.inf,
+                discrepancy=self.agreement * _mean_discrepancy(learner, of.dataset, scale),
+                calm=float(np.median(risky)) if self.risk else np.inf,
+            ),
+            least=self.least,
+            patience=self.patience,
+        )
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Where the expert is called (novelty, risk) and sent away (discrepancy, calm); infinite for never, or always."""
+
+    novelty: float
+    risk: float
+    discrepancy: float
+    calm: float
+
+
+class _Thrifty:
+    """Remembers, per world, for how long it has been alarming and for how long the expert has flown."""
+
+    def __init__(
+        self,
+        others: Sequence[ChunkPolicy],
+        scale: ActionScale,
+        risk: RiskModel | None,
+        thresholds: Thresholds,
+        *,
+        least: int,
+        patience: int,
+    ) -> None:
+        self.others, self.scale, self.risk, self.thresholds = others, scale, risk, thresholds
+        self.least, self.patience = least, patience
+        self._alarmed_steps, self._flown_steps, self._leave = np.zeros(0, int), np.zeros(0, int), np.zeros(0, bool)
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
+        if len(self._flown_steps) != len(seeds):
+            self._alarmed_steps, self._flown_steps = np.zeros((2, len(seeds)), int)
+            self._leave = np.zeros(len(seeds), bool)
+            mask = np.ones(len(seeds), bool)
+            for other in self.others:
+                other.reset()
+        self._alarmed_steps[mask], self._flown_steps[mask], self._leave[mask] = 0, 0, False
+        for other in self.others:
+            other.reset(mask)
+
+    def decide(self, given: GateInput) -> Decision:
+        opinions = np.stack([given.learner_action, *(other.act(given.obs) for other in self.others)])
+        novelty = disagreement(opinions, self.scale)
+        risk = self.risk.of(given.obs, given.learner_action) if self.risk else np.zeros(len(novelty))
+        alarming = (novelty > self.thresholds.novelty) | (risk > self.thresholds.risk)
+        self._alarmed_steps = np.where(alarming, self._alarmed_steps + 1, 0)
+        flies = np.where(given.expert_flew, ~self._leave, self._alarmed_steps >= self.patience)
+        self._flown_steps = np.where(flies, self._flown_steps + 1, 0)
+        agreed = self.scale.distance(given.learner_action, given.expert_action) < self.thresholds.discrepancy
+        calm = risk <= self.thresholds.calm
+        self._leave = flies & (self._flown_steps >= self.least) & agreed & calm & ~alarming
+        return Decision(flies, flies)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanGate:
+    """HG-DAgger: a supervisor takes over when it sees fit and hands back; only what the expert flew is learned.
+
+    Attributes:
+        supervisor: who decides: a person, or a script in their place.
+    """
+
+    ensemble: ClassVar[int] = 1
+    alone: ClassVar[int] = 0
+
+    supervisor: Supervisor = field(default_factory=Corrector)
+
+    def open(self, of: Round) -> Gate:
+        return _Supervised(self.supervisor, ActionScale.of(of.members[0]))
+
+
+class _Supervised:
+    """Does what the supervisor says."""
+
+    def __init__(self, supervisor: Supervisor, scale: ActionScale) -> None:
+        self._supervisor, self._scale = supervisor, scale
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
+        self._supervisor.reset(mask)
+
+    def decide(self, given: GateInput) -> Decision:
+        """A supervisor watches all the time, as a person does; only what it flies is asked for."""
+        distance = self._scale.distance(given.learner_action, given.expert_action)
+        flies = np.asarray(self._supervisor.holds(given.obs, distance, given.expert_flew), bool)
+        return Decision(flies, flies)
+
+
+GateSettings = CoinGate | ThriftyGate | HumanGate
+
+
+def _mean_discrepancy(learner: ChunkPolicy, dataset: Sequence[Episode], scale: ActionScale) -> float:
+    """Mean distance between the learner's actions and the labels along labelled episodes."""
+    labels = np.concatenate([episode.labels for episode in dataset])
+    labelled = np.concatenate([episode.asked for episode in dataset])
+    labelled = labelled if labelled.any() else np.ones_like(labelled)
+    distance = scale.distance(actions_along(learner, dataset), labels)
+    return float(distance[labelled].mean())

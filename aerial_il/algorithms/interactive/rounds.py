@@ -1,0 +1,271 @@
+"""Rounds of flying and learning that grow one dataset and survive any kill.
+
+A run's folder holds, besides what every run has::
+
+    dataset/             everything labelled so far as one ordinary dataset; provenance tells each flight's round
+    rounds/003/alone/    flights that the learner made alone, unlabelled, where the gate wants them
+    rounds/003/flights/  labelled flights of the round; they appear all at once, and are flown anew until they do
+    rounds/003/training/ the supervised run that followed, an ordinary one
+    checkpoints/00000003 the policy after it
+
+A round is a function of the round before and of the seed, and so are the bytes of everything in it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from aerial_il.algorithms.interactive.costs import FlightCosts, metrics_of
+from aerial_il.algorithms.interactive.settings import InteractiveSettings
+from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
+from aerial_il.algorithms.run.folder import RunFolder
+from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import sync_folder
+from aerial_il.core.policy import Policy
+from aerial_il.core.provenance import provenance
+from aerial_il.core.settings import plain
+from aerial_il.core.specs import EnvSpec, ObservationSpec
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.episode import Episode
+from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.writer import write_episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.chunk_policy import UNIMPORTANT, ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
+
+ROUNDS, DATASET = "rounds", "dataset"
+FLIGHTS, ALONE, TRAINING = "flights", "alone", "training"
+FIRST_SEED, SEEDS_PER_RUN = (
+    1_000_000,
+    100_000,
+)  # of flights: far from demonstrations (0 ...) and evaluations (10000 ...)
+
+
+class Collect(Protocol):
+    """Records flights; ``aerial_il.collection.collect.collect`` is one."""
+
+    def __call__(
+        self,
+        env: Any,
+        policy: Policy,
+        seeds: Iterable[int],
+        out: str | os.PathLike[str],
+        *,
+        policy_name: str,
+        settings: Mapping[str, Any],
+        progress: bool,
+    ) -> object: ...
+
+
+@dataclass(frozen=True, eq=False)
+class InteractiveProblem:
+    """What an interactive run learns on.
+
+    Attributes:
+        settings: of its algorithm. policy: what is trained. seed: decides all randomness.
+        env: a batch environment. expert: whom it learns from; it can take over from any state.
+        collect: records flights. progress: show progress bars.
+    """
+
+    settings: InteractiveSettings
+    policy: PolicyConfig
+    seed: int
+    env: Any
+    expert: Policy
+    collect: Collect
+    progress: bool
+
+    def origin(self, demos: Sequence[Episode]) -> dict[str, Any]:
+        """Return where a policy comes from, as it is kept with it."""
+        data = {"demonstrations": len(demos), "frames": sum(map(len, demos))}
+        return {"algorithm": self.settings.name, "seed": self.seed, "dataset": data}
+
+    def describe(self, demos: Sequence[Episode]) -> dict[str, Any]:
+        """Return plain values that determine the run."""
+        layout, _ = read_demos(demos, self.policy)
+        origin, spec = self.origin(demos), self.env.spec
+        where = {key: getattr(spec, key) for key in ("robot", "task", "tier", "controller")}
+        return {
+            **origin,
+            "dataset": {**origin["dataset"], "digest": digest_of(cut_windows(demos, layout, self.policy))},
+            "environment": {**where, "num_envs": self.env.num_envs},
+            "settings": plain(self.settings),
+            "policy": {"name": self.policy.name, **self.policy.to_dict()},
+        }
+
+
+class Rounds:
+    """One interactive run; open it with :meth:`open`.
+
+    Attributes:
+        problem: what it learns on.
+        demos: the demonstrations that it began with. dataset: all labelled episodes so far.
+        costs: of the labelled flights of each round, from round 1.
+        learner: the policy after the newest round that is complete, or None.
+        finished: the policy of a run that is finished, or None.
+    """
+
+    def __init__(self, folder: RunFolder, problem: InteractiveProblem, demos: Sequence[Episode]) -> None:
+        self._folder, self.problem, self._settings = folder, problem, problem.settings
+        self.demos, self.dataset = list(demos), list(demos)
+        self.costs: list[FlightCosts] = []
+        self.learner: ChunkPolicy | None = None
+        self.finished = load_policy(folder.path) if folder.finished else None
+        self._next = 0
+        if folder.resumed and not self.finished:
+            self._next = int(folder.resumed.state["round"]) + 1
+            self.learner = load_policy(self._place(self._next - 1) / TRAINING)
+            for number in range(1, self._next):
+                self._take_in(self._read(self._place(number) / FLIGHTS))
+
+    @staticmethod
+    @contextmanager
+    def open(
+        run: str | os.PathLike[str], dataset: Iterable[Episode], problem: InteractiveProblem, *, resume: bool
+    ) -> Iterator[Rounds]:
+        """Check that all fits together, claim the folder, and find where to go on.
+
+        Raises:
+            InvalidValueError: the demonstrations were flown in another environment, the expert is missing, the folder
+                holds another run, and whatever supervised learning refuses.
+        """
+        if problem.expert is None:
+            raise InvalidValueError(f"{problem.settings.name} asks an expert, and there is none. Try expert=scripted.")
+        spec = problem.env.spec
+        _, demos = read_demos((_as_shown(episode, spec) for episode in dataset), problem.policy)
+        _check(demos[0].spec, spec)
+        with RunFolder.open(run, problem.describe(demos), cadence=CADENCE, resume=resume) as folder:
+            if not resume:
+                for name in (ROUNDS, DATASET):
+                    shutil.rmtree(folder.path / name, ignore_errors=True)
+            with torch_threads(problem.settings.training.threads):
+                yield Rounds(folder, problem, demos)
+
+    def left(self) -> range:
+        """Return the numbers of the rounds that are not complete; round 0 only learns."""
+        return range(self._next, self._settings.rounds + 1)
+
+    def fly(self, number: int, pilot: Callable[[], Policy]) -> None:
+        """Add the labelled flights of a round to the dataset: those that are there, else flown by ``pilot()``."""
+        folder = self._place(number) / FLIGHTS
+        if not folder.exists():
+            self._record(folder, pilot(), range(self._settings.episodes), number=number, name=self._settings.name)
+        self._take_in(self._read(folder))
+        self._aggregate(number)
+
+    def alone(self, number: int, episodes: int) -> list[Episode]:
+        """Return the flights that learners made alone in all rounds up to this one, having this round's made."""
+        folder = self._place(number) / ALONE
+        if not folder.exists():
+            assert self.learner is not None
+            which = range(self._settings.episodes, self._settings.episodes + episodes)
+            self._record(folder, self.learner, which, number=number, name="learner")
+        return [flight for k in range(1, number + 1) for flight in self._read(self._place(k) / ALONE)]
+
+    def learn(self, number: int) -> ChunkPolicy:
+        """Train the learner on the whole dataset, at length in the first and the last round."""
+        settings, place = self._settings, self._place(number) / TRAINING
+        training = settings.training if number in (0, settings.rounds) else settings.between
+        initial = self.learner if settings.warm_start else None
+        self._train(training, self.dataset, place, self.problem.seed, initial)
+        self.learner = load_policy(place)  # as a resumed run has it, on the processor, wherever it was trained
+        return self.learner
+
+    def auxiliary(self, number: int, name: str, dataset: Sequence[Episode], *, seed: int) -> ChunkPolicy:
+        """Return a policy that only serves to judge the learner, trained afresh on ``dataset``."""
+        training = replace(self._settings.between, validation=0.0)
+        return self._train(training, dataset, self._place(number) / name, seed, None)
+
+    def end_round(self, number: int, evaluate: Evaluate | None, metrics: Mapping[str, float] | None = None) -> None:
+        """Log the round, evaluated where that is due, and make it the one to go on from.
+
+        Args:
+            evaluate: ``(policy, round) -> named numbers``. metrics: more to log.
+        """
+        settings, policy = self._settings, self._signed(number)
+        judges = number == settings.rounds or due(settings.evaluate_every, number)
+        judged = {f"evaluate/{k}": v for k, v in evaluate(policy, number).items()} if evaluate and judges else {}
+        self._folder.log(number, {**self._metrics(), **(metrics or {}), **judged})
+        saved = policy.to_checkpoint()
+        checkpoint = Checkpoint(saved.arrays, {**saved.state, "round": number}, saved.config)
+        self._folder.save(number, checkpoint, keep=settings.keep_checkpoints)
+
+    def finish(self) -> ChunkPolicy:
+        """Save the last round's policy as the run's."""
+        policy = self._signed(self._settings.rounds)
+        self._folder.finish(policy)
+        return policy
+
+    def _place(self, number: int) -> Path:
+        return self._folder.path / ROUNDS / f"{number:03d}"
+
+    def _train(
+        self, training: Any, dataset: Sequence[Episode], run: Path, seed: int, initial: ChunkPolicy | None
+    ) -> ChunkPolicy:
+        options = {"seed": seed, "progress": self.problem.progress, "failures": True, "initial": initial}
+        return training.train(dataset, self.problem.policy, run=run, **options)
+
+    def _signed(self, number: int) -> ChunkPolicy:
+        """Return the learner with where it comes from."""
+        assert self.learner is not None
+        costs = {name: int(value) for name, value in self._metrics().items()}
+        origin = {**self.problem.origin(self.demos), "round": number, **costs, "provenance": provenance()}
+        return ChunkPolicy(self.problem.policy, self.learner.interface, self.learner.network, origin)
+
+    def _metrics(self) -> dict[str, float]:
+        return metrics_of(self.costs, self.demos, self.dataset)
+
+    def _record(self, folder: Path, pilot: Policy, which: range, *, number: int, name: str) -> None:
+        """Record flights, all or none: a kill in between leaves nothing, and the next call flies the same."""
+        aside, seed, settings = folder.with_name(f"{folder.name}.flying"), self.problem.seed, self._settings
+        shutil.rmtree(aside, ignore_errors=True)
+        first = FIRST_SEED + SEEDS_PER_RUN * seed + number * max(1, settings.seeds_per_round)
+        tags = {"algorithm": settings.name, "run_seed": seed, "round": number}
+        options = {"policy_name": name, "settings": tags, "progress": self.problem.progress}
+        self.problem.collect(self.problem.env, pilot, [first + i for i in which], aside, **options)
+        os.replace(aside, folder)
+        sync_folder(folder.parent)
+
+    def _read(self, folder: Path) -> list[Episode]:
+        return list(open_dataset(folder, cameras=self.problem.policy.images, failures=True))
+
+    def _take_in(self, flights: Sequence[Episode]) -> None:
+        """Count the flights of a round and learn from those with labels that are as long as a chunk."""
+        self.costs.append(FlightCosts.of(flights))
+        self.dataset += [f for f in flights if f.asked.any() and len(f) >= self.problem.policy.chunk]
+
+    def _aggregate(self, number: int) -> None:
+        """Add the flights of a round to the dataset on disk."""
+        dataset, spec = DatasetFolder(self._folder.path / DATASET), self.problem.env.spec
+        dataset.claim(spec)
+        for episode in self.demos:
+            if dataset.find(episode.uid) is None:
+                write_episode(episode, dataset.file(episode.uid))
+        dataset.adopt(DatasetFolder(self._place(number) / FLIGHTS))
+        dataset.write_index(spec)
+
+
+def _as_shown(episode: Episode, spec: EnvSpec) -> Episode:
+    """Return the episode without fields that the environment does not show, e.g. cameras that it flies without."""
+    shown = tuple(f for f in episode.spec.observation.fields if f.name in spec.observation.names)
+    if len(shown) == len(episode.spec.observation.fields):
+        return episode
+    obs = {name: values for name, values in episode.obs.items() if name in spec.observation.names}
+    return replace(episode, spec=replace(episode.spec, observation=ObservationSpec(shown)), obs=obs)
+
+
+def _check(recorded: EnvSpec, spec: EnvSpec) -> None:
+    if differing := recorded.differences(spec, ignore=UNIMPORTANT):
+        raise InvalidValueError(
+            f"The demonstrations show {recorded.task} on {recorded.robot}, the environment is {spec.task} on "
+            f"{spec.robot}. It differs in: {'; '.join(differing)}. Fly where the demonstrations were flown."
+        )

@@ -1,0 +1,64 @@
+"""Settings of algorithms that learn in rounds of flights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
+from aerial_il.core.errors import InvalidValueError
+
+
+@dataclass(frozen=True, kw_only=True)
+class InteractiveSettings:
+    """Settings of every run that flies and learns in turn.
+
+    Attributes:
+        rounds: of flying and learning, after a first training on the demonstrations.
+        episodes: labelled flights per round.
+        training: supervised learning, used as it is in the first and in the last round.
+        between_steps: optimisation steps of the rounds between.
+        warm_start: all rounds but the first go on from the weights of the round before; otherwise each starts afresh.
+        evaluate_every: rounds between two evaluations; the last one is always evaluated; 0 for that one only.
+        keep_checkpoints: how many of the newest rounds' policies stay on disk.
+        name: of the algorithm, that of its module.
+        needs: what a command hands to ``train``.
+        rewarded: it learns from demonstrations, never from the environment's reward.
+    """
+
+    name: ClassVar[str]
+    needs: ClassVar[tuple[str, ...]] = ("env", "expert", "collect")
+    rewarded: ClassVar[bool] = False
+
+    rounds: int = 10
+    episodes: int = 5
+    training: SupervisedAlgorithm
+    between_steps: int = 2_000
+    warm_start: bool = True
+    evaluate_every: int = 1
+    keep_checkpoints: int = 3
+
+    def __post_init__(self) -> None:
+        require_positive(self, "rounds", "episodes", "between_steps", "keep_checkpoints")
+        require_not_negative(self, "evaluate_every")
+        if self.training.evaluate_every:
+            raise InvalidValueError(
+                f"training.evaluate_every is {self.training.evaluate_every}; rounds are judged when they end, every so "
+                "many of them: set evaluate_every."
+            )
+
+    @property
+    def worlds(self) -> int:
+        """How many worlds it flies in at once, if nobody says otherwise."""
+        return self.episodes
+
+    @property
+    def seeds_per_round(self) -> int:
+        """How many flights of any kind a round makes."""
+        return self.episodes
+
+    @property
+    def between(self) -> SupervisedAlgorithm:
+        """Supervised learning in the rounds between the first and the last."""
+        return replace(self.training, steps=self.between_steps)

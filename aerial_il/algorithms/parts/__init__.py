@@ -1,1 +1,0 @@
-"""What algorithms share: training data, run folders, optimisation, signals."""

@@ -1,0 +1,1 @@
+"""Machinery of reinforcement learning: collectors, buffers, returns, transitions of demonstrations."""

@@ -1,0 +1,102 @@
+"""Off-policy learning: settings, and the collection of one transition of every world for the replay buffer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.interface import decode, encode
+from aerial_il.algorithms.run.checks import require_positive, require_share, require_widths
+from aerial_il.algorithms.run.state import Generator
+from aerial_il.policies.parts.layout import Interface
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicy(OnlineAlgorithm):
+    """Settings of runs that learn from a replay buffer.
+
+    Attributes:
+        warmup: environment steps with random actions, before anything is learned.
+        utd_ratio: gradient steps of the critics for each environment step (updates to data).
+        actor_every: of these, how many for each one of actor and temperature.
+        batch_size: transitions in a minibatch.
+        buffer_size: transitions kept.
+        lr: learning rate of actor, critics and temperature, at the start; it changes linearly.
+        lr_floor: what is left of it at the end, as a share; 1 for all. Below that the final policy swings less.
+        tau: share by which target critics follow at each update.
+        critic_hidden: widths of the critics.
+        alpha: temperature at the start.
+        entropy: target entropy for each action element.
+    """
+
+    warmup: int = 5_000
+    utd_ratio: float = 1.0
+    actor_every: int = 2
+    batch_size: int = 256
+    buffer_size: int = 1_000_000
+    lr: float = 3e-4
+    lr_floor: float = 1.0
+    tau: float = 0.005
+    critic_hidden: tuple[int, ...] = (256, 256)
+    alpha: float = 0.1
+    entropy: float = -1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "warmup", "utd_ratio", "actor_every", "batch_size", "buffer_size", "lr", "tau", "alpha")
+        require_share(self, "lr_floor", "tau")
+        require_widths(self, "critic_hidden")
+
+    def lr_at(self, left: float) -> float:
+        """Return the learning rate when the share ``left`` of the training is left."""
+        return self.lr * (self.lr_floor + (1.0 - self.lr_floor) * left)
+
+
+class Collected(NamedTuple):
+    """One step of n worlds, in the order that :func:`aerial_il.algorithms.rl.replay_buffer.rows_of` takes.
+
+    Attributes:
+        obs, next_obs: (n, Do) encoded; ``next_obs`` was seen before any reset.
+        actions: (n, Da) normalised.
+        rewards: (n,) of the environment.
+        terminal: (n,) bool, the episode ended because of what happened.
+    """
+
+    obs: np.ndarray
+    actions: np.ndarray
+    rewards: np.ndarray
+    next_obs: np.ndarray
+    terminal: np.ndarray
+
+
+class Explorer(Protocol):
+    """Draws normalised actions (n, Da) for encoded observations (n, Do)."""
+
+    def explore(self, obs: np.ndarray) -> np.ndarray: ...
+
+
+class RandomActions(Generator):
+    """Draws actions uniformly from [-1, 1], whatever is seen.
+
+    Args:
+        size: elements Da of an action. rng: draws them.
+    """
+
+    def __init__(self, size: int, rng: np.random.Generator) -> None:
+        super().__init__(rng)
+        self._size = size
+
+    def explore(self, obs: np.ndarray) -> np.ndarray:
+        return self.rng.uniform(-1, 1, (len(obs), self._size))
+
+
+def collect_step(collector: Collector, interface: Interface, explorer: Explorer) -> Collected:
+    """Take one step in all worlds with actions drawn by ``explorer``."""
+    obs = encode(interface, collector.frames)
+    actions = explorer.explore(obs)
+    step = collector.step(decode(interface, np.asarray(actions, np.float32), collector.frames))
+    return Collected(obs, actions, step.rewards, encode(interface, step.next_frames), step.terminal)

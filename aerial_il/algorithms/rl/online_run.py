@@ -1,0 +1,250 @@
+"""One run that collects experience while it learns: its folder, state, metrics, checkpoints and evaluations."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.demonstrations import Transitions
+from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
+from aerial_il.algorithms.run.folder import RunFolder
+from aerial_il.algorithms.run.metrics import MetricMeans
+from aerial_il.algorithms.run.signals import SignalWatch
+from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
+from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.core.errors import TrainingDivergedError
+from aerial_il.core.provenance import provenance
+from aerial_il.core.seeding import named_rng, torch_rng
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.layout import Interface
+from aerial_il.policies.squashed_gaussian import SquashedGaussian, SquashedGaussianConfig
+
+HINT = "Lower the learning rate; the last checkpoint is intact."
+
+
+class Settings(Protocol):
+    """What a run reads of its algorithm's settings, a dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def steps(self) -> int: ...
+    @property
+    def log_every(self) -> int: ...
+    @property
+    def evaluate_every(self) -> int: ...
+    @property
+    def checkpoint_every(self) -> int: ...
+    @property
+    def keep_checkpoints(self) -> int: ...
+    @property
+    def threads(self) -> int: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What a run learns on.
+
+    Attributes:
+        algorithm: its name. seed: decides all randomness. policy: what is trained. env: a batch environment.
+        interface: the way into and out of its network.
+        demos: transitions to imitate, or flown at random in a control run; None where the reward teaches.
+        dataset: which demonstrations these are, for the run's configuration.
+    """
+
+    algorithm: str
+    seed: int
+    policy: SquashedGaussianConfig
+    env: Any
+    interface: Interface
+    demos: Transitions | None = None
+    dataset: Mapping[str, Any] | None = None
+
+    def describe(self) -> dict[str, Any]:
+        """Return what determines the run besides its settings and policy."""
+        spec, learned = self.env.spec, {"dataset": dict(self.dataset)} if self.dataset else {}
+        where = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level}
+        environment = {**where, "num_envs": int(self.env.num_envs)}
+        return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned}
+
+
+class OnlineRun:
+    """One run from its first step, or from its newest checkpoint, to its finished policy.
+
+    Use it as ``begin(...)``, then ``while run.goes_on(): ...; run.end_turn()``, then ``finish()``.
+
+    Attributes:
+        folder: of the run.
+        collector: the environment with auto-reset.
+        interface: the way into and out of the network; an algorithm that learns it replaces it.
+        elapsed_s: time spent in the loop, over all calls, evaluations and checkpoints left out.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        signals: SignalWatch,
+        settings: Settings,
+        problem: Problem,
+        evaluate: Evaluate | None,
+        progress: bool,
+    ) -> None:
+        self.folder, self._signals, self._settings, self._problem = folder, signals, settings, problem
+        self._origin = {**problem.describe(), "provenance": provenance()}
+        self._evaluate, self._progress = evaluate, progress
+        self.interface, self.elapsed_s, self._means = problem.interface, 0.0, MetricMeans()
+        self.collector = Collector(problem.env, problem.interface.layout, seed=problem.seed)
+        self._clock, self._before = time.perf_counter(), 0
+        self._parts: dict[str, Stateful] = {}
+        self._actor: SquashedGaussian
+        self._bar: tqdm
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Elements of an observation and of an action, Do and Da."""
+        layout = self._problem.interface.layout
+        return layout.size, layout.spec.action.size
+
+    @property
+    def demos(self) -> Transitions:
+        """The transitions to imitate."""
+        assert self._problem.demos is not None, "the algorithm asked for demonstrations when the run was opened"
+        return self._problem.demos
+
+    def build_actor(self) -> SquashedGaussian:
+        """Return a new network of the policy."""
+        return self._problem.policy.build(*self.sizes)
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Return a generator of its own for each ``purpose``."""
+        return named_rng(self._problem.seed, self._problem.algorithm, purpose)
+
+    def begin(self, actor: SquashedGaussian, parts: Mapping[str, Stateful]) -> None:
+        """Go on from the newest checkpoint, if there is one, with ``actor`` and all ``parts`` that change."""
+        self._actor, self._parts = actor, {"collector": self.collector, "run": self, **parts}
+        if self.folder.resumed:
+            unpack(self.folder.resumed, self._parts)
+        self._clock = time.perf_counter()
+        self._bar = tqdm(
+            total=self._settings.steps,
+            initial=self.collector.steps,
+            desc=f"train {self._problem.algorithm}",
+            unit="step",
+            dynamic_ncols=True,
+            disable=not self._progress,
+        )
+
+    @property
+    def left(self) -> float:
+        """Share of the environment steps that are left."""
+        return max(0.0, 1.0 - self.collector.steps / self._settings.steps)
+
+    def updates_due(self, ratio: float) -> int:
+        """Return how many of ``ratio`` updates for each environment step fall due in this turn of one step."""
+        return int(ratio * self.collector.steps) - int(ratio * (self.collector.steps - self.collector.n))
+
+    def policy(self) -> ChunkPolicy:
+        """Return the policy as it stands, with where it comes from."""
+        origin = {**self._origin, "step": self.collector.steps}
+        return ChunkPolicy(self._problem.policy, self.interface, self._actor, origin)
+
+    def goes_on(self) -> bool:
+        """Evaluate where that is due; return whether there are steps left.
+
+        A run killed while it evaluates resumes just before.
+        """
+        step = self.collector.steps
+        if self._evaluate and step and (self._done or self._due(self._settings.evaluate_every)):
+            with self._signals.at_once(), torch.random.fork_rng():
+                self.folder.log(step, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), step).items()})
+        self._before, self._clock = step, time.perf_counter()
+        return not self._done
+
+    def log(self, values: Mapping[str, float]) -> None:
+        """Remember named numbers, whose means the next row of the metrics holds.
+
+        Raises:
+            TrainingDivergedError: one is not finite.
+        """
+        for name, value in values.items():
+            if not np.isfinite(value):
+                raise TrainingDivergedError(name, step=self.collector.steps, hint=HINT)
+        self._means.add(values)
+
+    def end_turn(self) -> None:
+        """End one turn of the loop: write metrics, take a checkpoint, leave on a signal, each where it is due."""
+        step, settings = self.collector.steps, self._settings
+        self.elapsed_s += time.perf_counter() - self._clock
+        self._bar.update(step - self._before)
+        if self._done or self._due(settings.log_every):
+            episodes = self.collector.episode_means()
+            self.folder.log(step, {**self._means.take(), **episodes, "elapsed_s": self.elapsed_s})
+            self._bar.set_postfix_str(f"return {episodes['episode/return']:.0f}" if episodes else "", refresh=False)
+        saves = self._due(settings.checkpoint_every) or self._due(settings.evaluate_every)
+        if self._done or self._signals.pending or saves:
+            self.folder.save(step, pack(self._parts, self.policy()), keep=settings.keep_checkpoints)
+        if self._signals.pending:
+            self._signals.stop()
+
+    def finish(self) -> ChunkPolicy:
+        """Save the trained policy and return it; from now on the run is finished."""
+        self._bar.close()
+        policy = self.policy()
+        self.folder.finish(policy)
+        return policy
+
+    @property
+    def _done(self) -> bool:
+        return self.collector.steps >= self._settings.steps
+
+    def _due(self, every: int) -> bool:
+        """Whether a multiple of ``every`` lies within the steps of this turn."""
+        return due(every, self.collector.steps, since=self._before)
+
+    def snapshot(self) -> Snapshot:
+        means = self._means.snapshot().values
+        return Snapshot({}, {"elapsed_s": self.elapsed_s, "before": self._before, **means})
+
+    def restore(self, saved: Snapshot) -> None:
+        self.elapsed_s, self._before = saved.values["elapsed_s"], saved.values["before"]
+        self._means.restore(saved)
+
+
+@contextmanager
+def open_run(
+    settings: Settings,
+    problem: Problem,
+    run: str | os.PathLike[str],
+    *,
+    evaluate: Evaluate | None,
+    resume: bool,
+    progress: bool,
+) -> Iterator[OnlineRun | None]:
+    """Open a run's folder and set torch's threads and generator, until the ``with`` block ends.
+
+    Yields None where the run is finished.
+
+    Args:
+        settings: of the algorithm. problem: what it learns on. run: the folder.
+        evaluate: ``(policy, step) -> named numbers``. resume: see :class:`RunFolder`. progress: show a progress bar.
+    """
+    policy = {"name": problem.policy.name, **problem.policy.to_dict()}
+    config = {**problem.describe(), "settings": asdict(settings), "policy": policy}
+    with ExitStack() as stack:
+        folder = stack.enter_context(RunFolder.open(run, config, cadence=CADENCE, resume=resume))
+        if folder.finished:
+            yield None
+            return
+        stack.enter_context(torch_threads(settings.threads))
+        stack.enter_context(torch_rng(problem.seed, problem.algorithm))
+        signals = stack.enter_context(SignalWatch())
+        yield OnlineRun(folder, signals, settings, problem, evaluate, progress)

@@ -1,0 +1,1 @@
+"""Machinery of any training run: its folder, state, signals, threads and checks of settings."""

@@ -1,0 +1,43 @@
+"""Checks of settings, by field name: positive, not negative, a share, widths, one of some choices."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from aerial_il.core.errors import InvalidValueError
+
+
+def require_positive(settings: object, *names: str) -> None:
+    """Raise :class:`InvalidValueError` unless every named setting is positive."""
+    for name in names:
+        if not getattr(settings, name) > 0:
+            raise InvalidValueError(f"{name} is {getattr(settings, name)}; it must be positive.")
+
+
+def require_not_negative(settings: object, *names: str) -> None:
+    """Raise :class:`InvalidValueError` if a named setting is negative."""
+    for name in names:
+        if not getattr(settings, name) >= 0:
+            raise InvalidValueError(f"{name} is {getattr(settings, name)}; it must not be negative.")
+
+
+def require_share(settings: object, *names: str, below_one: bool = False) -> None:
+    """Raise :class:`InvalidValueError` unless every named setting lies between 0 and 1."""
+    for name in names:
+        value = getattr(settings, name)
+        if not 0 <= value <= 1 or (below_one and value == 1):
+            raise InvalidValueError(f"{name} is {value}; it must lie in [0, 1{')' if below_one else ']'}.")
+
+
+def require_widths(settings: object, name: str) -> None:
+    """Raise :class:`InvalidValueError` unless the named setting is at least one positive width."""
+    value = getattr(settings, name)
+    if not value or min(value) < 1:
+        raise InvalidValueError(f"{name} is {value}; it must name at least one positive width.")
+
+
+def require_choice(settings: object, name: str, choices: object) -> None:
+    """Raise :class:`InvalidValueError` unless the named setting is one of a ``Literal``'s values."""
+    if getattr(settings, name) not in get_args(choices):
+        valid = ", ".join(get_args(choices))
+        raise InvalidValueError(f"Unknown {name} {getattr(settings, name)!r}. Valid: {valid}.")

@@ -1,0 +1,216 @@
+"""A run's folder: its configuration, metrics, TensorBoard events, checkpoints and finished policy.
+
+``metrics.jsonl`` is the truth: one row per report, in order of steps. A resumed run cuts it back to where its
+checkpoint was taken, so no step is missing or told twice; the TensorBoard events are rebuilt from it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import math
+import os
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.errors import CheckpointError, InvalidValueError
+from aerial_il.core.files import write_atomic, write_json
+from aerial_il.core.provenance import provenance
+from aerial_il.core.renamed import ALGORITHM_KEYS
+from aerial_il.core.renamed import METRICS as METRIC_NAMES
+from aerial_il.policies import FINAL
+
+if TYPE_CHECKING:
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+
+CONFIG, PROVENANCE, METRICS, EVENTS = "config.yaml", "provenance.json", "metrics.jsonl", "tensorboard"
+BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
+REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
+
+
+class RunFolder:
+    """Where one training run keeps everything; open it with :meth:`open`.
+
+    Attributes:
+        path: the folder.
+        finished: whether the run has saved its policy.
+        resumed: newest valid checkpoint of an earlier call, or None.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.finished = _is_valid(path / FINAL)
+        self.resumed = found[1] if (found := checkpoint.latest(path)) else None
+        if not self.finished:
+            _cut(path / METRICS, self.resumed.state["metrics_bytes"] if self.resumed else 0)
+        self._metrics = open(path / METRICS, "ab")  # noqa: SIM115 - closed by close()
+        self._events = _EventFile(path / EVENTS, read_metrics(path))
+
+    @staticmethod
+    @contextmanager
+    def open(
+        path: str | os.PathLike[str], config: Mapping[str, Any], *, cadence: tuple[str, ...] = (), resume: bool = True
+    ) -> Iterator[RunFolder]:
+        """Lock the folder, check or write its configuration, and find where to go on.
+
+        Args:
+            path: the folder; made if missing.
+            config: plain values that determine the run.
+            cadence: keys (of any depth) that may change between calls, since no weight depends on them.
+            resume: go on from the newest checkpoint; otherwise earlier results of the folder are deleted.
+
+        Raises:
+            InvalidValueError: another process uses the folder, or it belongs to another configuration.
+            CheckpointError: all its checkpoints are damaged, or it cannot be written.
+        """
+        path = Path(path)
+        with _writing(path):
+            path.mkdir(parents=True, exist_ok=True)
+        with _locked(path):
+            if not resume:
+                _clear(path)
+            _claim(path, config, cadence)
+            run = RunFolder(path)
+            try:
+                yield run
+            finally:
+                run.close()
+
+    def log(self, step: int, values: Mapping[str, float]) -> None:
+        """Append one row for ``step``; numbers that are not finite, such as a mean of nothing, are left out."""
+        row = {"step": step, **{k: float(v) for k, v in values.items() if math.isfinite(v)}}
+        with _writing(self.path / METRICS):
+            self._metrics.write((json.dumps(row, allow_nan=False) + "\n").encode())
+            self._metrics.flush()
+            self._events.write(row)
+
+    def save(self, step: int, saved: Checkpoint, *, keep: int) -> None:
+        """Take a checkpoint after ``step`` steps, remember the length of the metrics, delete the oldest ones."""
+        with _writing(self.path / METRICS):
+            os.fsync(self._metrics.fileno())
+        state = {**saved.state, "metrics_bytes": self._metrics.tell()}
+        checkpoint.save(checkpoint.step_folder(self.path, step), Checkpoint(saved.arrays, state, saved.config))
+        checkpoint.prune(self.path, keep)
+
+    def finish(self, policy: ChunkPolicy) -> None:
+        """Save the trained policy; from now on the run is finished."""
+        with _writing(self.path / METRICS):
+            os.fsync(self._metrics.fileno())
+        policy.save(self.path / FINAL)
+
+    def close(self) -> None:
+        self._metrics.close()
+        self._events.close()
+
+
+def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
+    """Return the rows of a run's metrics by their present names; a last row cut short by a kill is left out."""
+    try:
+        lines = (Path(run) / METRICS).read_text().splitlines(keepends=True)
+    except FileNotFoundError:
+        return []
+    rows = (json.loads(line) for line in lines if line.endswith("\n"))
+    return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
+
+
+class _EventFile:
+    """Scalars for TensorBoard, written synchronously: a writer thread would hang the run on a full disk."""
+
+    def __init__(self, folder: Path, rows: list[dict[str, float]]) -> None:
+        from tensorboardX.event_file_writer import EventsWriter
+
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        self._writer = EventsWriter(str(folder / "events"))
+        for row in rows:
+            self.write(row)
+
+    def write(self, row: Mapping[str, float]) -> None:
+        from tensorboardX.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
+        from tensorboardX.summary import scalar
+
+        for tag, value in row.items():
+            if tag != "step":
+                self._writer.write_event(
+                    Event(wall_time=time.time(), step=int(row["step"]), summary=scalar(tag, value))
+                )
+        self._writer.flush()
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        hint = "Earlier checkpoints are intact: free some space and run the same command again."
+        raise CheckpointError(path, f"cannot be written ({error.strerror}).", hint) from error
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    with open(path / ".lock", "w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InvalidValueError(f"{path} is being trained by another process. Choose another run=NAME.") from error
+        yield
+
+
+def _is_valid(folder: Path) -> bool:
+    try:
+        return checkpoint.is_sealed(folder) and checkpoint.load(folder) is not None
+    except CheckpointError as error:
+        checkpoint.log.warning("Finished policy refused, taking it from the last checkpoint. %s", error)
+        return False
+
+
+def _cut(path: Path, length: int) -> None:
+    """Shorten a file, which may not exist yet, to ``length`` bytes."""
+    with open(path, "ab") as file:
+        file.truncate(min(length, file.tell()))
+
+
+def _clear(path: Path) -> None:
+    for name in (checkpoint.FOLDER, EVENTS, FINAL, BEST, REWARD):
+        shutil.rmtree(path / name, ignore_errors=True)
+    for name in (CONFIG, METRICS, PROVENANCE):
+        (path / name).unlink(missing_ok=True)
+
+
+def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> None:
+    """Write the configuration of a new run; refuse another one where there are results already."""
+    text = yaml.safe_dump(dict(config), sort_keys=False)
+    if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
+        before, now = (_flat(yaml.safe_load(t), cadence) for t in ((path / CONFIG).read_text(), text))
+        before = {_new_key(key): value for key, value in before.items()}
+        differing = sorted(k for k in before.keys() | now.keys() if before.get(k) != now.get(k))
+        if differing:
+            changes = "; ".join(f"{k}: {before.get(k)!r} then, {now.get(k)!r} now" for k in differing)
+            raise InvalidValueError(f"{path} holds another run ({changes}). Choose another run=NAME or resume=false.")
+    with _writing(path / CONFIG):
+        write_atomic(path / CONFIG, text)
+        write_json(path / PROVENANCE, provenance())
+
+
+def _new_key(key: str) -> str:
+    """Return what a setting that an earlier version wrote is called now."""
+    group, _, name = key.partition(".")
+    return f"settings.{ALGORITHM_KEYS[name]}" if group == "settings" and name in ALGORITHM_KEYS else key
+
+
+def _flat(tree: Any, cadence: tuple[str, ...], prefix: str = "") -> dict[str, Any]:
+    if not isinstance(tree, dict):
+        return {prefix: tree}
+    inner = [_flat(v, cadence, f"{prefix}.{k}" if prefix else k) for k, v in tree.items() if k not in cadence]
+    return {k: v for part in inner for k, v in part.items()}

@@ -1,0 +1,1 @@
+"""Machinery of supervised learning: training sets, minibatches, schedules, averaged weights."""

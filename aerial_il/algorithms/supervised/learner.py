@@ -1,0 +1,77 @@
+"""A network in supervised training: its optimiser, averaged weights, counters and metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from torch import Tensor
+
+from aerial_il.algorithms.run.metrics import MetricMeans
+from aerial_il.algorithms.run.state import Snapshot, below
+from aerial_il.algorithms.run.train_state import TrainState, adamw, load_weights, weights_of
+from aerial_il.algorithms.supervised.optimisation import Ema
+from aerial_il.core.errors import TrainingDivergedError
+from aerial_il.policies.parts.network import ChunkNetwork
+
+HINT = "Lower the learning rate; the last checkpoint is intact."
+
+
+class Learner:
+    """A network, its optimiser, its averaged weights and its counters.
+
+    Args:
+        network: what is trained.
+        weight_decay: AdamW's decay.
+        ema: decay of the averaged weights.
+        clip_norm: largest gradient norm.
+
+    Attributes:
+        step: optimisation steps done.
+        elapsed_s: time spent on them, over all calls.
+        averaged: the network that acts.
+        means: of what was logged since the last row of the metrics.
+    """
+
+    def __init__(self, network: ChunkNetwork, *, weight_decay: float, ema: float, clip_norm: float) -> None:
+        self.network, self.clip_norm = network.train(), clip_norm
+        self.step, self.elapsed_s, self.means = 0, 0.0, MetricMeans()
+        self._trained = TrainState(network, adamw(network, weight_decay=weight_decay))
+        self._ema = Ema(network, ema)
+
+    @property
+    def averaged(self) -> ChunkNetwork:
+        return self._ema.network
+
+    def descend(self, loss: Tensor, *, lr: float, logged: Mapping[str, Tensor]) -> None:
+        """Take one step against the gradient of ``loss``; log it and the ``logged`` scalars.
+
+        Raises:
+            TrainingDivergedError: loss or gradient is not finite; the weights are left as they were.
+        """
+        value = loss.item()
+        self._require_finite("The loss", value)
+        norm = self._trained.backward(loss, self.clip_norm)
+        assert norm is not None
+        self._require_finite("The gradient", norm)
+        self._trained.set_lr(lr)
+        self._trained.optimizer.step()
+        self._ema.update(self.step)
+        self.step += 1
+        self.means.add({"loss": value, "grad_norm": norm, **{k: v.item() for k, v in logged.items()}})
+
+    def snapshot(self) -> Snapshot:
+        trained = self._trained.snapshot().arrays
+        averaged = {f"averaged.{name}": array for name, array in weights_of(self.averaged).items()}
+        counters = {"step": self.step, "elapsed_s": self.elapsed_s, "means": self.means.snapshot().values}
+        return Snapshot({**trained, **averaged}, counters)
+
+    def restore(self, saved: Snapshot) -> None:
+        self._trained.restore(saved)
+        load_weights(self.averaged, below("averaged.", saved.arrays))
+        self.step, self.elapsed_s = saved.values["step"], saved.values["elapsed_s"]
+        self.means.restore(Snapshot({}, saved.values["means"]))
+
+    def _require_finite(self, what: str, value: float) -> None:
+        if not np.isfinite(value):
+            raise TrainingDivergedError(what, step=self.step, hint=HINT)

@@ -1,0 +1,239 @@
+"""Training sets: demonstrations checked, split, normalised, in minibatches of tensors."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from aerial_il.core.computer import free_memory_bytes
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.specs import EnvSpec
+from aerial_il.core.tensors import tensor
+from aerial_il.data.dataset import Dataset
+from aerial_il.data.episode import Episode
+from aerial_il.data.windows import Windows
+from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.tasks import unite
+from aerial_il.policies.parts.vision import with_pixels
+
+GIB = 2**30
+IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
+VALIDATE = "Find out more: aerial-il validate PATH"
+
+
+class Demonstrations(NamedTuple):
+    """What a run learns from.
+
+    Attributes:
+        layout: how the policy sees the episodes.
+        kept, weights: episodes to train on, and how much each counts (E,).
+        held_out: episodes to validate on.
+    """
+
+    layout: Layout
+    kept: list[Episode]
+    weights: np.ndarray
+    held_out: list[Episode]
+
+
+def read_demos(
+    dataset: Iterable[Episode], policy: PolicyConfig, *, failures: bool = False
+) -> tuple[Layout, list[Episode]]:
+    """Return the successful episodes, or all of them, and the layout ``policy`` sees them in.
+
+    Whatever nothing should learn from is refused.
+
+    Raises:
+        InvalidValueError: there is no success, episodes come from different environments, one is shorter than the
+            policy's chunk, a value is not finite, or the images do not fit into memory.
+        UnknownNameError: the episodes lack an observation field.
+    """
+    demos = [episode for episode in _within_memory(dataset, policy) if episode.success or failures]
+    if not demos:
+        hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
+        raise InvalidValueError(f"The dataset holds no successful demonstration. {hint}")
+    demos = unite(demos)
+    layout = Layout.of(demos[0].spec, policy)
+    for episode in demos:
+        _check(episode, layout, policy.chunk)
+    return layout, demos
+
+
+def _within_memory(dataset: Iterable[Episode], policy: PolicyConfig) -> Iterator[Episode]:
+    """Yield the episodes, which are kept by the caller, as long as the images of those to come will fit."""
+    count, held = len(dataset) if isinstance(dataset, Dataset) else 0, 0  # others are in memory already
+    for number, episode in enumerate(dataset, start=1):
+        held += sum(episode.obs[name].nbytes for name in policy.images if name in episode.obs)
+        to_come, free = held // number * (count - number), free_memory_bytes()
+        if held and to_come > 0.9 * free:
+            size, room = f"{(held + to_come) / GIB:.1f} GiB", f"{(held + free) / GIB:.1f} GiB"
+            raise InvalidValueError(
+                f"The images {', '.join(policy.images)} of {count} episodes take about {size} of memory; {room} are "
+                "free. Train on fewer episodes (dataset.episodes=N), on fewer cameras (policy.images=[...]), or on "
+                "smaller images (aerial-il collect image_size=[64,64])."
+            )
+        yield episode
+
+
+def _check(episode: Episode, layout: Layout, chunk: int) -> None:
+    if differing := layout.spec.differences(episode.spec):
+        raise InvalidValueError(f"Episode {episode.uid} comes from another environment: {'; '.join(differing)}.")
+    if len(episode) < chunk:
+        raise InvalidValueError(f"Episode {episode.uid} has {len(episode)} steps; chunk={chunk} must not be longer.")
+    try:
+        layout.flatten(episode.obs)
+    except NonFiniteActionError as error:
+        where = f"at step {min(error.worlds)}"  # the leading axis of one episode is time
+        raise InvalidValueError(f"Episode {episode.uid}: {error.what} is not finite {where}. {VALIDATE}") from error
+    finite = np.isfinite(episode.executed_actions).all(1)
+    if not finite.all():
+        where = f"at step {int(np.argmin(finite))}"
+        raise InvalidValueError(f"Episode {episode.uid}: the action is not finite {where}. {VALIDATE}")
+
+
+def check_recorded(spec: EnvSpec, expect: Mapping[str, str]) -> None:
+    """Raise :class:`InvalidValueError` unless a dataset of ``spec`` was recorded as expected.
+
+    Args:
+        spec: of its environment.
+        expect: any of ``robot``, ``task``, ``tier``, ``action`` (level) and ``cameras`` (commas between).
+    """
+    cameras = ",".join(f.name for f in spec.observation.of_group("image")) or "none"
+    found = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level, "cameras": cameras}
+    for key, wanted in expect.items():
+        if found[key] != wanted:
+            raise InvalidValueError(f"The dataset was recorded with {key}={found[key]}; {key}={wanted} was asked for.")
+
+
+def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T], list[T]]:
+    """Draw ``fraction`` of the demonstrations, at least one where there are two, for validation.
+
+    Returns:
+        Those to train on and those to validate on, each in their order.
+    """
+    count = min(len(demos) - 1, max(1, round(fraction * len(demos)))) if fraction > 0 else 0
+    held = set(named_rng(seed, "validation split").permutation(len(demos))[:count].tolist())
+    return [d for i, d in enumerate(demos) if i not in held], [d for i, d in enumerate(demos) if i in held]
+
+
+def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicyConfig) -> Windows:
+    """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown."""
+    return Windows(
+        demos,
+        layout.names,
+        history=policy.history,
+        chunk=policy.chunk,
+        target="expert_actions",
+        successes_only=False,
+        images=layout.images,
+    )
+
+
+def window_weights(weights: np.ndarray, windows: Windows) -> np.ndarray | None:
+    """Return the weight of each window (N,) from those of its demonstrations (E,), or None where all are equal."""
+    return None if np.ptp(weights) == 0 else weights[windows.episode]
+
+
+def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
+    """Return the SHA-256 of everything that a network can learn from ``windows`` of these weights."""
+    seal = hashlib.sha256()
+    for array in (*windows[np.arange(len(windows))], *([] if weights is None else [weights])):
+        seal.update(np.ascontiguousarray(array).tobytes())
+    for frames in (frames for of_camera in windows.frames.values() for frames in of_camera):
+        seal.update(np.ascontiguousarray(frames))
+    return seal.hexdigest()
+
+
+def fit_interface(layout: Layout, windows: Windows, policy: PolicyConfig) -> Interface:
+    """Fit normalisers and switches of ``layout``: observations as related frames, anchored actions as offsets."""
+    obs, actions, is_pad = windows[np.arange(len(windows))]
+    frames = layout.relate(obs[:, -1])
+    targets = to_offsets(layout, actions, obs)[~is_pad]
+    action = Normaliser.fit(targets, policy.action_scaling)
+    return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip, Switches.fit(targets))
+
+
+class TrainingSet:
+    """Windows as normalised tensors, the pixels of their images behind the observations.
+
+    Args:
+        windows: where they are gathered from.
+        interface: how they are normalised.
+        device: where the tensors go.
+    """
+
+    def __init__(self, windows: Windows, interface: Interface, device: str = "cpu") -> None:
+        self._windows, self._interface, self._device = windows, interface, device
+
+    def __len__(self) -> int:
+        return len(self._windows)
+
+    def gather(self, index: np.ndarray) -> tuple[Tensor, Tensor, Tensor]:
+        """Return obs (B, To, Do + pixels), actions (B, Ta, Da) and valid (B, Ta), 1 in the episode, of ``index``."""
+        obs, actions, is_pad = self._windows[index]
+        inputs, targets = self._interface.encode_obs(obs), self._interface.encode_actions(actions, obs)
+        arrays = (inputs, targets, (~is_pad).astype(np.float32))
+        encoded, answers, valid = (tensor(array).to(self._device) for array in arrays)
+        images = [torch.from_numpy(image).to(self._device) for image in self._windows.images(index)]
+        return with_pixels(encoded, images), answers, valid
+
+    def sample(self) -> np.ndarray:
+        """Return the windows that a measurement looks at: all of them, or evenly spread ones where each has images."""
+        count = min(len(self), IMAGES_AT_ONCE) if self.has_images else len(self)
+        return np.linspace(0, len(self) - 1, count).round().astype(np.int64)
+
+    @property
+    def has_images(self) -> bool:
+        """Whether gathering is slow enough to be done ahead."""
+        return bool(self._windows.image_names)
+
+
+class Shuffle:
+    """The order in which steps are visited: a fresh permutation each epoch, a function of the seed alone.
+
+    Args:
+        size: number of windows.
+        batch: windows in a minibatch.
+        seed: decides the permutations.
+        weights: (N,) how often each window is visited, relative to the others; None for all alike. An epoch still has
+            ``size`` visits, drawn systematically: a window of twice the mean weight is visited twice, one of half of
+            it in every other epoch.
+    """
+
+    def __init__(self, size: int, batch: int, *, seed: int, weights: np.ndarray | None = None) -> None:
+        self.size, self.batch, self.seed = size, batch, seed
+        self._reach = None if weights is None else _reach(weights)
+        self._epoch, self._order = -1, np.zeros(0, np.int64)
+
+    def __getitem__(self, step: int) -> np.ndarray:
+        """Return the windows (B,) of optimisation step ``step``."""
+        epochs, places = np.divmod(np.arange(step * self.batch, (step + 1) * self.batch), self.size)
+        return np.concatenate([self._permutation(int(e))[places[epochs == e]] for e in np.unique(epochs)])
+
+    def _permutation(self, epoch: int) -> np.ndarray:
+        if epoch != self._epoch:
+            self._epoch = epoch
+            rng = named_rng(self.seed, "minibatches", str(epoch))
+            self._order = rng.permutation(self.size if self._reach is None else _visits(self._reach, rng.random()))
+        return self._order
+
+
+def _reach(weights: np.ndarray) -> np.ndarray:
+    """Return how many visits the windows up to each one (N,) have together, N in all."""
+    reach = np.cumsum(weights / weights.mean())
+    reach[-1] = len(weights)  # not a rounding error less
+    return reach
+
+
+def _visits(reach: np.ndarray, start: float) -> np.ndarray:
+    """Return the windows (N,) visited in an epoch, each as its weight says, rounded up or down by ``start``."""
+    return np.repeat(np.arange(len(reach)), np.diff(np.floor(reach + start).astype(int), prepend=0))
