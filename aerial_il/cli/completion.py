@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from aerial_il.cli import commands, conf, keys
-from aerial_il.cli.overrides import FLAGS, known_keys
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import keys
+from aerial_il.cli.configuration.overrides import FLAGS, known_keys
 from aerial_il.core.errors import UnknownNameError
 
 # COMP_WORDBREAKS splits at "=": the word under the cursor is taken from the line itself, and only what

@@ -6,7 +6,9 @@ from dataclasses import fields, is_dataclass
 from importlib import metadata
 from typing import get_type_hints
 
-from aerial_il.cli import commands, conf, keys
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
 
 _ORDER = (

@@ -83,8 +83,8 @@ def export(study: Path, task: str, draw: int, folder: Path) -> None:
     import numpy as np
 
     from aerial_il.benchmarks.parts.record import Record
-    from aerial_il.cli import conf
-    from aerial_il.cli.build import build
+    from aerial_il.cli.configuration import groups as conf
+    from aerial_il.cli.configuration.build import build
 
     episodes = build(conf.read_option("bench", "gail")).demonstrations(task, draw, Record(study), progress=True)
     names = episodes[0].spec.observation.names

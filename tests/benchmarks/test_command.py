@@ -9,7 +9,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from aerial_il.cli import commands, compose, conf
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import compose
+from aerial_il.cli.configuration import groups as conf
 from aerial_il.cli.commands import bench
 
 SCRIPT = Path(sys.executable).with_name("aerial-il")

@@ -14,8 +14,8 @@ from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.benchmarks import dagger
 from aerial_il.benchmarks.dagger import EPISODES, START, STEPS, Arm, Asked, Interactive
 from aerial_il.benchmarks.parts.demonstrations import Source
-from aerial_il.cli import conf
-from aerial_il.cli.build import build
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MlpConfig
 from tests.benchmarks.results import result_with

@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from aerial_il.benchmarks import imitation
-from aerial_il.cli import conf
-from aerial_il.cli.build import build
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration.build import build
 
 CLONING = ("imitation", "learning_curve", "dagger")  # studies of what `collect` and `train` do if nothing is said
 DEMONSTRATING = (*CLONING, "pixels", "lerobot")

@@ -14,8 +14,8 @@ from aerial_il.benchmarks import imitation
 from aerial_il.benchmarks.imitation import Flight, Imitation
 from aerial_il.benchmarks.parts.demonstrations import Source
 from aerial_il.benchmarks.parts.stages import Cloned
-from aerial_il.cli import conf
-from aerial_il.cli.build import build
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MlpConfig

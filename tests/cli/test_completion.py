@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli import commands, completion, conf
+from aerial_il.cli import commands, completion
+from aerial_il.cli.configuration import groups as conf
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.cli import runs
+from aerial_il.cli.flights import run_results as runs
 from aerial_il.data.writer import write_episode
 from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig

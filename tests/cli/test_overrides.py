@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from aerial_il.cli import commands
-from aerial_il.cli.compose import compose
-from aerial_il.cli.overrides import known_keys, prepare
+from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.configuration.overrides import known_keys, prepare
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 TRAIN, EVALUATE = commands.find("train"), commands.find("evaluate")

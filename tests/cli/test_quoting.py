@@ -10,11 +10,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from aerial_il.cli import commands, words
-from aerial_il.cli.compose import compose
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration.compose import compose
 from aerial_il.cli.main import main
-from aerial_il.cli.overrides import prepare
-from aerial_il.cli.quoting import command_line, is_sweep, literal, literals
+from aerial_il.cli.configuration.overrides import prepare
+from aerial_il.cli.configuration.quoting import command_line, is_sweep, literal, literals
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 HOSTILE = [

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.flying import pilot
+from aerial_il.cli.flights.pilots import pilot
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 

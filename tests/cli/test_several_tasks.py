@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli import data, runs
+from aerial_il.cli.flights import demonstrations as data
+from aerial_il.cli.flights import run_results as runs
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.training_run import read_run

@@ -9,7 +9,8 @@ import pytest
 
 import aerial_il
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.cli import flying, workplaces
+from aerial_il.cli.flights import pilots as flying
+from aerial_il.cli.flights import training_resources as workplaces
 from aerial_il.collection.collect import collect
 from aerial_il.evaluation.baselines import Random
 from aerial_il.suite import outside

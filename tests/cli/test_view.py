@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli import flying
+from aerial_il.cli.flights import pilots as flying
 from aerial_il.cli.commands import list as catalogue
 from aerial_il.cli.main import main
 from aerial_il.data.reader import read_episode

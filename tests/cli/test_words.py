@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from aerial_il.cli import commands, words
-from aerial_il.cli.compose import compose
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration.compose import compose
 
 TRAIN = commands.find("train")
 NEEDED = ["dataset=x", "run=y"]

@@ -8,10 +8,12 @@ import pytest
 
 import aerial_il
 from aerial_il import algorithms, benchmarks, policies
-from aerial_il.cli import commands, conf, keys
-from aerial_il.cli.build import build, parameters
-from aerial_il.cli.compose import compose
-from aerial_il.cli.overrides import known_keys
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import keys
+from aerial_il.cli.configuration.build import build, parameters
+from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.control import laws
 from aerial_il.suite import tiers
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from aerial_il.cli import commands, conf
-from aerial_il.cli.compose import compose
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration.compose import compose
 
 STUDY = conf.read_option("bench", "imitation")
 

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 import aerial_il
-from aerial_il.cli.flying import pilot
+from aerial_il.cli.flights.pilots import pilot
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies import find_lerobot, load_any_policy
 from tests.algorithms.point_mass import PointMassBatch

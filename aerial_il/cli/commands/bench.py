@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli import conf, words
-from aerial_il.cli.build import build
-from aerial_il.cli.keys import group, key, output
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration.build import build
+from aerial_il.cli.configuration.keys import group, key, output
+from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.cli.tables import table
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.cli import words
+from aerial_il.cli.configuration import command_line as words
 from aerial_il.cli.commands import convert
-from aerial_il.cli.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 
@@ -102,7 +102,7 @@ def record(config: Config) -> None:
 
 def record_outside(config: Config) -> None:
     """Record what is missing of an environment from outside, each episode over its whole horizon."""
-    from aerial_il.cli import flying
+    from aerial_il.cli.flights import pilots as flying
     from aerial_il.collection.collect import collect
 
     source = config.policy.path

@@ -15,11 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flying import Pilot
+    from aerial_il.cli.flights.pilots import Pilot
     from aerial_il.evaluation.result import EvaluationResult
 
 
@@ -49,7 +49,7 @@ class Config:
 
 def run(config: Config) -> None:
     """Evaluate, write the results, print the headline."""
-    from aerial_il.cli import flying
+    from aerial_il.cli.flights import pilots as flying
 
     pilot = flying.pilot(
         config.policy.path,
@@ -77,7 +77,7 @@ def run(config: Config) -> None:
 
 def _judged(config: Config, pilot: Pilot, env: Any, seeds: range) -> EvaluationResult:
     """Fly what is not flown yet, and write what comes of it."""
-    from aerial_il.cli import results
+    from aerial_il.cli.flights import results
     from aerial_il.evaluation.destination import finished, subject_of
     from aerial_il.evaluation.journal import Journal
     from aerial_il.evaluation.rollouts import evaluate, origin_of

@@ -22,13 +22,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli import words
-from aerial_il.cli.keys import MISSING, MaybeLocated, MaybeTier, Named, at_least, group, key, output, path, tier
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, MaybeTier, Named, at_least, group, key, output, path, tier
+from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
-    from aerial_il.cli.places import Place
-    from aerial_il.cli.trials import Trials
+    from aerial_il.cli.flights.environments import Place
+    from aerial_il.cli.flights.rollout_evaluator import Trials
     from aerial_il.data.episode import Episode
 
 COMMAND = "command.json"
@@ -75,8 +75,8 @@ class Config:
     @property
     def place(self) -> Place:
         """The environment that was named."""
-        from aerial_il.cli.flying import given
-        from aerial_il.cli.places import Place
+        from aerial_il.cli.flights.pilots import given
+        from aerial_il.cli.flights.environments import Place
 
         return Place(
             env=self.env,
@@ -96,7 +96,7 @@ def run(config: Config) -> None:
 
 def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
-    from aerial_il.cli.build import build_all
+    from aerial_il.cli.configuration.build import build_all
 
     settings = dict(config.algorithm)
     if config.evaluate_every is not None:
@@ -123,7 +123,7 @@ def learn(config: Config) -> None:
 
 def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
-    from aerial_il.cli import data
+    from aerial_il.cli.flights import demonstrations as data
     from aerial_il.core.errors import InvalidValueError
 
     path, place = config.dataset.path, config.place
@@ -146,7 +146,7 @@ def _trials(config: Config, algorithm: Any) -> Iterator[Trials | None]:
     if not getattr(algorithm, "evaluate_every", 0):
         yield None
         return
-    from aerial_il.cli.trials import Trials
+    from aerial_il.cli.flights.rollout_evaluator import Trials
 
     flights = Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
     with flights.open() as trials:
@@ -193,7 +193,7 @@ def command(config: Config) -> str:
 
 def _workplace(config: Config, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
     """Return what an algorithm that flies while it learns is handed."""
-    from aerial_il.cli.workplaces import workplace
+    from aerial_il.cli.flights.training_resources import workplace
 
     return workplace(
         algorithm,

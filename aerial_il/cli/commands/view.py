@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aerial_il.cli.keys import Located, Named, TierName, at_least, check_choices, group, key, path
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration.keys import Located, Named, TierName, at_least, check_choices, group, key, path
+from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 VIEWS = "runs/views"
@@ -76,7 +76,7 @@ def run(config: Config) -> None:
 
 
 def _show_flight(config: Config, viewer: str) -> None:
-    from aerial_il.cli import flying
+    from aerial_il.cli.flights import pilots as flying
     from aerial_il.evaluation import window
 
     pilot = flying.pilot(

@@ -8,10 +8,11 @@ from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from aerial_il.cli import conf, keys
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
-from aerial_il.cli.quoting import is_sweep, literal, literals, mapping
-from aerial_il.cli.words import flat
+from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
+from aerial_il.cli.configuration.command_line import flat
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 FLAGS = ("-m", "--multirun", "--cfg", "--resolve")

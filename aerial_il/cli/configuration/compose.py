@@ -7,10 +7,11 @@ import os
 import sys
 from typing import Any
 
-from aerial_il.cli import conf, keys
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
-from aerial_il.cli.overrides import prepare
-from aerial_il.cli.quoting import uninterpolated
+from aerial_il.cli.configuration.overrides import prepare
+from aerial_il.cli.configuration.quoting import uninterpolated
 from aerial_il.core.errors import AerialError, InvalidValueError
 
 _log = logging.getLogger(__name__)

@@ -60,7 +60,7 @@ class Place:
             InvalidValueError: what was said does not name one.
         """
         import aerial_il
-        from aerial_il.cli.flying import DEFAULT_ACTION
+        from aerial_il.cli.flights.pilots import DEFAULT_ACTION
         from aerial_il.suite import outside
         from aerial_il.suite.outside.processes import processes_for
 

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aerial_il.cli import data, flying, results
+from aerial_il.cli.flights import demonstrations as data
+from aerial_il.cli.flights import pilots as flying
+from aerial_il.cli.flights import results
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.evaluation.video import Footage, film

@@ -7,8 +7,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from aerial_il.cli import conf
-from aerial_il.cli.quoting import literal
+from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration.quoting import literal
 
 
 def path(key: str, place: str) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import aerial_il
-from aerial_il.cli import words
+from aerial_il.cli.configuration import command_line as words
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
 from aerial_il.core.rendering import require_rendering

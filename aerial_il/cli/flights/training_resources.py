@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from aerial_il.cli.places import Place
+    from aerial_il.cli.flights.environments import Place
     from aerial_il.core.policy import Policy
     from aerial_il.core.specs import EnvSpec
 
@@ -50,7 +50,7 @@ def workplace(
         yield {}
         return
     import aerial_il
-    from aerial_il.cli.places import Place
+    from aerial_il.cli.flights.environments import Place
     from aerial_il.collection.collect import collect
 
     worlds, asked = num_envs or getattr(algorithm, "worlds", WORLDS), None
