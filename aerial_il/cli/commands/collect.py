@@ -30,11 +30,11 @@ class Expert:
 
 @dataclass
 class Config:
-    robot: Named = group("which vehicle")
-    task: Named = group("what it does")
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
-    expert: Expert = group("how the demonstrator flies")
-    controller: Named = group("which law flies the base")
+    robot: Named = group("which vehicle", "ua_quad_arm4")
+    task: Named = group("what it does", "pick_place")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    expert: Expert = group("how the demonstrator flies", "noisy")
+    controller: Named = group("which law flies the base", "geometric_observer")
     policy: MaybeLocated = path(MaybeLocated, "who flies in env=...: folder of a run, an expert's file, or random")
     env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:CartPole-v1")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")

@@ -21,13 +21,13 @@ from aerial_il.cli.configuration.quoting import command_line
 
 @dataclass
 class Config:
-    robot: Named = group("which vehicle")
-    task: Named = group("what it does")
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
-    expert: collect.Expert = group("how the demonstrator flies")
-    controller: Named = group("which law flies the base")
-    policy: dict[str, Any] = group("what is trained")
-    algorithm: dict[str, Any] = group("how it is trained")
+    robot: Named = group("which vehicle", "ua_quad_arm4")
+    task: Named = group("what it does", "pick_place")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    expert: collect.Expert = group("how the demonstrator flies", "noisy")
+    controller: Named = group("which law flies the base", "geometric_observer")
+    policy: dict[str, Any] = group("what is trained", "mlp")
+    algorithm: dict[str, Any] = group("how it is trained", "bc")
     out: str = output("runs/demo", "folder for everything")
     episodes: int = key(100, "demonstrations flown")
     evaluation_episodes: int = key(200, "unseen seeds flown by the policy")

@@ -13,7 +13,7 @@ Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from aerial_il.cli.configuration.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
 from aerial_il.cli.configuration.quoting import command_line
@@ -25,14 +25,16 @@ if TYPE_CHECKING:
 
 @dataclass
 class Config:
+    PRESETS: ClassVar[dict[str, str | None]] = {"evaluation": "standard"}
+
     policy: Located = path(Located, "folder of a run or a policy, an expert's file (.npz), or: expert, random, hover")
-    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
-    task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
+    task: Named | None = group("what it does (null: the task that the policy was trained on)")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
     env: str | None = key(None, "environment from outside, e.g. gymnasium:CartPole-v1 (null: the policy's own)")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
     max_steps: int | None = key(None, "time limit there (null: its own)")
-    controller: Named = group("which law flies the base")
+    controller: Named = group("which law flies the base", "geometric_observer")
     out: str = output(MISSING, "folder for evaluation.json, videos/ and report.html")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for experts)")
     episodes: int = key(200, "how many seeds are flown")

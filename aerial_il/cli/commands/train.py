@@ -20,7 +20,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from aerial_il.cli.configuration import command_line as words
 from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, MaybeTier, Named, at_least, group, key, output, path, tier
@@ -44,11 +44,13 @@ class Dataset:
 
 @dataclass
 class Config:
-    dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", path=True)
-    policy: dict[str, Any] = group("what is trained")
-    algorithm: dict[str, Any] = group("how it is trained")
-    robot: Named | None = group("where sac and ppo fly; with a dataset, what it must be of", optional=True)
-    task: Named | None = group("the same", optional=True)
+    PRESETS: ClassVar[dict[str, str | None]] = {"experiment": None}
+
+    dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", "all", path=True)
+    policy: dict[str, Any] = group("what is trained", "mlp")
+    algorithm: dict[str, Any] = group("how it is trained", "bc")
+    robot: Named | None = group("where sac and ppo fly; with a dataset, what it must be of")
+    task: Named | None = group("the same")
     run: str = output(MISSING, "folder of the run")
     env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:Hopper-v5")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")

@@ -26,11 +26,11 @@ ENDINGS = {viewer: suffix for suffix, viewer in SUFFIXES.items()}
 @dataclass
 class Config:
     policy: Located = path(Located, "who flies: expert, random, hover, or the folder of a policy", value="expert")
-    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
-    task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
+    task: Named | None = group("what it does (null: the task that the policy was trained on)")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
     env: str | None = key(None, "environment from outside, e.g. gymnasium:Hopper-v5 (null: the policy's own)")
-    controller: Named = group("which law flies the base")
+    controller: Named = group("which law flies the base", "geometric_observer")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for the others)")
     seed: int | None = key(None, "of the flight, or which episode of a dataset (null: the first)")
     recording: str | None = key(None, "an MCAP file, or a dataset of them, to watch instead of flying")

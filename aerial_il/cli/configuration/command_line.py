@@ -7,13 +7,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.quoting import literal
 
 
 def path(key: str, place: str) -> str:
     """Return ``key=place`` such that ``place`` is not taken for one of the files of ``conf/<key>/``, or for nothing."""
-    meant = key in conf.groups() and place in conf.options(key)
+    meant = key in groups.groups() and place in groups.options(key)
     return f"{key}=./{place}" if meant or place == "null" else f"{key}={place}"
 
 
@@ -26,9 +26,9 @@ def of_group(group: str, settings: Mapping[str, Any], *, default: str) -> list[s
         default: the file that the command takes if nothing is said.
     """
     ways = []
-    for name in sorted(conf.options(group), key=lambda option: option != default):
+    for name in sorted(groups.options(group), key=lambda option: option != default):
         chosen = [] if name == default else [f"{group}={name}"]
-        ways.append(chosen + changed(group, conf.read_option(group, name), settings))
+        ways.append(chosen + changed(group, groups.read_option(group, name), settings))
     return min(ways, key=len)
 
 

@@ -7,13 +7,14 @@ import os
 import sys
 from typing import Any
 
-from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.configuration.quoting import uninterpolated
 from aerial_il.core.errors import AerialError, InvalidValueError
 
+QUIET = {"hydra": "quiet"}
 _log = logging.getLogger(__name__)
 
 
@@ -41,7 +42,7 @@ def run_command(command: Command, words: list[str]) -> None:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hand exceptions on instead of printing and exiting
     sys.argv = [f"aerial-il {command.name}", *overrides]
     try:
-        hydra.main(version_base="1.3", config_path=str(conf.conf_dir()), config_name=command.name)(job)()
+        hydra.main(version_base="1.3", config_path=None, config_name=command.name)(job)()
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(command, error) from error
     if len(failures) > 1:
@@ -55,19 +56,28 @@ def compose(command: Command, words: list[str]) -> Any:
     overrides = prepare(command, words)
     register(command)
     from hydra import compose as hydra_compose
-    from hydra import initialize_config_dir
+    from hydra import initialize
     from hydra.core.global_hydra import GlobalHydra
 
     GlobalHydra.instance().clear()
-    with initialize_config_dir(str(conf.conf_dir()), version_base="1.3"):
+    with initialize(config_path=None, version_base="1.3"):
         return typed(command, hydra_compose(command.name, overrides))
 
 
 def register(command: Command) -> None:
-    """Make the command's dataclass the schema that ``conf/<command>.yaml`` is checked against."""
+    """Put the command's dataclass, and all that may be chosen in its groups, into Hydra's store."""
     from hydra.core.config_store import ConfigStore
 
-    ConfigStore.instance().store(name=f"{command.name}_keys", node=command.config)
+    store, target = ConfigStore.instance(), keys.output_key(command.config)
+    chosen = [{group: choice} for group, choice in command.choices.items()]
+    store.store(name=f"{command.name}_keys", node=command.config)
+    sweep = {"hydra": {"sweep": {"dir": f"${{{target}}}"}}} if target else {}
+    store.store(name=command.name, node={"defaults": [f"{command.name}_keys", *chosen, QUIET, "_self_"], **sweep})
+    store.store(group="hydra", name=QUIET["hydra"], node=groups.read_yaml(groups.conf_dir() / "hydra" / "quiet.yaml"))
+    for group in command.choices:
+        for name in groups.options(group):
+            package = "_global_" if groups.is_global(group, name) else None
+            store.store(group=group, name=name, node=groups.read_option(group, name), package=package)
 
 
 def typed(command: Command, cfg: Any) -> Any:

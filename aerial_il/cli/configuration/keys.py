@@ -33,19 +33,24 @@ def key(
 
 
 def group(
-    help: str, *, path: bool = False, composed: bool = False, optional: bool = False, position: int | None = None
+    help: str,
+    choice: str | None = None,
+    *,
+    path: bool = False,
+    composed: bool = False,
+    position: int | None = None,
 ) -> Any:
-    """Declare a key that a file of ``conf/<key>/`` fills.
+    """Declare a key that a choice of the configuration group of that name fills.
 
     Args:
         help: what it chooses.
+        choice: what is taken if nothing is said; None for nothing, and ``key=null`` is then valid.
         path: whether ``key=some/folder`` is short for ``key.path=some/folder``.
         composed: whether ``key=a+b-c``, made of the files' names and others, is short for ``key.name=a+b-c``.
-        optional: whether ``key=null`` is a valid choice, and the default.
         position: see :func:`key`.
     """
-    metadata = {"help": help, "group": True, "path": path, "composed": composed, "position": position}
-    return dataclasses.field(default=None if optional else MISSING, metadata=metadata)
+    metadata = {"help": help, "group": True, "choice": choice, "path": path, "composed": composed, "position": position}
+    return dataclasses.field(default=None if choice is None else MISSING, metadata=metadata)
 
 
 def path(

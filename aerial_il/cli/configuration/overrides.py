@@ -8,7 +8,7 @@ from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from aerial_il.cli.configuration import groups as conf
+from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
@@ -38,7 +38,7 @@ def prepare(command: Command, words: list[str]) -> list[str]:
         InvalidValueError: a word that is neither of them.
     """
     words = _named(command, words)
-    chosen = dict(conf.default_choices(command.name))
+    chosen = dict(command.choices)
     chosen |= {k: v for k, _, v in (w.partition("=") for w in words) if k in chosen}
     for group in chosen.keys() - {field.name for field in fields(command.config)}:
         _check_fits(group, chosen)
@@ -65,10 +65,10 @@ def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ..
             found += [f"{field.name}.{inner.name}" for inner in fields(hints[field.name])]
     for group, option in chosen.items():
         found.append(group)
-        if option in conf.options(group):
-            content = conf.read_option(group, str(option))
+        if option in groups.options(group):
+            content = groups.read_option(group, str(option))
             prefix = f"{group}." if group in hints else ""
-            found += [prefix + leaf for leaf in conf.leaf_keys(content) if leaf != "defaults"]
+            found += [prefix + leaf for leaf in groups.leaf_keys(content) if leaf != "defaults"]
     return tuple(dict.fromkeys(found))
 
 
@@ -151,8 +151,8 @@ def _texts(command: Command, chosen: dict[str, str | None]) -> dict[str, Any]:
             optional = get_type_hints(hints[field.name])["path"] == str | None
             found[f"{field.name}.path"] = None if optional else field.default
     for group, option in chosen.items():
-        if option in conf.options(group) and option is not None:
-            content, prefix = conf.read_option(group, option), f"{group}." if group in hints else ""
+        if option in groups.options(group) and option is not None:
+            content, prefix = groups.read_option(group, option), f"{group}." if group in hints else ""
             leaves = ((prefix + key, value) for key, value in flat(content).items())
             found |= {key: value for key, value in leaves if isinstance(value, str) and not key.endswith("_target_")}
     return found
@@ -170,9 +170,9 @@ def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> No
 def _check_fits(group: str, chosen: Mapping[str, str | None]) -> None:
     """Refuse a set of values, e.g. ``experiment=quick``, that sets what the chosen file of a group does not have."""
     for name in _parts(group, chosen):
-        for other, content in conf.read_option(group, name).items():
+        for other, content in groups.read_option(group, name).items():
             wanted = set(content) if isinstance(content, dict) else set()
-            lacking = {option: sorted(wanted - set(conf.read_option(other, option))) for option in conf.options(other)}
+            lacking = {option: sorted(wanted - set(groups.read_option(other, option))) for option in groups.options(other)}
             for option in _parts(other, chosen):
                 if lacking[option]:
                     keys_lacking = ", ".join(f"{other}.{key}" for key in lacking[option])
@@ -185,7 +185,7 @@ def _check_fits(group: str, chosen: Mapping[str, str | None]) -> None:
 
 def _parts(group: str, chosen: Mapping[str, str | None]) -> list[str]:
     """Return the files of ``group`` that were chosen, several in a sweep."""
-    return [part for part in (chosen.get(group) or "").split(",") if part in conf.options(group)]
+    return [part for part in (chosen.get(group) or "").split(",") if part in groups.options(group)]
 
 
 def _siblings(name: str, known: tuple[str, ...]) -> list[str]:
@@ -199,12 +199,12 @@ def _check_choice(group: str, value: str, field: Field[Any] | None) -> None:
     if value.endswith(")") or "$" in value or (value == "null" and (field is None or field.default is None)):
         return
     for part in value.split(","):
-        if _PLAIN.fullmatch(part) and part not in conf.options(group):
-            raise UnknownNameError(group, part, conf.options(group))
+        if _PLAIN.fullmatch(part) and part not in groups.options(group):
+            raise UnknownNameError(group, part, groups.options(group))
 
 
 def _all_options(group: str, value: str, chosen: dict[str, str | None]) -> bool:
-    return group in chosen and all(part in conf.options(group) for part in value.split(","))
+    return group in chosen and all(part in groups.options(group) for part in value.split(","))
 
 
 def _sweep_folders(command: Command, words: list[str]) -> list[str]:
@@ -213,7 +213,6 @@ def _sweep_folders(command: Command, words: list[str]) -> list[str]:
     target = keys.output_key(command.config)
     if target in swept:
         raise InvalidValueError(f"{target} cannot be swept: each job gets a folder of its own below {target}=FOLDER.")
-    groups = conf.default_choices(command.name)
-    parts = [f"{k}=" + (f"${{hydra:runtime.choices.{k}}}" if k in groups else f"${{{k}}}") for k in swept]
+    parts = [f"{k}=" + (f"${{hydra:runtime.choices.{k}}}" if k in command.choices else f"${{{k}}}") for k in swept]
     folder = ",".join(parts).replace("'", "")
     return [f"hydra.sweep.subdir='{folder or '.'}'"]
