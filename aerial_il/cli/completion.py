@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration import keys
+from aerial_il.cli.configuration import groups, keys
 from aerial_il.cli.configuration.overrides import FLAGS, known_keys
 from aerial_il.core.errors import UnknownNameError
 

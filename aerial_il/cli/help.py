@@ -7,9 +7,8 @@ from importlib import metadata
 from typing import get_type_hints
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
+from aerial_il.cli.configuration import groups, keys
 
 _ORDER = (
     "demo",

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from aerial_il.cli import commands
 from aerial_il.cli.configuration import command_line as words
 from aerial_il.cli.configuration.compose import compose
-from aerial_il.cli.main import main
 from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.configuration.quoting import command_line, is_sweep, literal, literals
+from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 HOSTILE = [

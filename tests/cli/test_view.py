@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.flights import pilots as flying
 from aerial_il.cli.commands import list as catalogue
+from aerial_il.cli.flights import pilots as flying
 from aerial_il.cli.main import main
 from aerial_il.data.reader import read_episode
 from aerial_il.evaluation import studio, window

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.cli.configuration.keys import group, key, output
 from aerial_il.cli.configuration.quoting import command_line
@@ -40,7 +40,9 @@ class Config:
 def run(config: Config) -> None:
     """Measure, keep the report, print it."""
     chosen = (
-        [config.bench] if config.bench is not None else [groups.read_option("bench", n) for n in groups.options("bench")]
+        [config.bench]
+        if config.bench is not None
+        else [groups.read_option("bench", n) for n in groups.options("bench")]
     )
     reports = [_measure(settings, config) for settings in chosen]
     if config.json:

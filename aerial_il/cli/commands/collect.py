@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.cli.configuration import command_line as words
 from aerial_il.cli.commands import convert
+from aerial_il.cli.configuration import command_line as words
 from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aerial_il.cli.configuration import command_line as words
 from aerial_il.cli.commands import collect, convert, evaluate, report, train
+from aerial_il.cli.configuration import command_line as words
 from aerial_il.cli.configuration.keys import Located, MaybeLocated, Named, TierName, at_least, group, key, output
 from aerial_il.cli.configuration.quoting import command_line
 

@@ -23,7 +23,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from aerial_il.cli.configuration import command_line as words
-from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, MaybeTier, Named, at_least, group, key, output, path, tier
+from aerial_il.cli.configuration.keys import (
+    MISSING,
+    MaybeLocated,
+    MaybeTier,
+    Named,
+    at_least,
+    group,
+    key,
+    output,
+    path,
+    tier,
+)
 from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
@@ -77,8 +88,8 @@ class Config:
     @property
     def place(self) -> Place:
         """The environment that was named."""
-        from aerial_il.cli.flights.pilots import given
         from aerial_il.cli.flights.environments import Place
+        from aerial_il.cli.flights.pilots import given
 
         return Place(
             env=self.env,

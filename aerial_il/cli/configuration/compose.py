@@ -7,9 +7,8 @@ import os
 import sys
 from typing import Any
 
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
+from aerial_il.cli.configuration import groups, keys
 from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.configuration.quoting import uninterpolated
 from aerial_il.core.errors import AerialError, InvalidValueError

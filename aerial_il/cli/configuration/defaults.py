@@ -77,7 +77,7 @@ def _changed(usual: Any, given: Any) -> Any:
     if not isinstance(given, Mapping):
         return given
     settings = isinstance(usual, Mapping) and TARGET in usual and TARGET not in given
-    return _completed({TARGET: usual[TARGET], **{**usual, **given}} if settings else given)
+    return _completed({TARGET: usual[TARGET], **usual, **given} if settings else given)
 
 
 def _resolved(value: Any) -> Any:

@@ -8,11 +8,10 @@ from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration import keys
 from aerial_il.cli.commands import Command
-from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
+from aerial_il.cli.configuration import groups, keys
 from aerial_il.cli.configuration.command_line import flat
+from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
@@ -172,7 +171,9 @@ def _check_fits(group: str, chosen: Mapping[str, str | None]) -> None:
     for name in _parts(group, chosen):
         for other, content in groups.read_option(group, name).items():
             wanted = set(content) if isinstance(content, dict) else set()
-            lacking = {option: sorted(wanted - set(groups.read_option(other, option))) for option in groups.options(other)}
+            lacking = {
+                option: sorted(wanted - set(groups.read_option(other, option))) for option in groups.options(other)
+            }
             for option in _parts(other, chosen):
                 if lacking[option]:
                     keys_lacking = ", ".join(f"{other}.{key}" for key in lacking[option])
