@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -13,12 +13,16 @@ from aerial_il.cli.configuration import groups, keys
 from aerial_il.cli.configuration.command_line import flat
 from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.renamed import ALGORITHM_KEYS
 
 FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
 _TAKES_VALUE = ("--cfg",)
 _PLAIN = re.compile(r"[\w.\-]+")
 _COMPOSED = re.compile(r"[+-]")
 _NAME = re.compile(r"[\w.@-]+|hydra/.*")
+_HYDRA_GROUPS = tuple(
+    f"hydra.{name}" for name in ("launcher", "sweeper", "job_logging", "hydra_logging", "help", "env")
+)
 _SWEEPING = frozenset(("-m", "--multirun"))
 
 
@@ -71,6 +75,21 @@ def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ..
     return tuple(dict.fromkeys(found))
 
 
+def new_key(old: str, known: Collection[str], renamed: Mapping[str, str]) -> str | None:
+    """Return what the key ``old`` is called now, None if it never was another's name or its new one is not there.
+
+    Args:
+        old: as it was typed, e.g. ``algorithm.cloning`` or ``bench.dac.cloning``.
+        known: the keys that there are.
+        renamed: old -> new, as dotted paths below the settings that they belong to.
+    """
+    for place, letter in enumerate(old):
+        inner = renamed.get(old[place + 1 :]) if letter == "." else None
+        if inner is not None and (new := old[: place + 1] + inner) in known:
+            return new
+    return None
+
+
 def _named(command: Command, words: list[str]) -> list[str]:
     """Turn bare words into ``key=value`` by their position, and ``--json`` into ``json=true``."""
     places = iter(keys.positional(command.config))
@@ -113,9 +132,11 @@ def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str
     sign = name[: len(name) - len(name.lstrip("+~"))]
     plain_name = name.lstrip("+~").split("@")[0]
     if (not equals and not sign) or re.split(r"[./]", plain_name)[0] == "hydra":
-        return word
+        return _checked_hydra(plain_name, word)
     if sign in ("", "++"):
         _check_key(command, plain_name, chosen)
+    elif sign == "+":
+        _check_added(command, plain_name, chosen)
     field = {f.name: f for f in fields(command.config)}.get(plain_name)
     if field is not None and keys.takes_path(field) and not _all_options(plain_name, value, chosen):
         return f"{sign}{plain_name}.path={value}"
@@ -163,7 +184,24 @@ def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> No
     if name.endswith("._target_"):
         return
     if name not in known and not inside_known and not any(k.startswith(f"{name}.") for k in known):
+        if new := new_key(name, known, ALGORITHM_KEYS):
+            raise InvalidValueError(f"{name} is called {new} now. See: aerial-il {command.name} --help")
         raise UnknownNameError("key", name, _siblings(name, known), f"See: aerial-il {command.name} --help")
+
+
+def _check_added(command: Command, name: str, chosen: dict[str, str | None]) -> None:
+    """Refuse ``+name`` where it would add a key beside those of the command, which nothing reads."""
+    first, known = name.partition(".")[0], [*(field.name for field in fields(command.config)), *chosen]
+    if first not in known:
+        raise UnknownNameError("key", first, dict.fromkeys(known), f"See: aerial-il {command.name} --help")
+
+
+def _checked_hydra(name: str, word: str) -> str:
+    """Return a word of Hydra's own, unless it puts a name where a whole group of settings stands."""
+    if name in _HYDRA_GROUPS:
+        group, value = name.replace(".", "/"), word.partition("=")[2]
+        raise InvalidValueError(f"{word} would choose nothing: Hydra's groups are chosen by {group}={value}.")
+    return word
 
 
 def _check_fits(group: str, chosen: Mapping[str, str | None]) -> None:
@@ -171,9 +209,8 @@ def _check_fits(group: str, chosen: Mapping[str, str | None]) -> None:
     for name in _parts(group, chosen):
         for other, content in groups.read_option(group, name).items():
             wanted = set(content) if isinstance(content, dict) else set()
-            lacking = {
-                option: sorted(wanted - set(groups.read_option(other, option))) for option in groups.options(other)
-            }
+            there = {option: groups.read_option(other, option) for option in groups.options(other)}
+            lacking = {option: sorted(wanted - set(inside)) for option, inside in there.items()}
             for option in _parts(other, chosen):
                 if lacking[option]:
                     keys_lacking = ", ".join(f"{other}.{key}" for key in lacking[option])
