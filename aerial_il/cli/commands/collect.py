@@ -102,7 +102,7 @@ def record(config: Config) -> None:
 
 def record_outside(config: Config) -> None:
     """Record what is missing of an environment from outside, each episode over its whole horizon."""
-    from aerial_il.cli.flights import pilots as flying
+    from aerial_il.cli.flights import environments, pilots
     from aerial_il.collection.collect import collect
 
     source = config.policy.path
@@ -110,9 +110,9 @@ def record_outside(config: Config) -> None:
         raise InvalidValueError(f"env={config.env} has no horizon of ours: say max_steps={config.horizon}.")
     if source is None:
         raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
-    options = flying.given(success=config.success, max_steps=config.max_steps)
+    options = environments.given(success=config.success, max_steps=config.max_steps)
     noise = config.expert.noise
-    pilot = flying.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)
+    pilot = pilots.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)
     env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, config.episodes), threads=config.threads)
     try:
         seeds = range(config.seed, config.seed + config.episodes)

@@ -51,15 +51,15 @@ class Config:
 
 def run(config: Config) -> None:
     """Evaluate, write the results, print the headline."""
-    from aerial_il.cli.flights import pilots as flying
+    from aerial_il.cli.flights import environments, pilots
 
-    pilot = flying.pilot(
+    pilot = pilots.pilot(
         config.policy.path,
         robot=config.robot.name if config.robot else None,
         task=config.task.name if config.task else None,
         action=config.action,
         env=config.env,
-        options=flying.given(success=config.success, max_steps=config.max_steps),
+        options=environments.given(success=config.success, max_steps=config.max_steps),
     )
     seeds = range(config.seed, config.seed + config.episodes)
     env = pilot.environment(
@@ -72,8 +72,10 @@ def run(config: Config) -> None:
         result = _judged(config, pilot, env, seeds)
     finally:
         env.close()
-    print(f"{pilot.robot} {pilot.task} {env.spec.tier if pilot.env else config.tier.name}: success {result.headline()}")
-    if pilot.env:
+    print(
+        f"{pilot.robot} {pilot.task} {env.spec.tier if pilot.reference.env else config.tier.name}: success {result.headline()}"
+    )
+    if pilot.reference.env:
         print(f"Return {result.return_line()}")
 
 
@@ -102,6 +104,6 @@ def _judged(config: Config, pilot: Pilot, env: Any, seeds: range) -> EvaluationR
 
 
 def _command(config: Config, pilot: Pilot) -> str:
-    ours = () if pilot.env else (f"tier={config.tier.name}", f"controller={config.controller.name}")
+    ours = () if pilot.reference.env else (f"tier={config.tier.name}", f"controller={config.controller.name}")
     flown = (*ours, f"episodes={config.episodes}", f"seed={config.seed}", f"out={config.out}")
-    return command_line(["evaluate", *pilot.words, *flown])
+    return command_line(["evaluate", *pilot.overrides, *flown])

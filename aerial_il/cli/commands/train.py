@@ -38,8 +38,8 @@ from aerial_il.cli.configuration.keys import (
 from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flights.environments import Place
-    from aerial_il.cli.flights.rollout_evaluator import Trials
+    from aerial_il.cli.flights.environments import EnvironmentReference
+    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
     from aerial_il.data.episode import Episode
 
 COMMAND = "command.json"
@@ -86,12 +86,11 @@ class Config:
         at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0)
 
     @property
-    def place(self) -> Place:
+    def reference(self) -> EnvironmentReference:
         """The environment that was named."""
-        from aerial_il.cli.flights.environments import Place
-        from aerial_il.cli.flights.pilots import given
+        from aerial_il.cli.flights.environments import EnvironmentReference, given
 
-        return Place(
+        return EnvironmentReference(
             env=self.env,
             options=given(success=self.success, max_steps=self.max_steps),
             robot=self.robot.name if self.robot else None,
@@ -118,15 +117,15 @@ def learn(config: Config) -> None:
     episodes = _demonstrations(config, algorithm, policy)
     with (
         _told(config),
-        _trials(config, algorithm) as trials,
-        _workplace(config, algorithm, policy) as handed,
+        _rollout_evaluator(config, algorithm) as evaluator,
+        _training_resources(config, algorithm, policy) as handed,
     ):
         algorithm.train(
             episodes,
             policy,
             run=config.run,
             seed=config.seed,
-            evaluate=trials,
+            evaluate=evaluator,
             resume=config.resume,
             progress=config.progress,
             **handed,
@@ -139,11 +138,13 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
     from aerial_il.cli.flights import demonstrations as data
     from aerial_il.core.errors import InvalidValueError
 
-    path, place = config.dataset.path, config.place
+    path, reference = config.dataset.path, config.reference
     if path is not None:
-        if place.options:
-            raise InvalidValueError(f"{path} says how its environment is made: leave out {', '.join(place.options)}.")
-        data.check_origin(path, place.expected)
+        if reference.options:
+            raise InvalidValueError(
+                f"{path} says how its environment is made: leave out {', '.join(reference.options)}."
+            )
+        data.check_origin(path, reference.expected)
         data.warn_of_changes(path)
         return data.demonstrations(path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm)
     if not getattr(algorithm, "rewarded", False):
@@ -154,16 +155,16 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
 
 
 @contextmanager
-def _trials(config: Config, algorithm: Any) -> Iterator[Trials | None]:
+def _rollout_evaluator(config: Config, algorithm: Any) -> Iterator[RolloutEvaluator | None]:
     """Yield what flies the policy on the way, or None where nobody asked for it."""
     if not getattr(algorithm, "evaluate_every", 0):
         yield None
         return
-    from aerial_il.cli.flights.rollout_evaluator import Trials
+    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
 
-    flights = Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
-    with flights.open() as trials:
-        yield trials
+    flights = RolloutEvaluator(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
+    with flights.open() as evaluator:
+        yield evaluator
 
 
 @contextmanager
@@ -197,21 +198,21 @@ def command(config: Config) -> str:
             *learned,
             *words.of_group("policy", config.policy, default="mlp"),
             *words.of_group("algorithm", config.algorithm, default="bc"),
-            *config.place.words,
+            *config.reference.overrides,
             *said,
             f"run={config.run}",
         ]
     )
 
 
-def _workplace(config: Config, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
+def _training_resources(config: Config, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
     """Return what an algorithm that flies while it learns is handed."""
-    from aerial_il.cli.flights.training_resources import workplace
+    from aerial_il.cli.flights.training_resources import training_resources
 
-    return workplace(
+    return training_resources(
         algorithm,
         config.dataset.path,
-        place=config.place,
+        reference=config.reference,
         images=policy.images,
         expert=config.expert.path,
         tier=config.flight_tier,

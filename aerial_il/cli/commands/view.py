@@ -76,10 +76,10 @@ def run(config: Config) -> None:
 
 
 def _show_flight(config: Config, viewer: str) -> None:
-    from aerial_il.cli.flights import pilots as flying
+    from aerial_il.cli.flights import pilots
     from aerial_il.evaluation import window
 
-    pilot = flying.pilot(
+    pilot = pilots.pilot(
         config.policy.path,
         robot=config.robot.name if config.robot else None,
         task=config.task.name if config.task else None,
@@ -97,8 +97,10 @@ def _show_flight(config: Config, viewer: str) -> None:
             config, viewer, f"{pilot.task}-{pilot.robot}-{config.tier.name}-{seed}-{Path(config.policy.path).name}"
         )
         file = out.with_suffix(".mcap")
-        episode = flying.record(env, pilot.policy, seed, file, name=config.policy.path)
-        again = command_line(["view", *pilot.words, f"tier={config.tier.name}", f"controller={law}", f"seed={seed}"])
+        episode = pilots.record(env, pilot.policy, seed, file, name=config.policy.path)
+        again = command_line(
+            ["view", *pilot.overrides, f"tier={config.tier.name}", f"controller={law}", f"seed={seed}"]
+        )
         _present(config, viewer, episode, file, out, env=env, again=again)
     finally:
         env.close()

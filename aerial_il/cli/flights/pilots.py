@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import aerial_il
-from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration import command_line
+from aerial_il.cli.flights.environments import (
+    DEFAULT_ACTION,
+    DEFAULT_CONTROLLER,
+    IMAGE_SIZE,
+    EnvironmentReference,
+    key_of,
+    reference_of,
+)
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.policy import Policy
 from aerial_il.core.rendering import require_rendering
@@ -26,48 +34,35 @@ from aerial_il.policies import find_lerobot, load_policy
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
 from aerial_il.suite.changes import tier_note
-from aerial_il.suite.outside.processes import processes_for
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 log = logging.getLogger(__name__)
 EXPERT = "expert"
-DEFAULT_ACTION, DEFAULT_CONTROLLER = "ee_pose", "geometric_observer"
 SEEDS_TRIED = 3
-IMAGE_SIZE = (240, 320)
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """A policy with the cell and the action level that it flies, or the key of an environment from outside."""
+    """A policy with the environment that it flies.
+
+    Attributes:
+        policy: what flies.
+        robot, task: of the environment, as a specification names them.
+        overrides: what leads to this pilot on the command line.
+        reference: the environment.
+    """
 
     policy: Policy
     robot: str
     task: str
-    action: str
-    words: tuple[str, ...]
-    env: str | None = None
-    options: Mapping[str, Any] = field(default_factory=dict)
-    cameras: tuple[str, ...] = ()
-    image_size: tuple[int, int] = IMAGE_SIZE
+    overrides: tuple[str, ...]
+    reference: EnvironmentReference
 
     def environment(self, tier: str, *, num_envs: int, threads: int, controller: str = DEFAULT_CONTROLLER) -> Any:
         """Return its batch environment; one from outside knows no tier or flight law, and processes for threads."""
-        if self.env is not None:
-            processes = processes_for(threads, num_envs)
-            return outside.load(self.env, num_envs=num_envs, processes=processes, **self.options)
-        return aerial_il.load_batch(
-            self.robot,
-            self.task,
-            num_envs=num_envs,
-            tier=tier,
-            action=self.action,
-            num_threads=threads,
-            controller=controller,
-            cameras=self.cameras,
-            image_size=self.image_size,
-        )
+        return self.reference.load(num_envs=num_envs, threads=threads, tier=tier, controller=controller)
 
 
 def pilot(
@@ -95,8 +90,8 @@ def pilot(
         if robot is None or task is None:
             raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
         policy = aerial_il.expert(robot, task) if source == EXPERT else BASELINES[source]()
-        said = _cell_words(source, robot, task, action)
-        return Pilot(policy, robot, task, action or DEFAULT_ACTION, said)
+        said = _cell_overrides(source, robot, task, action)
+        return Pilot(policy, robot, task, said, _cell(robot, task, action))
     if found := find_lerobot(Path(source)):
         return _from_lerobot(source, found, robot=robot, task=task, action=action)
     policy = load_policy(source)
@@ -104,15 +99,14 @@ def pilot(
     if note := tier_note(spec):
         log.warning("%s: %s It was trained under the older one.", source, note)
     if env is not None or (spec.is_outside and robot is None):
-        key, chosen = env or outside.key_of(spec), {**outside.checked_options(spec), **(options or {})}
-        if key is None:
-            raise InvalidValueError(f"{source} was trained in an environment made by a caller; say env=KEY.")
-        return Pilot(policy, spec.robot, spec.task, spec.action.level, _words(source, key, options), key, chosen)
+        key, chosen = env or key_of(spec), {**outside.checked_options(spec), **(options or {})}
+        where = EnvironmentReference(env=key, options=chosen)
+        return Pilot(policy, spec.robot, spec.task, _overrides(source, key, options), where)
     if task is None and len(known := tasks_of(spec)) > 1:
         raise InvalidValueError(f"{source} flies several tasks, say which: task=... Valid: {', '.join(known)}.")
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
-    said, (cameras, size) = _cell_words(source, robot, task, action), _sight(policy)
-    return Pilot(policy, robot, task, action, said, cameras=cameras, image_size=size)
+    said = _cell_overrides(source, robot, task, action)
+    return Pilot(policy, robot, task, said, _cell(robot, task, action, *_sight(policy)))
 
 
 def pilots_of(
@@ -129,13 +123,10 @@ def pilots_of(
 
 def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str, typed: str | None) -> Pilot:
     if spec.is_outside:
-        key = outside.key_of(spec, typed=typed)
-        if key is None:
-            raise InvalidValueError(f"{source} learns in an environment made by a caller, which cannot be made again.")
-        said = _words(source, key, None)
-        return Pilot(policy, spec.robot, spec.task, spec.action.level, said, key, outside.checked_options(spec))
-    cameras, size = _sight(policy)
-    return Pilot(policy, spec.robot, spec.task, spec.action.level, (), cameras=cameras, image_size=size)
+        where = reference_of(spec, typed=typed)
+        return Pilot(policy, spec.robot, spec.task, _overrides(source, str(where.env), None), where)
+    where = _cell(spec.robot, spec.task, spec.action.level, *_sight(policy))
+    return Pilot(policy, spec.robot, spec.task, (), where)
 
 
 def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | None, action: str | None) -> Pilot:
@@ -149,9 +140,19 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
         raise InvalidValueError(f"{source} does not tell what it was trained on: say robot=... and task=... too.")
     if policy.cameras:
         require_rendering(f"a policy that sees {', '.join(policy.cameras)}")
-    said = _cell_words(source, robot, task, action)
-    sight = {"cameras": policy.cameras, "image_size": policy.image_size or IMAGE_SIZE}
-    return Pilot(policy, robot, task, action, said, **sight)
+    where = _cell(robot, task, action, policy.cameras, policy.image_size or IMAGE_SIZE)
+    return Pilot(policy, robot, task, _cell_overrides(source, robot, task, action), where)
+
+
+def _cell(
+    robot: str,
+    task: str,
+    action: str | None,
+    cameras: tuple[str, ...] = (),
+    image_size: tuple[int, int] = IMAGE_SIZE,
+) -> EnvironmentReference:
+    level = action or DEFAULT_ACTION
+    return EnvironmentReference(robot=robot, task=task, action=level, cameras=cameras, image_size=image_size)
 
 
 def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
@@ -205,19 +206,15 @@ def _outsider(source: str, env: str | None, options: dict[str, Any], noise: floa
         raise InvalidValueError(f"policy={source} needs env=... too, e.g. env=gymnasium:AdroitHandDoor-v1.")
     robot, _, task = env.partition(":")
     policy = BASELINES[source]() if source in BASELINES else load_expert(source, env, noise=noise)
-    return Pilot(policy, robot, task, "", _words(source, env, options), env, options)
+    where = EnvironmentReference(env=env, options=options)
+    return Pilot(policy, robot, task, _overrides(source, env, options), where)
 
 
-def given(**options: Any) -> dict[str, Any]:
-    """Return the options that are not None."""
-    return {name: value for name, value in options.items() if value is not None}
-
-
-def _words(source: str, env: str, options: Mapping[str, Any] | None) -> tuple[str, ...]:
+def _overrides(source: str, env: str, options: Mapping[str, Any] | None) -> tuple[str, ...]:
     chosen = (f"{name}={value}" for name, value in (options or {}).items())
-    return (words.path("policy", source), f"env={env}", *chosen)
+    return (command_line.path("policy", source), f"env={env}", *chosen)
 
 
-def _cell_words(source: str, robot: str, task: str, action: str | None) -> tuple[str, ...]:
+def _cell_overrides(source: str, robot: str, task: str, action: str | None) -> tuple[str, ...]:
     chosen = (f"action={action}",) if action else ()
-    return (words.path("policy", source), f"robot={robot}", f"task={task}", *chosen)
+    return (command_line.path("policy", source), f"robot={robot}", f"task={task}", *chosen)

@@ -18,7 +18,7 @@ JUDGING_SEED = 10_000  # evaluations take seeds from here on
 
 
 @dataclass
-class Trials:
+class RolloutEvaluator:
     """Flies a policy in the environment of its demonstrations, or in those of each of its tasks.
 
     Attributes:
@@ -77,7 +77,7 @@ class Trials:
         return -(-self.episodes // tasks)
 
     @contextmanager
-    def open(self) -> Iterator[Trials]:
+    def open(self) -> Iterator[RolloutEvaluator]:
         """Close the environments in the end."""
         try:
             yield self

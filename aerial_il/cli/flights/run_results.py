@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aerial_il.cli.flights import demonstrations as data
-from aerial_il.cli.flights import pilots as flying
-from aerial_il.cli.flights import results
+from aerial_il.cli.flights import pilots, results
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.evaluation.video import Footage, film
@@ -108,16 +107,16 @@ def _flown(run: TrainingRun, videos: int) -> Footage:
 
     try:
         policy = load_policy(run.path)
-        pilots = flying.pilots_of(policy, str(run.path))
+        flown = pilots.pilots_of(policy, str(run.path))
         folder = run.path / results.VIDEOS
-        places = [folder / pilot.task for pilot in pilots] if len(pilots) > 1 else [folder]
-        found = [_filmed(pilot, policy.spec, place, videos) for pilot, place in zip(pilots, places, strict=True)]
+        places = [folder / pilot.task for pilot in flown] if len(flown) > 1 else [folder]
+        found = [_filmed(pilot, policy.spec, place, videos) for pilot, place in zip(flown, places, strict=True)]
     except AerialError as error:
         return Footage(note=f"No films: {error}")
     return Footage(tuple(clip for footage in found for clip in footage.clips), found[0].note)
 
 
-def _filmed(pilot: flying.Pilot, spec: EnvSpec, folder: Path, videos: int) -> Footage:
+def _filmed(pilot: pilots.Pilot, spec: EnvSpec, folder: Path, videos: int) -> Footage:
     """Film the first successes and failures of a few flights, ``videos`` of each."""
     from aerial_il.evaluation.rollouts import evaluate
 
