@@ -66,24 +66,24 @@ def run(config: Config) -> None:
 def record(config: Config) -> None:
     """Record what is missing, and derive the LeRobot dataset if it is wanted."""
     import aerial_il
+    from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
 
     if config.cameras:
         require_rendering(f"cameras=[{','.join(config.cameras)}]")
     robot, task = config.robot.name, config.task.name
-    env = aerial_il.load_batch(
-        robot,
-        task,
-        num_envs=min(config.num_envs, config.episodes),
+    where = EnvironmentReference(
+        robot=robot,
+        task=task,
         tier=config.tier.name,
         action=config.action,
-        cameras=tuple(config.cameras),
-        image_size=(config.image_size[0], config.image_size[1]),
-        num_threads=config.threads,
         controller=config.controller.name,
         horizon=config.horizon,
+        cameras=tuple(config.cameras),
+        image_size=(config.image_size[0], config.image_size[1]),
     )
+    env = where.load(num_envs=min(config.num_envs, config.episodes), threads=config.threads)
     try:
         collect(
             env,

@@ -72,9 +72,8 @@ def run(config: Config) -> None:
         result = _judged(config, pilot, env, seeds)
     finally:
         env.close()
-    print(
-        f"{pilot.robot} {pilot.task} {env.spec.tier if pilot.reference.env else config.tier.name}: success {result.headline()}"
-    )
+    tier = env.spec.tier if pilot.reference.env else config.tier.name
+    print(f"{pilot.robot} {pilot.task} {tier}: success {result.headline()}")
     if pilot.reference.env:
         print(f"Return {result.return_line()}")
 
