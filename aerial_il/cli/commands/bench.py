@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli.configuration import command_line as words
-from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration import groups, spelling
 from aerial_il.cli.configuration.build import build
 from aerial_il.cli.configuration.keys import group, key, output
 from aerial_il.cli.configuration.quoting import command_line
@@ -76,5 +75,5 @@ def _measure(settings: Mapping[str, Any], config: Config) -> Report:
 
 def rerun(name: str, settings: Mapping[str, Any]) -> str:
     """Return what measures it again: the benchmark and the settings that differ from its file."""
-    changed = words.changed("bench", groups.read_option("bench", name), settings)
+    changed = spelling.changed("bench", groups.read_option("bench", name), settings)
     return command_line(["bench", name, *changed, "save=true"])

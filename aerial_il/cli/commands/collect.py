@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aerial_il.cli.commands import convert
-from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration import spelling
 from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
@@ -60,7 +60,7 @@ def run(config: Config) -> None:
     """Record, and say what comes next."""
     (record if config.env is None else record_outside)(config)
     name = config.task.name if config.env is None else config.env.partition(":")[2]
-    print(f"Next: {command_line(['train', words.path('dataset', config.out), f'run=runs/{name}'])}")
+    print(f"Next: {command_line(['train', spelling.path('dataset', config.out), f'run=runs/{name}'])}")
 
 
 def record(config: Config) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.cli.commands import collect, convert, evaluate, report, train
-from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration import spelling
 from aerial_il.cli.configuration.keys import Located, MaybeLocated, Named, TierName, at_least, group, key, output
 from aerial_il.cli.configuration.quoting import command_line
 
@@ -47,8 +47,8 @@ def run(config: Config) -> None:
     dataset, training, judged = out / "dataset", out / "training", out / "evaluation"
     cell = [f"robot={config.robot.name}", f"task={config.task.name}", f"tier={config.tier.name}"]
     law = f"controller={config.controller.name}"
-    recipe = [*words.of_group("policy", config.policy, default="mlp")]
-    recipe += words.of_group("algorithm", config.algorithm, default="bc")
+    recipe = [*spelling.of_group("policy", config.policy, default="mlp")]
+    recipe += spelling.of_group("algorithm", config.algorithm, default="bc")
     flown = [f"tier={config.tier.name}", f"episodes={config.evaluation_episodes}", f"seed={config.evaluation_seed}"]
 
     flight = [f"expert.noise={config.expert.noise}", f"episodes={config.episodes}", f"seed={config.seed}"]

@@ -75,11 +75,11 @@ def _of_evaluation(config: Config) -> Path:
 
 
 def _of_run(config: Config, run: TrainingRun) -> Path:
-    from aerial_il.cli.flights import run_results as runs
+    from aerial_il.cli.flights import run_results
     from aerial_il.evaluation.run_report import write_run_report
 
-    predictions, note = runs.predictions(run, config.dataset.path)
-    rewarded, films = runs.rewarded(run, config.dataset.path), runs.footage(run, config.videos)
+    predictions, note = run_results.predictions(run, config.dataset.path)
+    rewarded, films = run_results.rewarded(run, config.dataset.path), run_results.footage(run, config.videos)
     return write_run_report(
         config.out or run.path / PAGE,
         run,

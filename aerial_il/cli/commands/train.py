@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration import spelling
 from aerial_il.cli.configuration.keys import (
     MISSING,
     MaybeLocated,
@@ -103,7 +103,7 @@ class Config:
 def run(config: Config) -> None:
     """Train, and say what comes next."""
     learn(config)
-    print(f"Next: {command_line(['evaluate', words.path('policy', config.run), f'out={config.run}/evaluation'])}")
+    print(f"Next: {command_line(['evaluate', spelling.path('policy', config.run), f'out={config.run}/evaluation'])}")
 
 
 def learn(config: Config) -> None:
@@ -135,7 +135,7 @@ def learn(config: Config) -> None:
 
 def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
-    from aerial_il.cli.flights import demonstrations as data
+    from aerial_il.cli.flights import demonstrations
     from aerial_il.core.errors import InvalidValueError
 
     path, reference = config.dataset.path, config.reference
@@ -144,9 +144,11 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
             raise InvalidValueError(
                 f"{path} says how its environment is made: leave out {', '.join(reference.options)}."
             )
-        data.check_origin(path, reference.expected)
-        data.warn_of_changes(path)
-        return data.demonstrations(path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm)
+        demonstrations.check_origin(path, reference.expected)
+        demonstrations.warn_of_changes(path)
+        return demonstrations.open_demonstrations(
+            path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm
+        )
     if not getattr(algorithm, "rewarded", False):
         name = type(algorithm).__module__.rpartition(".")[2]
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
@@ -189,15 +191,15 @@ def command(config: Config) -> str:
     plain = {"seed": 0, "evaluate_every": None, "evaluate_episodes": 20, "evaluate_seed": 5000, "evaluate_tier": None}
     plain |= {"flight_tier": None, "num_envs": None, "threads": 0}
     said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
-    said += [words.path("expert", config.expert.path)] if config.expert.path else []
-    learned = [] if config.dataset.path is None else [words.path("dataset", config.dataset.path)]
+    said += [spelling.path("expert", config.expert.path)] if config.expert.path else []
+    learned = [] if config.dataset.path is None else [spelling.path("dataset", config.dataset.path)]
     learned += [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
     return command_line(
         [
             "train",
             *learned,
-            *words.of_group("policy", config.policy, default="mlp"),
-            *words.of_group("algorithm", config.algorithm, default="bc"),
+            *spelling.of_group("policy", config.policy, default="mlp"),
+            *spelling.of_group("algorithm", config.algorithm, default="bc"),
             *config.reference.overrides,
             *said,
             f"run={config.run}",

@@ -10,8 +10,8 @@ from typing import Any, get_type_hints
 
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration import groups, keys
-from aerial_il.cli.configuration.command_line import flat
 from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
+from aerial_il.cli.configuration.spelling import flat
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.renamed import ALGORITHM_KEYS
 

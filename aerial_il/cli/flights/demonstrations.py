@@ -13,7 +13,7 @@ from aerial_il.data.episode import Episode
 log = logging.getLogger(__name__)
 
 
-def demonstrations(
+def open_demonstrations(
     path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: object = None
 ) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.

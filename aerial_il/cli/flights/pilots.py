@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import aerial_il
-from aerial_il.cli.configuration import command_line
+from aerial_il.cli.configuration import spelling
 from aerial_il.cli.flights.environments import (
     DEFAULT_ACTION,
     DEFAULT_CONTROLLER,
@@ -212,9 +212,9 @@ def _outsider(source: str, env: str | None, options: dict[str, Any], noise: floa
 
 def _overrides(source: str, env: str, options: Mapping[str, Any] | None) -> tuple[str, ...]:
     chosen = (f"{name}={value}" for name, value in (options or {}).items())
-    return (command_line.path("policy", source), f"env={env}", *chosen)
+    return (spelling.path("policy", source), f"env={env}", *chosen)
 
 
 def _cell_overrides(source: str, robot: str, task: str, action: str | None) -> tuple[str, ...]:
     chosen = (f"action={action}",) if action else ()
-    return (command_line.path("policy", source), f"robot={robot}", f"task={task}", *chosen)
+    return (spelling.path("policy", source), f"robot={robot}", f"task={task}", *chosen)

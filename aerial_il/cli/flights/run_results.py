@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aerial_il.cli.flights import demonstrations as data
-from aerial_il.cli.flights import pilots, results
+from aerial_il.cli.flights import demonstrations, pilots, results
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.evaluation.video import Footage, film
@@ -53,7 +52,9 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     algorithm = BehaviourCloning(selection=Selection(**settings["selection"]), validation=settings["validation"])
     limit = told.get("episodes") if path == told.get("path") else None
     divided = algorithm.divide(
-        data.demonstrations(path, limit=limit, images=policy.images, algorithm=algorithm), policy, seed=run.seed
+        demonstrations.open_demonstrations(path, limit=limit, images=policy.images, algorithm=algorithm),
+        policy,
+        seed=run.seed,
     )
     windows = cut_windows(divided.kept, divided.layout, policy)
     if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:

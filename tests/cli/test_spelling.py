@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration import command_line as words
+from aerial_il.cli.configuration import spelling
 from aerial_il.cli.configuration.compose import compose
 
 TRAIN = commands.find("train")
@@ -23,7 +23,7 @@ NEEDED = ["dataset=x", "run=y"]
 )
 def test_words_and_configuration_are_equivalent(typed: list[str]) -> None:
     config = compose(TRAIN, [*NEEDED, *typed])
-    said = words.of_group("policy", config.policy, default="mlp")
-    said += words.of_group("algorithm", config.algorithm, default="bc")
+    said = spelling.of_group("policy", config.policy, default="mlp")
+    said += spelling.of_group("algorithm", config.algorithm, default="bc")
     assert sorted(said) == sorted(typed)
     assert compose(TRAIN, [*NEEDED, *said]) == config
