@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from aerial_il.cli import commands, conf, keys
-from aerial_il.cli.overrides import FLAGS, known_keys
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.configuration.overrides import FLAGS, known_keys
 from aerial_il.core.errors import UnknownNameError
 
 # COMP_WORDBREAKS splits at "=": the word under the cursor is taken from the line itself, and only what
@@ -53,17 +54,17 @@ def candidates(line: list[str]) -> list[str]:
 
 def _words(name: str, typed: list[str], last: str) -> list[str]:
     command = commands.find(name)
-    chosen = conf.default_choices(name)
+    chosen = command.choices
     chosen |= {k: v for k, _, v in (word.partition("=") for word in typed) if k in chosen}
     key, equals, _ = last.partition("=")
     if not equals:
         given = {word.partition("=")[0] for word in typed}
         inner = [k for k in known_keys(command, chosen) if k not in given and ("." not in k or "." in last)]
-        bare = [option for k in keys.positional(command.config)[:1] if k in chosen for option in conf.options(k)]
+        bare = [option for k in keys.positional(command.config)[:1] if k in chosen for option in groups.options(k)]
         return bare + [f"{k}=" for k in inner] + [flag for flag in (*FLAGS, "--help") if last.startswith("-")]
     field = next((f for f in fields(command.config) if f.name == key), None)
     if key in chosen:
-        return [f"{key}={option}" for option in conf.options(key)]
+        return [f"{key}={option}" for option in groups.options(key)]
     if field is None:
         return []
     if keys.type_text(command.config, field) == "true or false":

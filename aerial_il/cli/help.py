@@ -6,8 +6,9 @@ from dataclasses import fields, is_dataclass
 from importlib import metadata
 from typing import get_type_hints
 
-from aerial_il.cli import commands, conf, keys
+from aerial_il.cli import commands
 from aerial_il.cli.commands import Command
+from aerial_il.cli.configuration import groups, keys
 
 _ORDER = (
     "demo",
@@ -75,7 +76,7 @@ def _keys(command: Command) -> str:
 
 
 def _groups(command: Command) -> str:
-    chosen = conf.default_choices(command.name)
+    chosen = command.choices
     helps = {f.name: f.metadata.get("help", "") for f in fields(command.config)}
     hints = get_type_hints(command.config)
     rows = []
@@ -83,14 +84,14 @@ def _groups(command: Command) -> str:
         if name not in chosen and is_dataclass(hints.get(name)):
             rows.append((f"{name}=PATH", helps[name]))
             continue
-        content = conf.read_option(name, str(chosen[name])) if chosen.get(name) else {}
+        content = groups.read_option(name, str(chosen[name])) if chosen.get(name) else {}
         rows.append((f"{name}={chosen[name] or 'null'}", _group_help(name, helps.get(name), content)))
-    return _table("Groups (conf/GROUP/*.yaml; GROUP.KEY=VALUE changes one value)", rows)
+    return _table("Groups (GROUP=CHOICE; GROUP.KEY=VALUE changes one value)", rows)
 
 
 def _group_help(name: str, text: str | None, content: dict[str, object]) -> str:
-    inner = ", ".join(leaf for leaf in conf.leaf_keys(content) if leaf not in ("", "name", "defaults"))
-    of = f"one of: {', '.join(conf.options(name)) or 'none yet'}"
+    inner = ", ".join(leaf for leaf in groups.leaf_keys(content) if leaf not in ("", "name", "defaults"))
+    of = f"one of: {', '.join(groups.options(name)) or 'none yet'}"
     if text is None:  # the group has no key of its own: its files set the command's
         return "; ".join(filter(None, ("a set of values", of, inner and f"sets: {inner}")))
     return "; ".join(filter(None, (text, of, inner and f"keys: {inner}")))

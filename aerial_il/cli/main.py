@@ -70,7 +70,7 @@ def _dispatch(words: list[str]) -> int:
 def _run(name: str, rest: list[str]) -> None:
     command = commands.find(name)
     _log_to_stderr()
-    from aerial_il.cli.compose import run_command
+    from aerial_il.cli.configuration.compose import run_command
 
     run_command(command, rest)
 

@@ -9,11 +9,10 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aerial_il.core import checkpoint
-from aerial_il.core.checkpoint import Checkpoint, log
 from aerial_il.core.errors import AerialError, CheckpointError, InvalidValueError, UnknownNameError
 
 if TYPE_CHECKING:
+    from aerial_il.core.checkpoint import Checkpoint
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
     from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
     from aerial_il.policies.parts.network import PolicyConfig
@@ -78,13 +77,15 @@ def find_lerobot(path: Path) -> Path | None:
 
 
 def _find(path: Path) -> tuple[Path, Checkpoint]:
+    from aerial_il.core import checkpoint
+
     if checkpoint.is_sealed(path):
         return path, checkpoint.load(path)
     if checkpoint.is_sealed(path / FINAL):
         try:
             return path / FINAL, checkpoint.load(path / FINAL)
         except CheckpointError as error:
-            log.warning("Finished policy refused, trying the run's checkpoints. %s", error)
+            checkpoint.log.warning("Finished policy refused, trying the run's checkpoints. %s", error)
     if found := checkpoint.latest(path):
         return found
     problem = "does not exist." if not path.exists() else "holds neither a policy nor a run's checkpoints."

@@ -9,8 +9,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from aerial_il.cli import commands, compose, conf
+from aerial_il.cli import commands
 from aerial_il.cli.commands import bench
+from aerial_il.cli.configuration import compose, groups
 
 SCRIPT = Path(sys.executable).with_name("aerial-il")
 SETTINGS = (
@@ -33,7 +34,7 @@ def test_one_json_object_on_stdout_and_a_study_with_the_command_that_makes_it(tm
 
 
 def test_the_command_names_only_what_differs_from_the_file() -> None:
-    settings = conf.read_option("bench", "learning_curve")
+    settings = groups.read_option("bench", "learning_curve")
     assert bench.rerun("learning_curve", settings) == "aerial-il bench learning_curve save=true"
     settings["policy"] = {**settings["policy"], "chunk": 5, "hidden": [8, 8]}
     assert shlex.split(bench.rerun("learning_curve", settings))[3:] == [
@@ -42,7 +43,7 @@ def test_the_command_names_only_what_differs_from_the_file() -> None:
 
 
 def test_the_command_names_what_was_left_out_and_quotes_what_a_shell_would_take_apart() -> None:
-    adroit, dagger = (copy.deepcopy(conf.read_option("bench", name)) for name in ("adroit", "dagger"))
+    adroit, dagger = (copy.deepcopy(groups.read_option("bench", name)) for name in ("adroit", "dagger"))
     del adroit["policies"]["act"]
     del adroit["interactive"]["thrifty"]["gate"]
     dagger["arms"] = ["bc, as many episodes", "dagger"]

@@ -9,8 +9,9 @@ import pytest
 import yaml
 
 from aerial_il.benchmarks import imitation
-from aerial_il.cli import conf
-from aerial_il.cli.build import build
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 
 CLONING = ("imitation", "learning_curve", "dagger")  # studies of what `collect` and `train` do if nothing is said
 DEMONSTRATING = (*CLONING, "pixels", "lerobot")
@@ -18,7 +19,7 @@ DEMONSTRATING = (*CLONING, "pixels", "lerobot")
 
 def composed(name: str) -> Iterator[tuple[str, str, str]]:
     """Yield (group, key, file) of what a study takes from other groups."""
-    text = yaml.safe_load((conf.conf_dir() / "bench" / f"{name}.yaml").read_text())
+    text = yaml.safe_load((groups.conf_dir() / "bench" / f"{name}.yaml").read_text())
     for entry in text["defaults"]:
         if isinstance(entry, dict):
             ((source, chosen),) = entry.items()
@@ -34,21 +35,21 @@ def at(tree: dict[str, Any], key: str) -> Any:
 
 @pytest.mark.parametrize("name", DEMONSTRATING)
 def test_the_expert_demonstrates_as_collect_has_it(name: str) -> None:
-    usual = conf.default_choices("collect")["expert"]
+    usual = commands.find("collect").choices["expert"]
     assert [chosen for group, _, chosen in composed(name) if group == "expert"] == [usual]
-    assert build(conf.read_option("bench", name)).expert == conf.read_option("expert", str(usual))
+    assert build(groups.read_option("bench", name)).expert == groups.read_option("expert", str(usual))
 
 
 @pytest.mark.parametrize("name", [*CLONING, "pixels"])
 def test_what_is_composed_is_taken_as_it_is(name: str) -> None:
-    settings = conf.read_option("bench", name)
+    settings = groups.read_option("bench", name)
     for group, key, chosen in composed(name):
-        assert at(settings, key) == conf.read_option(group, chosen), f"{name}.yaml changes {group}={chosen}"
+        assert at(settings, key) == groups.read_option(group, chosen), f"{name}.yaml changes {group}={chosen}"
 
 
 @pytest.mark.parametrize("name", CLONING)
 def test_the_default_class_and_algorithm_are_those_of_train(name: str) -> None:
-    usual = conf.default_choices("train")
+    usual = commands.find("train").choices
     taken = {(group, chosen) for group, _, chosen in composed(name)}
     assert {("policy", usual["policy"]), ("algorithm", usual["algorithm"])} <= taken
     assert usual["policy"] == imitation.DEFAULT

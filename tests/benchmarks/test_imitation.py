@@ -14,8 +14,8 @@ from aerial_il.benchmarks import imitation
 from aerial_il.benchmarks.imitation import Flight, Imitation
 from aerial_il.benchmarks.parts.demonstrations import Source
 from aerial_il.benchmarks.parts.stages import Cloned
-from aerial_il.cli import conf
-from aerial_il.cli.build import build
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MlpConfig
@@ -37,7 +37,7 @@ SMALL: dict[str, Any] = {
 
 
 def test_every_task_with_an_end_effector_is_flown_by_three_robots_in_three_draws() -> None:
-    study = build(conf.read_option("bench", "imitation"))
+    study = build(groups.read_option("bench", "imitation"))
     flights = [flight.arm | {"draw": flight.training.source.draw} for flight in study._flights()]
     assert {f["robot"] for f in flights} == set(ROBOTS)
     cells = {(f["robot"], f["task"]) for f in flights}

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from aerial_il.cli.build import build, locate
+from aerial_il.cli.configuration.build import build, locate
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 FIELD = "aerial_il.core.specs.Field"

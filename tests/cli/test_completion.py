@@ -10,14 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli import commands, completion, conf
+from aerial_il.cli import commands, completion
+from aerial_il.cli.configuration import groups
 
 
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
         (["aerial-il", "trai"], ["train"]),
-        (["aerial-il", "train", "policy="], [f"policy={name}" for name in conf.options("policy")]),
+        (["aerial-il", "train", "policy="], [f"policy={name}" for name in groups.options("policy")]),
         (["aerial-il", "train", "policy.hid"], ["policy.hidden="]),
         (["aerial-il", "evaluate", "robot=ua"], ["robot=ua_quad_arm4"]),
         (["aerial-il", "list", "json="], ["json=true", "json=false"]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.cli import runs
+from aerial_il.cli.flights import run_results
 from aerial_il.data.writer import write_episode
 from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
@@ -21,12 +21,12 @@ def test_the_reward_is_paid_along_the_first_demonstration(tmp_path: Path) -> Non
     settings.train(demos, policy, env=Drift(4), run=folder, progress=False)
     run, recorded = read_run(folder), tmp_path / "demo.mcap"
     write_episode(demos[0], recorded)
-    ((_, paid),) = runs.rewarded(run, str(recorded)).items()
+    ((_, paid),) = run_results.rewarded(run, str(recorded)).items()
     assert {label: values.shape for label, values in paid.items()} == {
         "as flown": (MAX_STEPS,),
         "actions shuffled": (MAX_STEPS,),
     }
-    assert runs.rewarded(run, None) == {}, "no dataset is at hand"
-    assert runs.rewarded(run, str(tmp_path / "nowhere")) == {}
+    assert run_results.rewarded(run, None) == {}, "no dataset is at hand"
+    assert run_results.rewarded(run, str(tmp_path / "nowhere")) == {}
     (folder / "reward").rename(tmp_path / "elsewhere")
-    assert runs.rewarded(run, str(recorded)) == {}, "nothing was learned"
+    assert run_results.rewarded(run, str(recorded)) == {}, "nothing was learned"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from aerial_il.cli import commands
-from aerial_il.cli.compose import compose
-from aerial_il.cli.overrides import known_keys, prepare
+from aerial_il.cli.configuration import overrides
+from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.configuration.overrides import known_keys, prepare
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 TRAIN, EVALUATE = commands.find("train"), commands.find("evaluate")
@@ -35,6 +36,31 @@ def test_a_wrong_key_inside_a_group_lists_the_keys_of_that_group_only() -> None:
         prepare(TRAIN, ["policy.nonsense=1"])
     assert caught.value.choices
     assert all(choice.startswith("policy.") for choice in caught.value.choices)
+
+
+@pytest.mark.parametrize("word", ["+algoritm.steps=5", "+algoritm=bc"])
+def test_a_key_that_is_added_must_belong_to_one_of_the_command(word: str) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'algorithm'"):
+        prepare(TRAIN, [word])
+
+
+def test_a_launcher_is_chosen_as_a_group_or_not_at_all() -> None:
+    with pytest.raises(InvalidValueError, match="hydra/launcher=joblib"):
+        prepare(TRAIN, ["-m", "seed=0,1", "hydra.launcher=joblib"])
+    assert "hydra.launcher.n_jobs=2" in prepare(TRAIN, ["-m", "seed=0,1", "hydra.launcher.n_jobs=2"])
+
+
+def test_an_old_key_is_answered_with_its_new_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(overrides, "ALGORITHM_KEYS", {"optimiser_steps": "steps"})
+    with pytest.raises(InvalidValueError, match=r"algorithm\.optimiser_steps is called algorithm\.steps now"):
+        prepare(TRAIN, ["algorithm.optimiser_steps=5"])
+    with pytest.raises(UnknownNameError):
+        prepare(TRAIN, ["policy.optimiser_steps=5"])
+
+
+def test_the_folder_of_a_job_of_a_sweep_can_be_evaluated() -> None:
+    config = compose(EVALUATE, ["policy=runs/x/seed=0", "out=runs/x/seed=0/evaluation"])
+    assert (config.policy.path, config.out) == ("runs/x/seed=0", "runs/x/seed=0/evaluation")
 
 
 @pytest.mark.parametrize("word", ["train", "--json", "runs/x"])

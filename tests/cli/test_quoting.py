@@ -10,11 +10,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from aerial_il.cli import commands, words
-from aerial_il.cli.compose import compose
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import spelling
+from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.configuration.overrides import prepare
+from aerial_il.cli.configuration.quoting import command_line, is_sweep, literal, literals
 from aerial_il.cli.main import main
-from aerial_il.cli.overrides import prepare
-from aerial_il.cli.quoting import command_line, is_sweep, literal, literals
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 HOSTILE = [
@@ -70,8 +71,8 @@ def test_what_comes_next_may_be_pasted_into_a_shell(name: str) -> None:
     if name == "???":
         return
     for line, command, key in (
-        (command_line(["train", words.path("dataset", name), "run=runs/x"]), TRAIN, "dataset"),
-        (command_line(["evaluate", words.path("policy", name), f"out={name}/evaluation"]), EVALUATE, "policy"),
+        (command_line(["train", spelling.path("dataset", name), "run=runs/x"]), TRAIN, "dataset"),
+        (command_line(["evaluate", spelling.path("policy", name), f"out={name}/evaluation"]), EVALUATE, "policy"),
     ):
         program, said, *rest = shlex.split(line)
         assert (program, said) == ("aerial-il", command.name)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.flying import pilot
+from aerial_il.cli.flights.pilots import pilot
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 
@@ -22,7 +22,7 @@ def test_a_policy_learns_from_recorded_images_and_flies_through_the_same_cameras
     assert main(["collect", *CELL, *pictures, f"out={data}"]) == 0
     assert main(["train", f"dataset={data}", *SEES, *SHORT, f"run={folder}"]) == 0
     flown = pilot(str(folder), robot=None, task=None, action=None)
-    assert (flown.cameras, flown.image_size) == (("wrist", "base"), (20, 24))
+    assert (flown.reference.cameras, flown.reference.image_size) == (("wrist", "base"), (20, 24))
     env = flown.environment("calm", num_envs=2, threads=1)
     try:
         flown.policy.attach(env)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli import data, runs
+from aerial_il.cli.flights import demonstrations, run_results
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.training_run import read_run
@@ -49,20 +49,20 @@ def test_it_is_flown_in_each_of_its_tasks_while_it_learns(run: Path) -> None:
 @pytest.mark.render
 @pytest.mark.slow
 def test_its_report_shows_a_flight_of_each_of_its_tasks(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs, "FLOWN", 1)
-    footage = runs.footage(read_run(run), 1)
+    monkeypatch.setattr(run_results, "FLOWN", 1)
+    footage = run_results.footage(read_run(run), 1)
     assert (footage.note, [clip.path.parent.name for clip in footage.clips]) == ("", list(TASKS))
     assert all(clip.path.stat().st_size for clip in footage.clips)
 
 
 def test_a_few_demonstrations_are_taken_evenly_from_all_tasks(home: Path) -> None:
-    chosen = list(data.demonstrations(str(home / "both"), limit=4))
+    chosen = list(demonstrations.open_demonstrations(str(home / "both"), limit=4))
     assert [episode.spec.task for episode in chosen] == [*TASKS, *TASKS]
     assert [episode.provenance["seed"] for episode in chosen] == [0, 0, 1, 1]
     with pytest.raises(InvalidValueError, match="has 4 successful demonstrations"):
-        data.demonstrations(str(home / "both"), limit=5)
+        demonstrations.open_demonstrations(str(home / "both"), limit=5)
 
 
 def test_folders_of_one_task_are_taken_one_after_the_other(home: Path) -> None:
-    chosen = list(data.demonstrations(str(home / "reach"), limit=3))
+    chosen = list(demonstrations.open_demonstrations(str(home / "reach"), limit=3))
     assert [episode.provenance["seed"] for episode in chosen] == [0, 1, 2]

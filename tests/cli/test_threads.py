@@ -9,7 +9,7 @@ import pytest
 
 import aerial_il
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.cli import flying, workplaces
+from aerial_il.cli.flights import pilots, training_resources
 from aerial_il.collection.collect import collect
 from aerial_il.evaluation.baselines import Random
 from aerial_il.suite import outside
@@ -30,7 +30,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def test_of_a_pilot(asked: list[int]) -> None:
-    pilot = flying.pilot("random", robot=None, task=None, action=None, env="gymnasium:Pendulum-v1")
+    pilot = pilots.pilot("random", robot=None, task=None, action=None, env="gymnasium:Pendulum-v1")
     for threads, num_envs in ((2, 16), (2, 15), (1, 16)):
         pilot.environment("calm", num_envs=num_envs, threads=threads).close()
     assert asked == [2, 1, 1]
@@ -41,6 +41,6 @@ def test_of_a_training_that_flies(asked: list[int], tmp_path: Path) -> None:
     collect(env, Random(), range(1), tmp_path, policy_name="random", settings={}, progress=False)
     asked.clear()
     where = {"images": (), "expert": None, "tier": None, "num_envs": 24, "threads": 3}
-    with workplaces.workplace(DiscriminatorActorCritic(), str(tmp_path), **where) as handed:
+    with training_resources.training_resources(DiscriminatorActorCritic(), str(tmp_path), **where) as handed:
         assert handed["env"].num_envs == 24
     assert asked == [3]

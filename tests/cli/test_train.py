@@ -9,8 +9,8 @@ import pytest
 
 import aerial_il
 from aerial_il.cli import commands
+from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.main import main
-from aerial_il.cli.overrides import prepare
 from aerial_il.core.errors import InvalidValueError
 
 QUIET = "progress=false"

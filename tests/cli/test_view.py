@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli import flying
 from aerial_il.cli.commands import list as catalogue
+from aerial_il.cli.flights import pilots
 from aerial_il.cli.main import main
 from aerial_il.data.reader import read_episode
 from aerial_il.evaluation import studio, window
@@ -124,6 +124,6 @@ def test_the_gallery_without_pictures(dark: None, capsys: pytest.CaptureFixture[
 
 
 def test_the_expert_s_flight_for_the_gallery_is_one_that_it_solves() -> None:
-    episode, flags = flying.expert_flight("ua_quad_arm4", "reach")
+    episode, flags = pilots.expert_flight("ua_quad_arm4", "reach")
     assert episode.success
     assert flags.shape == (len(episode), len(episode.spec.subtasks))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.cli.flying import record
+from aerial_il.cli.flights.pilots import record
 from aerial_il.core.rendering import can_render
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.judging import subtask_flags

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 
 import aerial_il
 from aerial_il import algorithms, benchmarks, policies
-from aerial_il.cli import commands, conf, keys
-from aerial_il.cli.build import build, parameters
-from aerial_il.cli.compose import compose
-from aerial_il.cli.overrides import known_keys
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.configuration.build import build, locate, parameters
+from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.configuration.defaults import defaults_of
+from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.control import laws
 from aerial_il.suite import tiers
 
@@ -26,38 +30,63 @@ REGISTRIES = {
 }
 TARGETS = [
     (group, name)
-    for group in conf.groups()
-    for name in conf.options(group)
-    if "_target_" in conf.read_option(group, name)
+    for group in groups.groups()
+    for name in groups.options(group)
+    if "_target_" in groups.read_option(group, name)
 ]
+REGISTERED = [(group, name) for group, (_, names, _) in groups.CONSTRUCTED.items() for name in names()]
+FILES = [file for group in groups.CONSTRUCTED for file in sorted((groups.conf_dir() / group).glob("*.yaml"))]
 CHOICES = [
     (command, group, option)
     for command in commands.names()
-    for group in conf.default_choices(command)
-    for option in conf.options(group)
+    for group in commands.find(command).choices
+    for option in groups.options(group)
 ]
 
 
 @pytest.mark.parametrize("group", REGISTRIES)
-def test_each_registered_name_has_a_file_and_each_file_a_registered_name(group: str) -> None:
-    """A policy or an algorithm may have further files: the same thing with other values."""
-    registered, files = set(REGISTRIES[group]), set(conf.options(group))
-    assert registered <= files
-    if group in ("robot", "task", "tier", "controller"):
-        assert registered == files
-        assert all(conf.read_option(group, name) == {"name": name} for name in files)
+def test_each_registered_name_may_be_chosen(group: str) -> None:
+    """A policy, an algorithm or a benchmark may have further choices: the same thing with other values."""
+    registered, choices = set(REGISTRIES[group]), set(groups.options(group))
+    assert registered <= choices
+    if group not in groups.CONSTRUCTED:
+        assert registered == choices
+        assert all(groups.read_option(group, name) == {"name": name} for name in choices)
 
 
 @pytest.mark.parametrize(("group", "name"), TARGETS)
-def test_a_file_names_exactly_what_its_constructor_takes_and_builds(group: str, name: str) -> None:
-    content = conf.read_option(group, name)
+def test_a_choice_names_exactly_what_its_constructor_takes_and_builds(group: str, name: str) -> None:
+    content = groups.read_option(group, name)
     assert set(content) - {"_target_"} == set(parameters(content["_target_"])), "each key can be given without a plus"
     build(content)
 
 
+def plain(value: object) -> object:
+    """Return a tree of settings with the name of each class, lists for tuples."""
+    if dataclasses.is_dataclass(value):
+        return type(value).__name__, {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {name: plain(inner) for name, inner in value.items()}
+    return [plain(inner) for inner in value] if isinstance(value, (list, tuple)) else value
+
+
+@pytest.mark.parametrize(("group", "name"), REGISTERED)
+def test_defaults_read_from_the_source_are_those_of_the_constructor(group: str, name: str) -> None:
+    target = groups.target_of(group, name)
+    assert plain(build(defaults_of(target))) == plain(locate(target)())
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.with_suffix("").parts[-2:]))
+def test_a_file_repeats_nothing_that_its_constructor_says_anyway(file: Path) -> None:
+    said = {name: value for name, value in groups.read_yaml(file).items() if name not in ("_target_", "defaults")}
+    content = groups.read_option(file.parent.name, file.stem)
+    usual = defaults_of(content["_target_"])
+    assert not {name for name, value in said.items() if not isinstance(value, dict) and usual[name] == value}
+
+
 @pytest.mark.parametrize("name", policies.list_policies())
 def test_a_policy_file_of_that_name_builds_that_policy(name: str) -> None:
-    assert type(build(conf.read_option("policy", name))) is policies.policy_config(name)
+    assert type(build(groups.read_option("policy", name))) is policies.policy_config(name)
 
 
 @pytest.mark.parametrize(("command", "group", "option"), CHOICES)
@@ -72,9 +101,8 @@ def test_a_command_explains_itself_and_each_of_its_keys(name: str) -> None:
     command = commands.find(name)
     assert command.summary.endswith((".", "continues."))
     assert "Example: aerial-il " in command.doc
-    assert (conf.conf_dir() / f"{name}.yaml").exists()
     assert all(field.metadata["help"] for field in dataclasses.fields(command.config))
-    assert set(known_keys(command, conf.default_choices(name))) >= {f.name for f in dataclasses.fields(command.config)}
+    assert set(known_keys(command, command.choices)) >= {f.name for f in dataclasses.fields(command.config)}
 
 
 @pytest.mark.parametrize("name", commands.names())

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from aerial_il.cli import commands, conf
-from aerial_il.cli.compose import compose
+from aerial_il.cli import commands
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.compose import compose
 
-STUDY = conf.read_option("bench", "imitation")
+STUDY = groups.read_option("bench", "imitation")
 
 
 def test_training_without_a_word_is_the_training_of_the_study() -> None:
@@ -20,7 +21,7 @@ def test_training_without_a_word_is_the_training_of_the_study() -> None:
 @pytest.mark.parametrize("command", ["collect", "demo"])
 def test_the_expert_demonstrates_as_in_the_studies(command: str, study: str) -> None:
     shipped = compose(commands.find(command), ["out=datasets/x"])
-    assert shipped.expert.noise == conf.read_option("bench", study)["expert"]["noise"]
+    assert shipped.expert.noise == groups.read_option("bench", study)["expert"]["noise"]
 
 
 def test_the_demonstration_run_learns_as_the_study_does() -> None:

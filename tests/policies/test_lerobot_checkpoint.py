@@ -12,7 +12,7 @@ import pytest
 import torch
 
 import aerial_il
-from aerial_il.cli.flying import pilot
+from aerial_il.cli.flights.pilots import pilot
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies import find_lerobot, load_any_policy
 from tests.algorithms.point_mass import PointMassBatch
@@ -85,7 +85,8 @@ def test_a_run_of_the_trainer_is_found_and_tells_its_cell(folder: Path) -> None:
     run = folder.parents[2]
     assert find_lerobot(run) == folder
     flown = pilot(str(run), robot=None, task=None, action=None)
-    assert (flown.robot, flown.task, flown.action, flown.cameras) == ("ua_quad_arm4", "reach", "ee_pose", ())
+    where = flown.reference
+    assert (where.robot, where.task, where.action, where.cameras) == ("ua_quad_arm4", "reach", "ee_pose", ())
     with pytest.raises(InvalidValueError, match="attached"):
         aerial_il.load_policy(str(run)).act(PointMassBatch(1).reset(0))
 

@@ -1,6 +1,6 @@
 """One file per command: a docstring, a ``Config`` dataclass of its keys and ``run(config)``.
 
-A new file, with its ``conf/<command>.yaml``, is a new command. At the top of these files only light imports
+A new file is a new command. At the top of these files only light imports
 stand, so that help and completion answer at once.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,15 @@ class Command:
     @property
     def summary(self) -> str:
         return self.doc.splitlines()[0]
+
+    @property
+    def choices(self) -> dict[str, str | None]:
+        """Configuration group -> what is chosen in it if nothing is said.
+
+        The groups of its keys, and those whose choices are sets of values for its keys, ``Config.PRESETS``.
+        """
+        own = {f.name: f.metadata["choice"] for f in fields(self.config) if f.metadata.get("group")}
+        return own | getattr(self.config, "PRESETS", {})
 
 
 def names() -> tuple[str, ...]:

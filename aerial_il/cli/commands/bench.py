@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli import conf, words
-from aerial_il.cli.build import build
-from aerial_il.cli.keys import group, key, output
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration import groups, spelling
+from aerial_il.cli.configuration.build import build
+from aerial_il.cli.configuration.keys import group, key, output
+from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.cli.tables import table
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ EXPERIMENTS = "experiments"
 
 @dataclass
 class Config:
-    bench: dict[str, Any] | None = group("which benchmark (null: all, one after the other)", optional=True, position=0)
+    bench: dict[str, Any] | None = group("which benchmark (null: all, one after the other)", position=0)
     out: str = output("runs/benchmarks", "folder for report.json and figures, one below it for each benchmark")
     save: bool = key(False, f"also write the study to {EXPERIMENTS}/")
     json: bool = key(False, "print one JSON object (also: --json)")
@@ -39,7 +39,9 @@ class Config:
 def run(config: Config) -> None:
     """Measure, keep the report, print it."""
     chosen = (
-        [config.bench] if config.bench is not None else [conf.read_option("bench", n) for n in conf.options("bench")]
+        [config.bench]
+        if config.bench is not None
+        else [groups.read_option("bench", n) for n in groups.options("bench")]
     )
     reports = [_measure(settings, config) for settings in chosen]
     if config.json:
@@ -73,5 +75,5 @@ def _measure(settings: Mapping[str, Any], config: Config) -> Report:
 
 def rerun(name: str, settings: Mapping[str, Any]) -> str:
     """Return what measures it again: the benchmark and the settings that differ from its file."""
-    changed = words.changed("bench", conf.read_option("bench", name), settings)
+    changed = spelling.changed("bench", groups.read_option("bench", name), settings)
     return command_line(["bench", name, *changed, "save=true"])

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.cli import words
 from aerial_il.cli.commands import convert
-from aerial_il.cli.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration import spelling
+from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 
@@ -30,11 +30,11 @@ class Expert:
 
 @dataclass
 class Config:
-    robot: Named = group("which vehicle")
-    task: Named = group("what it does")
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
-    expert: Expert = group("how the demonstrator flies")
-    controller: Named = group("which law flies the base")
+    robot: Named = group("which vehicle", "ua_quad_arm4")
+    task: Named = group("what it does", "pick_place")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    expert: Expert = group("how the demonstrator flies", "noisy")
+    controller: Named = group("which law flies the base", "geometric_observer")
     policy: MaybeLocated = path(MaybeLocated, "who flies in env=...: folder of a run, an expert's file, or random")
     env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:CartPole-v1")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
@@ -60,30 +60,30 @@ def run(config: Config) -> None:
     """Record, and say what comes next."""
     (record if config.env is None else record_outside)(config)
     name = config.task.name if config.env is None else config.env.partition(":")[2]
-    print(f"Next: {command_line(['train', words.path('dataset', config.out), f'run=runs/{name}'])}")
+    print(f"Next: {command_line(['train', spelling.path('dataset', config.out), f'run=runs/{name}'])}")
 
 
 def record(config: Config) -> None:
     """Record what is missing, and derive the LeRobot dataset if it is wanted."""
     import aerial_il
+    from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
 
     if config.cameras:
         require_rendering(f"cameras=[{','.join(config.cameras)}]")
     robot, task = config.robot.name, config.task.name
-    env = aerial_il.load_batch(
-        robot,
-        task,
-        num_envs=min(config.num_envs, config.episodes),
+    where = EnvironmentReference(
+        robot=robot,
+        task=task,
         tier=config.tier.name,
         action=config.action,
-        cameras=tuple(config.cameras),
-        image_size=(config.image_size[0], config.image_size[1]),
-        num_threads=config.threads,
         controller=config.controller.name,
         horizon=config.horizon,
+        cameras=tuple(config.cameras),
+        image_size=(config.image_size[0], config.image_size[1]),
     )
+    env = where.load(num_envs=min(config.num_envs, config.episodes), threads=config.threads)
     try:
         collect(
             env,
@@ -102,7 +102,7 @@ def record(config: Config) -> None:
 
 def record_outside(config: Config) -> None:
     """Record what is missing of an environment from outside, each episode over its whole horizon."""
-    from aerial_il.cli import flying
+    from aerial_il.cli.flights import environments, pilots
     from aerial_il.collection.collect import collect
 
     source = config.policy.path
@@ -110,9 +110,9 @@ def record_outside(config: Config) -> None:
         raise InvalidValueError(f"env={config.env} has no horizon of ours: say max_steps={config.horizon}.")
     if source is None:
         raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
-    options = flying.given(success=config.success, max_steps=config.max_steps)
+    options = environments.given(success=config.success, max_steps=config.max_steps)
     noise = config.expert.noise
-    pilot = flying.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)
+    pilot = pilots.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)
     env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, config.episodes), threads=config.threads)
     try:
         seeds = range(config.seed, config.seed + config.episodes)

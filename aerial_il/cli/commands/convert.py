@@ -12,7 +12,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerial_il.cli.keys import MISSING, key
+from aerial_il.cli.configuration.keys import MISSING, key
 
 
 @dataclass

@@ -13,21 +13,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aerial_il.cli import words
 from aerial_il.cli.commands import collect, convert, evaluate, report, train
-from aerial_il.cli.keys import Located, MaybeLocated, Named, TierName, at_least, group, key, output
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration import spelling
+from aerial_il.cli.configuration.keys import Located, MaybeLocated, Named, TierName, at_least, group, key, output
+from aerial_il.cli.configuration.quoting import command_line
 
 
 @dataclass
 class Config:
-    robot: Named = group("which vehicle")
-    task: Named = group("what it does")
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
-    expert: collect.Expert = group("how the demonstrator flies")
-    controller: Named = group("which law flies the base")
-    policy: dict[str, Any] = group("what is trained")
-    algorithm: dict[str, Any] = group("how it is trained")
+    robot: Named = group("which vehicle", "ua_quad_arm4")
+    task: Named = group("what it does", "pick_place")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    expert: collect.Expert = group("how the demonstrator flies", "noisy")
+    controller: Named = group("which law flies the base", "geometric_observer")
+    policy: dict[str, Any] = group("what is trained", "mlp")
+    algorithm: dict[str, Any] = group("how it is trained", "bc")
     out: str = output("runs/demo", "folder for everything")
     episodes: int = key(100, "demonstrations flown")
     evaluation_episodes: int = key(200, "unseen seeds flown by the policy")
@@ -47,8 +47,8 @@ def run(config: Config) -> None:
     dataset, training, judged = out / "dataset", out / "training", out / "evaluation"
     cell = [f"robot={config.robot.name}", f"task={config.task.name}", f"tier={config.tier.name}"]
     law = f"controller={config.controller.name}"
-    recipe = [*words.of_group("policy", config.policy, default="mlp")]
-    recipe += words.of_group("algorithm", config.algorithm, default="bc")
+    recipe = [*spelling.of_group("policy", config.policy, default="mlp")]
+    recipe += spelling.of_group("algorithm", config.algorithm, default="bc")
     flown = [f"tier={config.tier.name}", f"episodes={config.evaluation_episodes}", f"seed={config.evaluation_seed}"]
 
     flight = [f"expert.noise={config.expert.noise}", f"episodes={config.episodes}", f"seed={config.seed}"]

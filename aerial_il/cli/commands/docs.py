@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.cli.keys import key
+from aerial_il.cli.configuration.keys import key
 
 
 @dataclass

@@ -10,7 +10,7 @@ import shutil
 from dataclasses import dataclass
 from typing import Any
 
-from aerial_il.cli.keys import key
+from aerial_il.cli.configuration.keys import key
 
 
 @dataclass

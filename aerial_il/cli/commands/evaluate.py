@@ -13,26 +13,28 @@ Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from aerial_il.cli.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flying import Pilot
+    from aerial_il.cli.flights.pilots import Pilot
     from aerial_il.evaluation.result import EvaluationResult
 
 
 @dataclass
 class Config:
+    PRESETS: ClassVar[dict[str, str | None]] = {"evaluation": "standard"}
+
     policy: Located = path(Located, "folder of a run or a policy, an expert's file (.npz), or: expert, random, hover")
-    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
-    task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
+    task: Named | None = group("what it does (null: the task that the policy was trained on)")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
     env: str | None = key(None, "environment from outside, e.g. gymnasium:CartPole-v1 (null: the policy's own)")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
     max_steps: int | None = key(None, "time limit there (null: its own)")
-    controller: Named = group("which law flies the base")
+    controller: Named = group("which law flies the base", "geometric_observer")
     out: str = output(MISSING, "folder for evaluation.json, videos/ and report.html")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for experts)")
     episodes: int = key(200, "how many seeds are flown")
@@ -49,15 +51,15 @@ class Config:
 
 def run(config: Config) -> None:
     """Evaluate, write the results, print the headline."""
-    from aerial_il.cli import flying
+    from aerial_il.cli.flights import environments, pilots
 
-    pilot = flying.pilot(
+    pilot = pilots.pilot(
         config.policy.path,
         robot=config.robot.name if config.robot else None,
         task=config.task.name if config.task else None,
         action=config.action,
         env=config.env,
-        options=flying.given(success=config.success, max_steps=config.max_steps),
+        options=environments.given(success=config.success, max_steps=config.max_steps),
     )
     seeds = range(config.seed, config.seed + config.episodes)
     env = pilot.environment(
@@ -70,14 +72,15 @@ def run(config: Config) -> None:
         result = _judged(config, pilot, env, seeds)
     finally:
         env.close()
-    print(f"{pilot.robot} {pilot.task} {env.spec.tier if pilot.env else config.tier.name}: success {result.headline()}")
-    if pilot.env:
+    tier = env.spec.tier if pilot.reference.env else config.tier.name
+    print(f"{pilot.robot} {pilot.task} {tier}: success {result.headline()}")
+    if pilot.reference.env:
         print(f"Return {result.return_line()}")
 
 
 def _judged(config: Config, pilot: Pilot, env: Any, seeds: range) -> EvaluationResult:
     """Fly what is not flown yet, and write what comes of it."""
-    from aerial_il.cli import results
+    from aerial_il.cli.flights import results
     from aerial_il.evaluation.destination import finished, subject_of
     from aerial_il.evaluation.journal import Journal
     from aerial_il.evaluation.rollouts import evaluate, origin_of
@@ -100,6 +103,6 @@ def _judged(config: Config, pilot: Pilot, env: Any, seeds: range) -> EvaluationR
 
 
 def _command(config: Config, pilot: Pilot) -> str:
-    ours = () if pilot.env else (f"tier={config.tier.name}", f"controller={config.controller.name}")
+    ours = () if pilot.reference.env else (f"tier={config.tier.name}", f"controller={config.controller.name}")
     flown = (*ours, f"episodes={config.episodes}", f"seed={config.seed}", f"out={config.out}")
-    return command_line(["evaluate", *pilot.words, *flown])
+    return command_line(["evaluate", *pilot.overrides, *flown])

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from aerial_il.cli.keys import MISSING, key
+from aerial_il.cli.configuration.keys import MISSING, key
 from aerial_il.cli.tables import table
 
 MADE_BY = ("task", "tier", "controller", "policy", "settings", "engine")

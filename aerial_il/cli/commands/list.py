@@ -13,7 +13,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from aerial_il.cli.keys import key
+from aerial_il.cli.configuration.keys import key
 from aerial_il.cli.tables import table
 from aerial_il.core.errors import InvalidValueError
 
@@ -47,7 +47,7 @@ def run(config: Config) -> None:
 
 def show(config: Config, found: dict[str, list[dict[str, Any]]]) -> None:
     """Write the page, and the sheet if it is wanted, and say where they are."""
-    from aerial_il.cli.flying import expert_flight
+    from aerial_il.cli.flights.pilots import expert_flight
     from aerial_il.core.rendering import require_rendering
     from aerial_il.evaluation.gallery import write_gallery, write_sheet
     from aerial_il.evaluation.studio import obstacle

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.cli.keys import MISSING, key
+from aerial_il.cli.configuration.keys import MISSING, key
 
 
 @dataclass

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from aerial_il.cli.keys import MISSING, at_least, key
+from aerial_il.cli.configuration.keys import MISSING, at_least, key
 
 
 @dataclass

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aerial_il.cli.keys import MISSING, MaybeLocated, at_least, key, path
+from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, at_least, key, path
 
 if TYPE_CHECKING:
     from aerial_il.evaluation.training_run import TrainingRun
@@ -52,7 +52,7 @@ def run(config: Config) -> None:
 
 
 def _of_evaluation(config: Config) -> Path:
-    from aerial_il.cli import results
+    from aerial_il.cli.flights import results
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.evaluation.background import LearningPoint
     from aerial_il.evaluation.report import write_report
@@ -75,11 +75,11 @@ def _of_evaluation(config: Config) -> Path:
 
 
 def _of_run(config: Config, run: TrainingRun) -> Path:
-    from aerial_il.cli import runs
+    from aerial_il.cli.flights import run_results
     from aerial_il.evaluation.run_report import write_run_report
 
-    predictions, note = runs.predictions(run, config.dataset.path)
-    rewarded, films = runs.rewarded(run, config.dataset.path), runs.footage(run, config.videos)
+    predictions, note = run_results.predictions(run, config.dataset.path)
+    rewarded, films = run_results.rewarded(run, config.dataset.path), run_results.footage(run, config.videos)
     return write_run_report(
         config.out or run.path / PAGE,
         run,

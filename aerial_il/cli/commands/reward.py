@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerial_il.cli.keys import MISSING, MaybeLocated, at_least, key, path
+from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, at_least, key, path
 
 
 @dataclass
@@ -28,7 +28,7 @@ def run(config: Config) -> None:
     """Draw, and say where."""
     import aerial_il
     from aerial_il.benchmarks.parts.figures import reward_lines
-    from aerial_il.cli.runs import paid_along
+    from aerial_il.cli.flights.run_results import paid_along
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.core.files import write_atomic
 

@@ -20,15 +20,26 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from aerial_il.cli import words
-from aerial_il.cli.keys import MISSING, MaybeLocated, MaybeTier, Named, at_least, group, key, output, path, tier
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration import spelling
+from aerial_il.cli.configuration.keys import (
+    MISSING,
+    MaybeLocated,
+    MaybeTier,
+    Named,
+    at_least,
+    group,
+    key,
+    output,
+    path,
+    tier,
+)
+from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
-    from aerial_il.cli.places import Place
-    from aerial_il.cli.trials import Trials
+    from aerial_il.cli.flights.environments import EnvironmentReference
+    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
     from aerial_il.data.episode import Episode
 
 COMMAND = "command.json"
@@ -44,11 +55,13 @@ class Dataset:
 
 @dataclass
 class Config:
-    dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", path=True)
-    policy: dict[str, Any] = group("what is trained")
-    algorithm: dict[str, Any] = group("how it is trained")
-    robot: Named | None = group("where sac and ppo fly; with a dataset, what it must be of", optional=True)
-    task: Named | None = group("the same", optional=True)
+    PRESETS: ClassVar[dict[str, str | None]] = {"experiment": None}
+
+    dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", "all", path=True)
+    policy: dict[str, Any] = group("what is trained", "mlp")
+    algorithm: dict[str, Any] = group("how it is trained", "bc")
+    robot: Named | None = group("where sac and ppo fly; with a dataset, what it must be of")
+    task: Named | None = group("the same")
     run: str = output(MISSING, "folder of the run")
     env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:Hopper-v5")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
@@ -73,12 +86,11 @@ class Config:
         at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0)
 
     @property
-    def place(self) -> Place:
+    def reference(self) -> EnvironmentReference:
         """The environment that was named."""
-        from aerial_il.cli.flying import given
-        from aerial_il.cli.places import Place
+        from aerial_il.cli.flights.environments import EnvironmentReference, given
 
-        return Place(
+        return EnvironmentReference(
             env=self.env,
             options=given(success=self.success, max_steps=self.max_steps),
             robot=self.robot.name if self.robot else None,
@@ -91,12 +103,12 @@ class Config:
 def run(config: Config) -> None:
     """Train, and say what comes next."""
     learn(config)
-    print(f"Next: {command_line(['evaluate', words.path('policy', config.run), f'out={config.run}/evaluation'])}")
+    print(f"Next: {command_line(['evaluate', spelling.path('policy', config.run), f'out={config.run}/evaluation'])}")
 
 
 def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
-    from aerial_il.cli.build import build_all
+    from aerial_il.cli.configuration.build import build_all
 
     settings = dict(config.algorithm)
     if config.evaluate_every is not None:
@@ -105,15 +117,15 @@ def learn(config: Config) -> None:
     episodes = _demonstrations(config, algorithm, policy)
     with (
         _told(config),
-        _trials(config, algorithm) as trials,
-        _workplace(config, algorithm, policy) as handed,
+        _rollout_evaluator(config, algorithm) as evaluator,
+        _training_resources(config, algorithm, policy) as handed,
     ):
         algorithm.train(
             episodes,
             policy,
             run=config.run,
             seed=config.seed,
-            evaluate=trials,
+            evaluate=evaluator,
             resume=config.resume,
             progress=config.progress,
             **handed,
@@ -123,16 +135,20 @@ def learn(config: Config) -> None:
 
 def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
-    from aerial_il.cli import data
+    from aerial_il.cli.flights import demonstrations
     from aerial_il.core.errors import InvalidValueError
 
-    path, place = config.dataset.path, config.place
+    path, reference = config.dataset.path, config.reference
     if path is not None:
-        if place.options:
-            raise InvalidValueError(f"{path} says how its environment is made: leave out {', '.join(place.options)}.")
-        data.check_origin(path, place.expected)
-        data.warn_of_changes(path)
-        return data.demonstrations(path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm)
+        if reference.options:
+            raise InvalidValueError(
+                f"{path} says how its environment is made: leave out {', '.join(reference.options)}."
+            )
+        demonstrations.check_origin(path, reference.expected)
+        demonstrations.warn_of_changes(path)
+        return demonstrations.open_demonstrations(
+            path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm
+        )
     if not getattr(algorithm, "rewarded", False):
         name = type(algorithm).__module__.rpartition(".")[2]
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
@@ -141,16 +157,16 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
 
 
 @contextmanager
-def _trials(config: Config, algorithm: Any) -> Iterator[Trials | None]:
+def _rollout_evaluator(config: Config, algorithm: Any) -> Iterator[RolloutEvaluator | None]:
     """Yield what flies the policy on the way, or None where nobody asked for it."""
     if not getattr(algorithm, "evaluate_every", 0):
         yield None
         return
-    from aerial_il.cli.trials import Trials
+    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
 
-    flights = Trials(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
-    with flights.open() as trials:
-        yield trials
+    flights = RolloutEvaluator(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
+    with flights.open() as evaluator:
+        yield evaluator
 
 
 @contextmanager
@@ -175,30 +191,30 @@ def command(config: Config) -> str:
     plain = {"seed": 0, "evaluate_every": None, "evaluate_episodes": 20, "evaluate_seed": 5000, "evaluate_tier": None}
     plain |= {"flight_tier": None, "num_envs": None, "threads": 0}
     said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
-    said += [words.path("expert", config.expert.path)] if config.expert.path else []
-    learned = [] if config.dataset.path is None else [words.path("dataset", config.dataset.path)]
+    said += [spelling.path("expert", config.expert.path)] if config.expert.path else []
+    learned = [] if config.dataset.path is None else [spelling.path("dataset", config.dataset.path)]
     learned += [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
     return command_line(
         [
             "train",
             *learned,
-            *words.of_group("policy", config.policy, default="mlp"),
-            *words.of_group("algorithm", config.algorithm, default="bc"),
-            *config.place.words,
+            *spelling.of_group("policy", config.policy, default="mlp"),
+            *spelling.of_group("algorithm", config.algorithm, default="bc"),
+            *config.reference.overrides,
             *said,
             f"run={config.run}",
         ]
     )
 
 
-def _workplace(config: Config, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
+def _training_resources(config: Config, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
     """Return what an algorithm that flies while it learns is handed."""
-    from aerial_il.cli.workplaces import workplace
+    from aerial_il.cli.flights.training_resources import training_resources
 
-    return workplace(
+    return training_resources(
         algorithm,
         config.dataset.path,
-        place=config.place,
+        reference=config.reference,
         images=policy.images,
         expert=config.expert.path,
         tier=config.flight_tier,

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.cli.keys import MISSING, key
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration.keys import MISSING, key
+from aerial_il.cli.configuration.quoting import command_line
 
 
 @dataclass

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aerial_il.cli.keys import Located, Named, TierName, at_least, check_choices, group, key, path
-from aerial_il.cli.quoting import command_line
+from aerial_il.cli.configuration.keys import Located, Named, TierName, at_least, check_choices, group, key, path
+from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 VIEWS = "runs/views"
@@ -26,11 +26,11 @@ ENDINGS = {viewer: suffix for suffix, viewer in SUFFIXES.items()}
 @dataclass
 class Config:
     policy: Located = path(Located, "who flies: expert, random, hover, or the folder of a policy", value="expert")
-    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)", optional=True)
-    task: Named | None = group("what it does (null: the task that the policy was trained on)", optional=True)
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", composed=True)
+    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
+    task: Named | None = group("what it does (null: the task that the policy was trained on)")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
     env: str | None = key(None, "environment from outside, e.g. gymnasium:Hopper-v5 (null: the policy's own)")
-    controller: Named = group("which law flies the base")
+    controller: Named = group("which law flies the base", "geometric_observer")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for the others)")
     seed: int | None = key(None, "of the flight, or which episode of a dataset (null: the first)")
     recording: str | None = key(None, "an MCAP file, or a dataset of them, to watch instead of flying")
@@ -76,10 +76,10 @@ def run(config: Config) -> None:
 
 
 def _show_flight(config: Config, viewer: str) -> None:
-    from aerial_il.cli import flying
+    from aerial_il.cli.flights import pilots
     from aerial_il.evaluation import window
 
-    pilot = flying.pilot(
+    pilot = pilots.pilot(
         config.policy.path,
         robot=config.robot.name if config.robot else None,
         task=config.task.name if config.task else None,
@@ -97,8 +97,10 @@ def _show_flight(config: Config, viewer: str) -> None:
             config, viewer, f"{pilot.task}-{pilot.robot}-{config.tier.name}-{seed}-{Path(config.policy.path).name}"
         )
         file = out.with_suffix(".mcap")
-        episode = flying.record(env, pilot.policy, seed, file, name=config.policy.path)
-        again = command_line(["view", *pilot.words, f"tier={config.tier.name}", f"controller={law}", f"seed={seed}"])
+        episode = pilots.record(env, pilot.policy, seed, file, name=config.policy.path)
+        again = command_line(
+            ["view", *pilot.overrides, f"tier={config.tier.name}", f"controller={law}", f"seed={seed}"]
+        )
         _present(config, viewer, episode, file, out, env=env, again=again)
     finally:
         env.close()

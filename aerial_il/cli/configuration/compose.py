@@ -1,0 +1,108 @@
+"""Hand a command to Hydra: compose its configuration, make it a typed object, run it once or once per sweep point."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from typing import Any
+
+from aerial_il.cli.commands import Command
+from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.configuration.overrides import prepare
+from aerial_il.cli.configuration.quoting import uninterpolated
+from aerial_il.core.errors import AerialError, InvalidValueError
+
+QUIET = {"hydra": "quiet"}
+_log = logging.getLogger(__name__)
+
+
+def run_command(command: Command, words: list[str]) -> None:
+    """Run ``command`` with the flags and overrides in ``words``.
+
+    Raises:
+        AerialError: for every mistake in the words; whatever the command itself raises.
+    """
+    overrides = prepare(command, words)
+    register(command)
+    import hydra
+    from hydra.errors import HydraException
+    from omegaconf import DictConfig
+    from omegaconf.errors import OmegaConfBaseException
+
+    failures: list[Exception] = []
+
+    def job(cfg: DictConfig) -> None:
+        try:  # Hydra would print its own words about an error; the other jobs of a sweep go on
+            command.run(typed(command, cfg))
+        except Exception as error:
+            failures.append(error)
+
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # hand exceptions on instead of printing and exiting
+    sys.argv = [f"aerial-il {command.name}", *overrides]
+    try:
+        hydra.main(version_base="1.3", config_path=None, config_name=command.name)(job)()
+    except (HydraException, OmegaConfBaseException) as error:
+        raise explain(command, error) from error
+    if len(failures) > 1:
+        _log.error("%d jobs failed; the first one with:", len(failures))
+    if failures:
+        raise failures[0]
+
+
+def compose(command: Command, words: list[str]) -> Any:
+    """Return the typed configuration that ``words`` lead to, without running anything."""
+    overrides = prepare(command, words)
+    register(command)
+    from hydra import compose as hydra_compose
+    from hydra import initialize
+    from hydra.core.global_hydra import GlobalHydra
+
+    GlobalHydra.instance().clear()
+    with initialize(config_path=None, version_base="1.3"):
+        return typed(command, hydra_compose(command.name, overrides))
+
+
+def register(command: Command) -> None:
+    """Put the command's dataclass, and all that may be chosen in its groups, into Hydra's store."""
+    from hydra.core.config_store import ConfigStore
+
+    store, target = ConfigStore.instance(), keys.output_key(command.config)
+    chosen = [{group: choice} for group, choice in command.choices.items()]
+    store.store(name=f"{command.name}_keys", node=command.config)
+    sweep = {"hydra": {"sweep": {"dir": f"${{{target}}}"}}} if target else {}
+    store.store(name=command.name, node={"defaults": [f"{command.name}_keys", *chosen, QUIET, "_self_"], **sweep})
+    store.store(group="hydra", name=QUIET["hydra"], node=groups.read_yaml(groups.conf_dir() / "hydra" / "quiet.yaml"))
+    for group in command.choices:
+        for name in groups.options(group):
+            package = "_global_" if groups.is_global(group, name) else None
+            store.store(group=group, name=name, node=groups.read_option(group, name), package=package)
+
+
+def typed(command: Command, cfg: Any) -> Any:
+    """Turn a composed configuration into an instance of the command's dataclass."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+    from omegaconf import OmegaConf
+
+    target = keys.output_key(command.config)
+    if target and HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN:
+        cfg[target] = uninterpolated(os.path.relpath(HydraConfig.get().runtime.output_dir))
+    missing = sorted(OmegaConf.missing_keys(cfg))
+    if missing:
+        wanted = " ".join(f"{name.removesuffix('.path').removesuffix('.name')}=..." for name in missing)
+        raise InvalidValueError(f"{command.name} needs {wanted} See: aerial-il {command.name} --help")
+    return OmegaConf.to_object(cfg)
+
+
+def explain(command: Command, error: Exception) -> AerialError:
+    """Put a Hydra or OmegaConf error into one paragraph."""
+    causes: list[str] = []
+    cause: BaseException | None = error
+    while cause is not None:
+        first = str(cause).strip().splitlines()[:1]
+        causes += [line for line in first if line not in causes]
+        cause = cause.__cause__
+    key = getattr(error.__cause__, "full_key", None) or getattr(error, "full_key", None)
+    where = f"{key}: " if key else ""
+    return InvalidValueError(f"{where}{' '.join(causes)} See: aerial-il {command.name} --help")

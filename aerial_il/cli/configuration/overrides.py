@@ -1,0 +1,256 @@
+"""Check what was typed before Hydra sees it, so that a wrong name is answered with the right one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import Field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from aerial_il.cli.commands import Command
+from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
+from aerial_il.cli.configuration.spelling import flat
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.renamed import ALGORITHM_KEYS
+
+FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
+_TAKES_VALUE = ("--cfg",)
+_PLAIN = re.compile(r"[\w.\-]+")
+_COMPOSED = re.compile(r"[+-]")
+_NAME = re.compile(r"[\w.@-]+|hydra/.*")
+_HYDRA_GROUPS = tuple(
+    f"hydra.{name}" for name in ("launcher", "sweeper", "job_logging", "hydra_logging", "help", "env")
+)
+_SWEEPING = frozenset(("-m", "--multirun"))
+
+
+def prepare(command: Command, words: list[str]) -> list[str]:
+    """Return the words for Hydra, paths put where they belong and quoted, and sweeps given their folders.
+
+    A path, and whatever else is text, is taken as it stands, commas, quotes and ``$`` included. Only in a sweep do
+    commas part values; there a path with a comma is put in quotes that the shell leaves: ``dataset="'a,b',c"``.
+
+    Args:
+        command: the command that they follow.
+        words: flags, ``key=value`` overrides and bare values of positional keys, as typed.
+
+    Raises:
+        UnknownNameError: an unknown flag, key or group value.
+        InvalidValueError: a word that is neither of them.
+    """
+    words = _named(command, words)
+    chosen = dict(command.choices)
+    chosen |= {k: v for k, _, v in (w.partition("=") for w in words) if k in chosen}
+    for group in chosen.keys() - {field.name for field in fields(command.config)}:
+        _check_fits(group, chosen)
+    several = bool(_SWEEPING & set(words))
+    prepared = [_prepared(command, word, chosen) for word in words]
+    prepared = [_as_text(command, word, chosen, several) for word in prepared]
+    return _flags_first(prepared + (_sweep_folders(command, prepared) if several else []))
+
+
+def _flags_first(words: list[str]) -> list[str]:
+    """Put flags, with their values, before the overrides: Hydra's parser wants these in one piece."""
+    values = {i + 1 for i, word in enumerate(words) if word in _TAKES_VALUE}
+    flags = [i for i, word in enumerate(words) if word.startswith("--") or word in FLAGS or i in values]
+    return [words[i] for i in flags] + [word for i, word in enumerate(words) if i not in flags]
+
+
+def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ...]:
+    """Return every key that the command takes, given the chosen file of each group."""
+    found = []
+    hints = get_type_hints(command.config)
+    for field in fields(command.config):
+        found.append(field.name)
+        if is_dataclass(hints[field.name]):
+            found += [f"{field.name}.{inner.name}" for inner in fields(hints[field.name])]
+    for group, option in chosen.items():
+        found.append(group)
+        if option in groups.options(group):
+            content = groups.read_option(group, str(option))
+            prefix = f"{group}." if group in hints else ""
+            found += [prefix + leaf for leaf in groups.leaf_keys(content) if leaf != "defaults"]
+    return tuple(dict.fromkeys(found))
+
+
+def new_key(old: str, known: Collection[str], renamed: Mapping[str, str]) -> str | None:
+    """Return what the key ``old`` is called now, None if it never was another's name or its new one is not there.
+
+    Args:
+        old: as it was typed, e.g. ``algorithm.cloning`` or ``bench.dac.cloning``.
+        known: the keys that there are.
+        renamed: old -> new, as dotted paths below the settings that they belong to.
+    """
+    for place, letter in enumerate(old):
+        inner = renamed.get(old[place + 1 :]) if letter == "." else None
+        if inner is not None and (new := old[: place + 1] + inner) in known:
+            return new
+    return None
+
+
+def _named(command: Command, words: list[str]) -> list[str]:
+    """Turn bare words into ``key=value`` by their position, and ``--json`` into ``json=true``."""
+    places = iter(keys.positional(command.config))
+    known = {f.name: f for f in fields(command.config)}
+    lists: dict[str, list[str]] = {}
+    named, previous = [], ""
+    for word in words:
+        bare = _is_bare(word, known) and previous not in _TAKES_VALUE
+        name = next(iter(lists), None) or next(places, None) if bare else None
+        if bare and name is None:
+            raise InvalidValueError(f"{word!r} is not KEY=VALUE. See: aerial-il {command.name} --help")
+        if word.startswith("--") and word[2:] in known:
+            word = f"{word[2:]}=true"
+        if name is not None and keys.takes_many(known[name]):
+            lists.setdefault(name, []).append(word)
+        else:
+            named.append(f"{name}={word}" if bare else word)
+        previous = word
+    return named + [f"{name}={_list(values)}" for name, values in lists.items()]
+
+
+def _is_bare(word: str, known: Mapping[str, Any]) -> bool:
+    """Whether ``word`` is a value without its key; a path may hold an equals sign, as folders of sweeps do."""
+    if word.startswith(("-", "+", "~")):
+        return False
+    name, equals, _ = word.partition("=")
+    return not equals or not _NAME.fullmatch(name) or (name not in known and Path(word).exists())
+
+
+def _list(values: list[str]) -> str:
+    return "[" + ",".join(literal(value) for value in values) + "]"
+
+
+def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str:
+    if word.startswith("-"):
+        if word not in FLAGS:
+            raise UnknownNameError("option", word, FLAGS, f"See: aerial-il {command.name} --help")
+        return word
+    name, equals, value = word.partition("=")
+    sign = name[: len(name) - len(name.lstrip("+~"))]
+    plain_name = name.lstrip("+~").split("@")[0]
+    if (not equals and not sign) or re.split(r"[./]", plain_name)[0] == "hydra":
+        return _checked_hydra(plain_name, word)
+    if sign in ("", "++"):
+        _check_key(command, plain_name, chosen)
+    elif sign == "+":
+        _check_added(command, plain_name, chosen)
+    field = {f.name: f for f in fields(command.config)}.get(plain_name)
+    if field is not None and keys.takes_path(field) and not _all_options(plain_name, value, chosen):
+        return f"{sign}{plain_name}.path={value}"
+    if field is not None and keys.takes_many(field) and not (value.startswith("[") and value.endswith("]")):
+        return f"{sign}{plain_name}={_list([value])}"
+    if field is not None and keys.takes_texts_by_number(command.config, field) and value[:1] + value[-1:] == "{}":
+        return f"++{plain_name}={mapping(value)}"  # a number is a key that was not there before
+    if field is not None and keys.takes_composition(field) and (plain_name not in chosen or _COMPOSED.search(value)):
+        return f"{sign}{plain_name}.name={value}"
+    if plain_name in chosen and equals:
+        _check_choice(plain_name, value, field)
+    return word
+
+
+def _as_text(command: Command, word: str, chosen: dict[str, str | None], several: bool) -> str:
+    """Return ``word`` with its value quoted, where the value is text; several of them where a sweep may part them."""
+    name, equals, value = word.partition("=")
+    texts = _texts(command, chosen)
+    usual = texts.get(name.lstrip("+"), False)
+    if word.startswith("-") or not equals or usual is False or (value == "null" and usual is None):
+        return word
+    return f"{name}={literals(value) if several else literal(value)}"
+
+
+def _texts(command: Command, chosen: dict[str, str | None]) -> dict[str, Any]:
+    """Return ``key -> what it is if nothing is said`` of the keys whose values are text, such as paths."""
+    hints, found = get_type_hints(command.config), {}
+    for field in fields(command.config):
+        if hints[field.name] in (str, str | None):
+            found[field.name] = field.default
+        if keys.takes_path(field):
+            optional = get_type_hints(hints[field.name])["path"] == str | None
+            found[f"{field.name}.path"] = None if optional else field.default
+    for group, option in chosen.items():
+        if option in groups.options(group) and option is not None:
+            content, prefix = groups.read_option(group, option), f"{group}." if group in hints else ""
+            leaves = ((prefix + key, value) for key, value in flat(content).items())
+            found |= {key: value for key, value in leaves if isinstance(value, str) and not key.endswith("_target_")}
+    return found
+
+
+def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> None:
+    known = known_keys(command, chosen)
+    inside_known = any(name.startswith(f"{k}.") and k not in chosen and k.count(".") for k in known)
+    if name.endswith("._target_"):
+        return
+    if name not in known and not inside_known and not any(k.startswith(f"{name}.") for k in known):
+        if new := new_key(name, known, ALGORITHM_KEYS):
+            raise InvalidValueError(f"{name} is called {new} now. See: aerial-il {command.name} --help")
+        raise UnknownNameError("key", name, _siblings(name, known), f"See: aerial-il {command.name} --help")
+
+
+def _check_added(command: Command, name: str, chosen: dict[str, str | None]) -> None:
+    """Refuse ``+name`` where it would add a key beside those of the command, which nothing reads."""
+    first, known = name.partition(".")[0], [*(field.name for field in fields(command.config)), *chosen]
+    if first not in known:
+        raise UnknownNameError("key", first, dict.fromkeys(known), f"See: aerial-il {command.name} --help")
+
+
+def _checked_hydra(name: str, word: str) -> str:
+    """Return a word of Hydra's own, unless it puts a name where a whole group of settings stands."""
+    if name in _HYDRA_GROUPS:
+        group, value = name.replace(".", "/"), word.partition("=")[2]
+        raise InvalidValueError(f"{word} would choose nothing: Hydra's groups are chosen by {group}={value}.")
+    return word
+
+
+def _check_fits(group: str, chosen: Mapping[str, str | None]) -> None:
+    """Refuse a set of values, e.g. ``experiment=quick``, that sets what the chosen file of a group does not have."""
+    for name in _parts(group, chosen):
+        for other, content in groups.read_option(group, name).items():
+            wanted = set(content) if isinstance(content, dict) else set()
+            there = {option: groups.read_option(other, option) for option in groups.options(other)}
+            lacking = {option: sorted(wanted - set(inside)) for option, inside in there.items()}
+            for option in _parts(other, chosen):
+                if lacking[option]:
+                    keys_lacking = ", ".join(f"{other}.{key}" for key in lacking[option])
+                    fitting = ", ".join(option for option, keys in lacking.items() if not keys)
+                    raise InvalidValueError(
+                        f"{group}={name} sets {keys_lacking}, which {other}={option} does not have. "
+                        f"It fits {other}={fitting}."
+                    )
+
+
+def _parts(group: str, chosen: Mapping[str, str | None]) -> list[str]:
+    """Return the files of ``group`` that were chosen, several in a sweep."""
+    return [part for part in (chosen.get(group) or "").split(",") if part in groups.options(group)]
+
+
+def _siblings(name: str, known: tuple[str, ...]) -> list[str]:
+    """Return the keys that ``name`` may have been meant for: those of its group, else those of its depth."""
+    group = name.rpartition(".")[0]
+    inside = [k for k in known if k.rpartition(".")[0] == group]
+    return inside or [k for k in known if "." not in k]
+
+
+def _check_choice(group: str, value: str, field: Field[Any] | None) -> None:
+    if value.endswith(")") or "$" in value or (value == "null" and (field is None or field.default is None)):
+        return
+    for part in value.split(","):
+        if _PLAIN.fullmatch(part) and part not in groups.options(group):
+            raise UnknownNameError(group, part, groups.options(group))
+
+
+def _all_options(group: str, value: str, chosen: dict[str, str | None]) -> bool:
+    return group in chosen and all(part in groups.options(group) for part in value.split(","))
+
+
+def _sweep_folders(command: Command, words: list[str]) -> list[str]:
+    """Name each job's folder by what is swept: ``run/seed=0``, ``run/seed=1``, ..."""
+    swept = [name for name, _, value in (w.partition("=") for w in words) if is_sweep(value)]
+    target = keys.output_key(command.config)
+    if target in swept:
+        raise InvalidValueError(f"{target} cannot be swept: each job gets a folder of its own below {target}=FOLDER.")
+    parts = [f"{k}=" + (f"${{hydra:runtime.choices.{k}}}" if k in command.choices else f"${{{k}}}") for k in swept]
+    folder = ",".join(parts).replace("'", "")
+    return [f"hydra.sweep.subdir='{folder or '.'}'"]

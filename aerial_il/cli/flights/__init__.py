@@ -1,0 +1,1 @@
+"""Environments, policies and demonstrations as commands name them: opened, flown and reported."""

@@ -1,0 +1,79 @@
+"""The environment, expert and collector that an algorithm which flies while it learns is handed.
+
+The environment is that of its demonstrations; an algorithm that needs none flies where it is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from aerial_il.cli.flights.environments import EnvironmentReference
+    from aerial_il.core.policy import Policy
+    from aerial_il.core.specs import EnvSpec
+
+WORLDS = 64
+
+
+@contextmanager
+def training_resources(
+    algorithm: Any,
+    dataset: str | None,
+    *,
+    reference: EnvironmentReference | None = None,
+    images: tuple[str, ...],
+    expert: str | None,
+    tier: str | None,
+    num_envs: int | None,
+    threads: int,
+) -> Iterator[dict[str, Any]]:
+    """Yield what ``algorithm.train`` is to be handed besides data, by name; nothing where it only learns.
+
+    Args:
+        algorithm: its attribute ``needs`` names what it wants: ``env``, ``expert``, ``collect``.
+        dataset: folder of the demonstrations, which say what environment they come from.
+        reference: where to fly without any; beside them, what the user typed of theirs.
+        images: camera fields that the policy sees.
+        expert: file of an expert from outside; None for the task's own.
+        tier: how rough the air is; None as in the demonstrations.
+        num_envs: worlds flown at once; None as the algorithm likes best (its ``worlds``).
+        threads: of the simulation, or processes of worlds from outside; 0 for all cores.
+
+    Raises:
+        UnknownNameError: the task has no expert.
+        InvalidValueError: an environment from outside without one, or nothing says where to fly.
+    """
+    needs = getattr(algorithm, "needs", ())
+    if not needs:
+        yield {}
+        return
+    import aerial_il
+    from aerial_il.cli.flights.environments import EnvironmentReference, reference_of
+    from aerial_il.collection.collect import collect
+
+    where, asked, typed = reference or EnvironmentReference(), None, reference.env if reference else None
+    if dataset is not None:
+        spec = aerial_il.open_dataset(dataset).spec
+        asked = _expert(spec, expert, typed) if "expert" in needs else None
+        where = reference_of(spec, images=images, typed=typed)
+    env = where.load(num_envs=num_envs or getattr(algorithm, "worlds", WORLDS), threads=threads, tier=tier)
+    try:
+        handed = {"env": env, "expert": asked, "collect": collect}
+        yield {name: handed[name] for name in needs}
+    finally:
+        env.close()
+
+
+def _expert(spec: EnvSpec, file: str | None, typed: str | None) -> Policy:
+    import aerial_il
+    from aerial_il.cli.flights.environments import key_of
+    from aerial_il.core.errors import InvalidValueError
+    from aerial_il.experts.outside import load_expert
+
+    if file is not None:
+        return load_expert(file, key_of(spec, typed), noise=0.0)
+    if spec.is_outside:
+        raise InvalidValueError(f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE.")
+    return aerial_il.expert(spec.robot, spec.task)
