@@ -5,6 +5,7 @@ Every chart is drawn about as wide as the column it stands in, so that its text 
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,6 +40,11 @@ class Scale:
     def __call__(self, value: float) -> float:
         lo, hi, value = (math.log(v) for v in (self.lo, self.hi, value)) if self.log else (self.lo, self.hi, value)
         return self.start + (value - lo) / (hi - lo) * (self.end - self.start)
+
+    @property
+    def of_page(self) -> tuple[float, float, bool]:
+        """Its range and whether it is logarithmic, as the page's script needs them."""
+        return float(self.lo), float(self.hi), self.log
 
     def ticks(self) -> list[float]:
         """About five round values, or powers of ten for a logarithm that spans some."""
@@ -78,25 +84,29 @@ class Plot:
     ) -> None:
         self.x = Scale(*widen(*x, log=log_x), LEFT, width - RIGHT, log_x)
         self.y = Scale(*widen(*y, log=log_y), height - BOTTOM, TOP, log_y)
-        self.width, self.height, self.alt, self._parts = width, height, alt, []
-        self._draw_axes(x_label, y_label, x_ticks or self.x.ticks(), percent)
+        self.width, self.height, self.alt = width, height, alt
+        ranges = {"x": self.x.of_page, "y": self.y.of_page}
+        self._axes = json.dumps({**ranges, "labels": [x_label, y_label], "percent": percent})
+        self._ticks = self._draw_ticks(x_ticks or self.x.ticks(), percent)
+        self._frame = self._draw_axes(x_label, y_label)
+        self._parts: list[str] = []
 
-    def _draw_axes(self, x_label: str, y_label: str, x_ticks: Sequence[float], percent: bool) -> None:
-        base, right = self.height - BOTTOM, self.width - RIGHT
+    def _draw_ticks(self, x_ticks: Sequence[float], percent: bool) -> list[str]:
+        base, right, parts = self.height - BOTTOM, self.width - RIGHT, []
         for value in self.y.ticks():
             y, label = self.y(value), f"{100 * value:g} %" if percent else tick_label(value)
-            self._parts.append(f'<path class="grid" d="M{LEFT:.1f} {y:.1f}H{right:.1f}"/>')
-            self._text(LEFT - 6, y + 3.5, label, "end")
-        self._parts.append(f'<path class="axis" d="M{LEFT:.1f} {base:.1f}H{right:.1f}"/>')
-        for value in x_ticks:
-            self._text(self.x(value), base + 14, tick_label(value), "middle")
-        self._text((LEFT + right) / 2, self.height - 6, x_label, "middle", "label")
+            parts.append(f'<path class="grid" d="M{LEFT:.1f} {y:.1f}H{right:.1f}"/>')
+            parts.append(_text(LEFT - 6, y + 3.5, label, "end"))
+        return [*parts, *(_text(self.x(value), base + 14, tick_label(value), "middle") for value in x_ticks)]
+
+    def _draw_axes(self, x_label: str, y_label: str) -> list[str]:
+        base, right = self.height - BOTTOM, self.width - RIGHT
+        line = f'<path class="axis" d="M{LEFT:.1f} {base:.1f}H{right:.1f}"/>'
+        parts = [line, _text((LEFT + right) / 2, self.height - 6, x_label, "middle", "label")]
         if y_label:
             turned = f'transform="translate(10 {(TOP + base) / 2:.1f}) rotate(-90)"'
-            self._parts.append(f'<text class="label" text-anchor="middle" {turned}>{escape(y_label)}</text>')
-
-    def _text(self, x: float, y: float, text: str, anchor: str, kind: str = "tick") -> None:
-        self._parts.append(f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>')
+            parts.append(f'<text class="label" text-anchor="middle" {turned}>{escape(y_label)}</text>')
+        return parts
 
     def line(self, x: Iterable[float], y: Iterable[float], kind: str, *, title: str = "") -> None:
         points = " ".join(f"{self.x(a):.1f},{self.y(b):.1f}" for a, b in zip(x, y, strict=True))
@@ -126,9 +136,14 @@ class Plot:
         self._parts.append(f'<rect class="{kind}" {box} rx="1">{_title(title)}</rect>')
 
     def svg(self) -> Markup:
-        box, alt = f"0 0 {self.width:g} {self.height:g}", escape(self.alt)
-        head = f'<svg class="chart" viewBox="{box}" role="img" aria-label="{alt}">'
-        return Markup(head + "".join(self._parts) + "</svg>")  # every text in it went through escape()
+        """Return the drawing: ticks and axes, and the data in a picture of its own, of which a page can show a part."""
+        width, height = self.width - LEFT - RIGHT, self.height - TOP - BOTTOM
+        head = f'<svg class="chart" viewBox="0 0 {self.width:g} {self.height:g}" role="img" '
+        head += f'aria-label="{escape(self.alt)}" data-axes="{escape(self._axes)}"><g class="ticks">'
+        place = f'x="{LEFT:g}" y="{TOP:g}" width="{width:g}" height="{height:g}"'
+        inner = f'<svg class="data" {place} viewBox="{LEFT:g} {TOP:g} {width:g} {height:g}" preserveAspectRatio="none">'
+        pieces = (head, *self._ticks, "</g>", *self._frame, inner, *self._parts, "</svg></svg>")
+        return Markup("".join(pieces))  # every text in it went through escape()
 
 
 def histogram(
@@ -193,6 +208,10 @@ def tick_label(value: float) -> str:
 
 def _bins(values: np.ndarray) -> int:
     return int(np.clip(len(np.histogram_bin_edges(values, "auto")) - 1, 10, 24))
+
+
+def _text(x: float, y: float, text: str, anchor: str, kind: str = "tick") -> str:
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
 
 
 def _title(text: str) -> str:

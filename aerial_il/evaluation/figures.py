@@ -13,9 +13,7 @@ from aerial_il.evaluation.result import EvaluationResult, Flight
 
 KINDS = {"success": "good", "failure": "bad"}
 MOST_PATHS = 60  # of each outcome, so that the drawing stays readable and small
-POINTS_PER_PATH = 70
 CENTIMETRES = 100.0
-MOST_CURVES = 9
 CLOCK = "elapsed_s"
 SPELT_OUT = {"lr": "learning rate", "grad_norm": "gradient norm"}
 SPREAD_OUT = ("ee_error_mean_m", "ee_error_max_m", "effort_mean", "action_jerk_rms")
@@ -81,7 +79,7 @@ def _path_view(
     plot = Plot(x=x, y=y, x_label=x_label, y_label=y_label, alt=alt, width=WIDE, height=height)
     for episode, flight in chosen:
         kind = "good" if episode.success else "bad"
-        path = flight.ee_path[_thinned(len(flight.ee_path))]
+        path = flight.ee_path
         plot.line(path[:, u], path[:, v], f"path {kind}", title=f"seed {episode.seed}: {episode.end}")
         mark = plot.dot if episode.success else plot.cross
         mark(path[-1, u], path[-1, v], f"end {kind}", title=f"seed {episode.seed}: {episode.end}")
@@ -91,10 +89,6 @@ def _path_view(
 def _padded(values: np.ndarray) -> tuple[float, float]:
     lo, hi = float(values.min()), float(values.max())
     return lo - 0.03 * (hi - lo), hi + 0.03 * (hi - lo)
-
-
-def _thinned(length: int) -> np.ndarray:
-    return np.unique(np.linspace(0, length - 1, min(POINTS_PER_PATH, length)).astype(int))
 
 
 def training(curves: Sequence[Curve], unit: str = "training step") -> list[Figure]:
@@ -107,7 +101,7 @@ def training(curves: Sequence[Curve], unit: str = "training step") -> list[Figur
         (curve for curve in curves if curve.name != CLOCK),
         key=lambda c: (not any(word in c.name for word in ("success", "loss")), "/" in c.name),
     )
-    return [logged(curve, unit) for curve in ranked[:MOST_CURVES]]
+    return [logged(curve, unit) for curve in ranked]
 
 
 def logged(curve: Curve, unit: str, *, name: str = "", height: float = HEIGHT) -> Figure:

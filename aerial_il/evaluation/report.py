@@ -11,10 +11,10 @@ from aerial_il.evaluation import figures
 from aerial_il.evaluation.background import DatasetSummary, LearningPoint, training_curves
 from aerial_il.evaluation.charts import Figure
 from aerial_il.evaluation.metrics import EpisodeRecord, metrics_of, spread
-from aerial_il.evaluation.page import END_WORDS, data_uri, flat, words, write_page
+from aerial_il.evaluation.page import END_WORDS, flat, words, write_page
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.training_run import is_run, read_run
-from aerial_il.evaluation.video import Clip, Footage
+from aerial_il.evaluation.video import Footage, embedded
 
 MOST_FAILURES = 200
 
@@ -46,6 +46,8 @@ def write_report(
     Raises:
         InvalidValueError: ``run`` has no readable metrics.
     """
+    filmed = {clip.episode.seed for clip in footage.clips} if footage else set()
+    failures = _failures(result, filmed)
     curve = sorted(learning_curve, key=lambda p: p.demonstrations)
     return write_page(
         path,
@@ -61,9 +63,10 @@ def write_report(
         subtasks=result.metrics["subtasks"],
         distributions=figures.distributions(result),
         paths=figures.paths(result),
-        clips=_embedded(footage.clips if footage else ()),
+        clips=embedded(footage.clips if footage else ()),
         film_note=footage.note if footage else "",
-        failures=_failures(result),
+        shown=_addresses(failures, filmed),
+        failures=failures,
         hidden_failures=max(0, len(result.episodes) - result.success["count"] - MOST_FAILURES),
         training=_training(run) if run is not None else [],
         run=str(run or ""),
@@ -97,15 +100,17 @@ def _metric_rows(result: EvaluationResult) -> list[dict[str, Any]]:
     return rows
 
 
-def _failures(result: EvaluationResult) -> list[dict[str, Any]]:
+def _failures(result: EvaluationResult, filmed: set[int]) -> list[dict[str, Any]]:
     failed = [episode for episode in result.episodes if not episode.success][:MOST_FAILURES]
-    return [{"episode": episode, "why": END_WORDS[episode.end], "reached": _reached(episode)} for episode in failed]
+    return [{"episode": e, "why": END_WORDS[e.end], "reached": _reached(e), "filmed": e.seed in filmed} for e in failed]
+
+
+def _addresses(failures: Sequence[dict[str, Any]], filmed: set[int]) -> dict[int, str]:
+    """Return seed -> where on the page it is shown: its film, or else its row among the failures."""
+    rows = {row["episode"].seed: f"#failure-{row['episode'].seed}" for row in failures}
+    return rows | {seed: f"#film-{seed}" for seed in filmed}
 
 
 def _reached(episode: EpisodeRecord) -> str:
     done = [words(name) for name, time_s in episode.subtasks.items() if time_s is not None]
     return ", ".join(done) or "no sub-task"
-
-
-def _embedded(clips: Sequence[Clip]) -> list[dict[str, Any]]:
-    return [{"clip": clip, "episode": clip.episode, "data": data_uri(clip.path)} for clip in clips]

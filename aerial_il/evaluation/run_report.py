@@ -12,11 +12,11 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import run_figures, statistics
-from aerial_il.evaluation.page import END_WORDS, data_uri, flat, write_page
+from aerial_il.evaluation.page import END_WORDS, flat, write_page
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.training_run import TrainingRun
-from aerial_il.evaluation.video import Footage
+from aerial_il.evaluation.video import Footage, embedded
 
 MOST_SETTINGS = 4  # named in a label
 OF_ONE = (run_figures.success, run_figures.mean_reward)  # what rollouts on the way show
@@ -57,7 +57,7 @@ def write_run_report(
         prediction_note=prediction_note,
         rewarded=[run_figures.rewarded(uid, lines) for uid, lines in (rewarded or {}).items()],
         reward_keys=[*enumerate(next(iter((rewarded or {}).values()), {}))],
-        clips=[{"clip": c, "episode": c.episode, "data": data_uri(c.path)} for c in films.clips],
+        clips=embedded(films.clips),
         film_note=films.note,
         end_words=END_WORDS,
         seconds=next((row["elapsed_s"] for row in reversed(run.rows) if "elapsed_s" in row), None),

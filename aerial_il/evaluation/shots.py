@@ -6,19 +6,17 @@ Films are named after their content: made once, found again as long as scene and
 from __future__ import annotations
 
 import hashlib
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.studio import Studio, Viewpoint
-from aerial_il.evaluation.video import FPS, FRAMED_STATES, write_mp4
+from aerial_il.evaluation.video import FPS, FRAMED_STATES, jpeg, write_mp4
 
 RECIPE = "2"  # part of every name: raise it when the pictures below are made in another way
 LONGEST_S = 6.0
@@ -26,7 +24,6 @@ HOLD_S = 0.8
 FILM_SIZE = (360, 480)  # height, width
 POSTER_SIZE = (480, 640)
 STILL_SIZE = (180, 240)
-JPEG_QUALITY = 85
 
 
 @dataclass(frozen=True)
@@ -117,9 +114,7 @@ def _frames(studio: Studio, states: np.ndarray, view: Viewpoint) -> Iterator[np.
 
 
 def _save(path: Path, picture: np.ndarray) -> None:
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, optimize=True)
-    write_atomic(path, buffer.getvalue())
+    write_atomic(path, jpeg(picture))
 
 
 def _digest(episode: Episode, part: Excerpt) -> str:

@@ -6,6 +6,7 @@ machine that cannot render, there are no films and a sentence says why; everythi
 
 from __future__ import annotations
 
+import io
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,13 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from tqdm import tqdm
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
 from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
 from aerial_il.evaluation.overlay import Caption, compose
+from aerial_il.evaluation.page import data_uri
 from aerial_il.evaluation.result import EvaluationResult, Flight
 from aerial_il.evaluation.studio import Studio, Viewpoint
 
@@ -31,15 +35,20 @@ HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
 LONGEST_CLIP_S = 12.0  # longer episodes play faster
 MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
 FRAMED_STATES = 12  # of a recording, from which the viewpoint is found that holds the whole flight
+JPEG_QUALITY = 85
 VIEW_SIZE = (324, 432)  # height, width of one camera view
 
 
 @dataclass(frozen=True)
 class Clip:
-    """A film on disk of one episode."""
+    """A film on disk of one episode, beside it its last picture where it was made here."""
 
     path: Path
     episode: EpisodeRecord
+
+    @property
+    def poster(self) -> Path:
+        return self.path.with_suffix(".jpg")
 
     @property
     def speed(self) -> int:
@@ -53,6 +62,19 @@ class Footage:
 
     clips: tuple[Clip, ...] = ()
     note: str = ""
+
+
+def embedded(clips: Sequence[Clip]) -> list[dict[str, Any]]:
+    """Return what a page shows of films: ``clip``, ``episode``, the film as ``data`` and its ``poster``, if any."""
+    return [
+        {
+            "clip": clip,
+            "episode": clip.episode,
+            "data": data_uri(clip.path),
+            "poster": data_uri(clip.poster) if clip.poster.exists() else "",
+        }
+        for clip in clips
+    ]
 
 
 def film(
@@ -117,7 +139,8 @@ def film_episode(
     title = " · ".join((result.task, result.robot, result.tier, f"seed {episode.seed}"))
     title += f" · {speed}x" if speed > 1 else ""
     frames = _frames(env, episode, flight, title=title, cameras=cameras, stride=stride)
-    write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    last = write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    write_atomic(clip.poster, jpeg(last))
     return clip
 
 
@@ -201,7 +224,7 @@ def phase_at(episode: Episode, step: int) -> str:
     return names[phase] if 0 <= phase < len(names) else ""
 
 
-def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_frames: int = 0) -> None:
+def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_frames: int = 0) -> np.ndarray:
     """Encode (H, W, 3) uint8 frames of even size as H.264 that browsers play, whole or not at all.
 
     Args:
@@ -209,8 +232,13 @@ def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_
         frames: the pictures.
         rate: frames per second.
         hold_frames: how often the last picture is shown again.
+
+    Returns:
+        The last picture.
     """
     import av
+
+    picture = np.zeros((0, 0, 3), np.uint8)
 
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
@@ -226,6 +254,14 @@ def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+    return picture
+
+
+def jpeg(picture: np.ndarray) -> bytes:
+    """Return an (H, W, 3) uint8 picture as a JPEG file."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    return buffer.getvalue()
 
 
 def _held(frames: Iterator[np.ndarray], times: int) -> Iterator[np.ndarray]:

@@ -63,7 +63,7 @@ def test_scales_meet_their_ends() -> None:
 def test_a_point_lands_where_the_axes_say() -> None:
     plot = Plot(x=(0, 10), y=(0, 1), x_label="s", y_label="m", alt="a point")
     plot.dot(10, 1, "good")
-    circle = ElementTree.fromstring(str(plot.svg())).find("circle")
+    circle = ElementTree.fromstring(str(plot.svg())).find(".//circle")
     assert circle is not None
     assert (float(circle.attrib["cx"]), float(circle.attrib["cy"])) == (NARROW - RIGHT, TOP)
 
@@ -122,7 +122,7 @@ def test_training_curves_put_losses_first_and_on_a_log_axis() -> None:
     ]
     figures = training(curves)
     assert [f.title for f in figures] == ["Train: loss", "Learning rate"]
-    line = parse(figures[0]).find("polyline")
+    line = parse(figures[0]).find(".//polyline")
     assert line is not None
     heights = [float(point.split(",")[1]) for point in line.attrib["points"].split()]
     assert all(math.isfinite(h) for h in heights)
