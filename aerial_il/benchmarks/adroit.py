@@ -187,7 +187,7 @@ class Adroit:
 
     @property
     def _stands_on(self) -> dict[str, str]:
-        """What decides flights here: the experts, and the environments' versions."""
+        """Whatever decides flights here: the experts, and the environments' versions."""
         versions = {name: metadata.version(name) for name in ("gymnasium", "gymnasium-robotics", "mujoco")}
         return {"experts": sha256_of(Path(self.data) / POLICIES), **versions}
 
@@ -341,7 +341,7 @@ class Flown:
 
     @property
     def own_returns(self) -> list[float]:
-        """What the environment itself paid, of each episode."""
+        """The return of each episode by the environment's own reward."""
         return list(json.loads((self.judged / OWN_RETURNS).read_text()).values())
 
     def scores(self, task: AdroitTask) -> np.ndarray:

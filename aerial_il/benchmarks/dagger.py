@@ -1,4 +1,4 @@
-"""What an expert's answers are worth: cloning its flights, or asking it while the learner flies, at equal cost.
+"""The worth of an expert's answers: cloning its flights, or asking it while the learner flies, at equal cost.
 
 Every arm begins with the same few demonstrations of its draw. The interactive ones add flights in rounds. Beside each
 stand two controls: cloning as many demonstrations as it had episodes in all, with the usual number of optimisation

@@ -36,10 +36,9 @@ from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
-from aerial_il.data.lerobot_states import StateWriter
+from aerial_il.data.lerobot_states import PROVENANCE, StateWriter
 from aerial_il.data.writer import storing
 
-PROVENANCE = "meta/provenance.json"
 DEFAULT_OUT = "derived/lerobot"
 NEW, OLD = "new", "old"  # in the temporary folder
 

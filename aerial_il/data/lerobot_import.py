@@ -19,7 +19,7 @@ from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, Group, ObservationSpec
 from aerial_il.data.episode import Episode
-from aerial_il.data.lerobot import PROVENANCE
+from aerial_il.data.lerobot_states import PROVENANCE
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
 SUPPORTED = "v3."

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+PROVENANCE = "meta/provenance.json"  # ours, beside what lerobot writes there
 MEBIBYTE = 1 << 20
 
 

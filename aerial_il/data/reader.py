@@ -27,7 +27,7 @@ MAX_ELEMENTS = 1_000_000  # of one message; keeps a forged specification from al
 
 @dataclass(frozen=True)
 class Head:
-    """What a file says about itself before its first message."""
+    """The records of a file before its first message."""
 
     uid: str
     layout: Layout
@@ -37,7 +37,7 @@ class Head:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a file says about itself after its last message."""
+    """The records of a file after its last message."""
 
     success: bool
     steps: int

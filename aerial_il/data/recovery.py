@@ -25,7 +25,7 @@ from aerial_il.data.writer import OUTCOME, STEPS_PER_CHUNK, EpisodeWriter, is_be
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of one file.
+    """The outcome of recovering one file.
 
     Attributes:
         source: the file that was damaged or unfinished.

@@ -113,7 +113,7 @@ def scan(path: Path, *, salvage: bool = False) -> Contents:
 
 
 class _DamageError(Exception):
-    """What is wrong with the file; bytes before it are sound."""
+    """The first fault of the file; bytes before it are sound."""
 
 
 class _Scanner:

@@ -1,4 +1,4 @@
-"""What a demonstration file holds: its topics, and the exact bytes of each of them for a given environment.
+"""The content of a demonstration file: its topics, and the exact bytes of each of them for a given environment.
 
 =====================  ==========================  ==========================================================
 topic                  type                        content

@@ -1,4 +1,4 @@
-"""What stands behind an evaluated policy: its demonstrations, its training, and how it grows with data."""
+"""The background of an evaluated policy: its demonstrations, its training curves, its learning curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording does not say because it follows from its states: which sub-tasks were done when."""
+"""Sub-tasks of a recorded flight, step by step: no recording holds them, because they follow from its states."""
 
 from __future__ import annotations
 

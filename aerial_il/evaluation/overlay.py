@@ -25,7 +25,7 @@ COLOURS = {
 
 @dataclass(frozen=True)
 class Caption:
-    """What the strip says.
+    """The content of the strip.
 
     Attributes:
         title: what is flown, e.g. ``pick_place · ua_quad_arm4 · seed 10007``.

@@ -133,7 +133,7 @@ def _subtasks(episode: Episode, flags: np.ndarray | None) -> list[tuple[str, lis
 
 
 def _data(shown: list[Instrument], episode: Episode, times: np.ndarray, points: np.ndarray) -> dict[str, Any]:
-    """What the page's script needs: times, the values of every line, and where the axes lie."""
+    """Return the data of the page's script: times, the values of every line, and where the axes lie."""
     return {
         "times": times.round(3).tolist(),
         "duration": round(float(times[-1]), 3),

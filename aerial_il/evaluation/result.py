@@ -26,7 +26,7 @@ PATH_TOLERANCE_M = 0.002  # less than a pixel of a report
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What is needed to show an episode again.
+    """The data that show an episode again.
 
     Attributes:
         actions: (T, Da) commanded actions; with the seed they reproduce the episode bit for bit. None after loading

@@ -51,7 +51,7 @@ def success(run: TrainingRun) -> Figure | None:
     best = max(rollouts, key=lambda r: (r.rate, r.step))
     note = f"Bars: 95 % Wilson intervals, {last.episodes} episodes each. "
     note += f"Best {100 * best.rate:.0f} % at {word} {best.step}, final {100 * last.rate:.0f} %. "
-    return Figure(SUCCESS_TITLE, plot.svg(), note + "The best of several is told too high: judge the final policy.")
+    return Figure(SUCCESS_TITLE, plot.svg(), note + "The best of several flatters the policy: evaluate the final one.")
 
 
 def mean_reward(run: TrainingRun) -> Figure | None:

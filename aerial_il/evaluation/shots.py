@@ -1,4 +1,4 @@
-"""What a gallery shows of a flight: a film of its most eventful seconds, a poster, and what the cameras see.
+"""Pictures of a flight for the gallery: a film of its most eventful seconds, a poster, and what the cameras see.
 
 Films are named after their content: made once, found again as long as scene and flight stay the same bit for bit.
 """

@@ -1,4 +1,4 @@
-"""How sure a number is, and whether two numbers differ.
+"""Confidence intervals, and tests of whether two numbers differ.
 
 Proportions get exact or score methods, which hold at 0 and 1 and for few episodes; means get the bootstrap and
 permutation tests, which assume no distribution. Everything random takes a generator.

@@ -85,7 +85,7 @@ def _privileges(task: Task) -> str:
 
 
 def _expert(task: Task) -> str:
-    """How the expert goes about it, and the names of its phases."""
+    """Describe the expert's way of doing it, and name its phases."""
     able = _able(task)
     if not able:
         return "None yet."

@@ -52,7 +52,7 @@ class Clip:
 
     @property
     def speed(self) -> int:
-        """How many times faster than real time it plays."""
+        """The number of times by which it plays faster than real time."""
         return math.ceil(self.episode.duration_s / LONGEST_CLIP_S)
 
 

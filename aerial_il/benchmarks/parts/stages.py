@@ -42,7 +42,7 @@ class Training(Protocol):
 
     @property
     def label(self) -> str:
-        """What people call it, a path."""
+        """Its name for people, a path."""
         ...
 
     def decided_by(self) -> dict[str, Any]:
