@@ -95,7 +95,8 @@ class Gail:
             their experts are trained.
         dac, gail: how learners are trained. methods: which of them on Gymnasium's tasks.
         apart: task -> what differs for it among ``steps`` of a learner, ``seeds`` and ``controls``.
-        outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: every so many steps of them one is kept.
+        outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: one of so many
+            of their steps is kept.
         suite: tasks of our own, flown by ``robot``: task -> steps of a demonstration and of each flight while it
             learns, which success does not end. suite_policy, suite_gail: what differs on these, which ``gail`` learns.
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
