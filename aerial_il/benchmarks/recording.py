@@ -42,7 +42,7 @@ from pathlib import Path
 import aerial_il
 from aerial_il.collection.collect import collect
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.lerobot import convert_to_lerobot
+from aerial_il.data.formats.lerobot import convert_to_lerobot
 from aerial_il.evaluation.rollouts import rollouts
 
 held = {}

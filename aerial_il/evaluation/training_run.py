@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.background import read_rows
+from aerial_il.evaluation.curves import read_rows
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.statistics import wilson
 
