@@ -24,7 +24,6 @@ from aerial_il.algorithms.dart import Dart
 from aerial_il.algorithms.parts.rounds import plain
 from aerial_il.algorithms.parts.run_folder import read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
-from aerial_il.benchmarks.parts.ground import learning_code
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.record import Record
 from aerial_il.benchmarks.parts.report import Report, Row, Target
@@ -32,10 +31,10 @@ from aerial_il.benchmarks.parts.stages import (
     EVALUATION_SEED,
     Cloned,
     Stages,
+    all_that_decides,
     check_seeds,
     described,
     steps_of,
-    without_cadence,
 )
 from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
 from aerial_il.collection.collect import collect
@@ -94,13 +93,7 @@ class Asked:
         return steps_of(self.algorithm)
 
     def decided_by(self) -> dict[str, Any]:
-        return {
-            "source": self.source.decided_by(),
-            "demos": self.demos,
-            "policy": described(self.policy),
-            "algorithm": without_cadence(self.algorithm),
-            "learning": learning_code("bc", "dagger", "dart"),
-        }
+        return all_that_decides(self, "bc", "dagger", "dart")
 
     def train(self, stages: Stages, run: Path) -> Policy:
         env = stages.environment(self.source, self.source.tier, self.algorithm.episodes)
