@@ -10,7 +10,7 @@ import pytest
 from aerial_il import robots
 from aerial_il.evaluation.pages import robot_pages
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "robots"
+DOCS = Path(__file__).resolve().parents[3] / "docs" / "robots"
 
 
 @pytest.mark.parametrize("name", robots.names())

@@ -9,7 +9,7 @@ import pytest
 from aerial_il.evaluation.pages import task_pages
 from aerial_il.suite import tasks
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
 @pytest.mark.parametrize("name", tasks.names())
