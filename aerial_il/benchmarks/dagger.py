@@ -1,4 +1,4 @@
-"""What an expert's answers are worth: cloning its flights, or asking it while the learner flies, at equal cost.
+"""The worth of an expert's answers: cloning its flights, or asking it while the learner flies, at equal cost.
 
 Every arm begins with the same few demonstrations of its draw. The interactive ones add flights in rounds. Beside each
 stand two controls: cloning as many demonstrations as it had episodes in all, with the usual number of optimisation
@@ -23,7 +23,6 @@ from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import Dart
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
-from aerial_il.benchmarks.parts.ground import learning_code
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.record import Record
 from aerial_il.benchmarks.parts.report import Report, Row, Target
@@ -31,10 +30,10 @@ from aerial_il.benchmarks.parts.stages import (
     EVALUATION_SEED,
     Cloned,
     Stages,
+    all_that_decides,
     check_seeds,
     described,
     steps_of,
-    without_cadence,
 )
 from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
 from aerial_il.collection.collect import collect
@@ -94,13 +93,7 @@ class Asked:
         return steps_of(self.algorithm)
 
     def decided_by(self) -> dict[str, Any]:
-        return {
-            "source": self.source.decided_by(),
-            "demos": self.demos,
-            "policy": described(self.policy),
-            "algorithm": without_cadence(self.algorithm),
-            "learning": learning_code("bc", "dagger", "dart"),
-        }
+        return all_that_decides(self, "bc", "dagger", "dart")
 
     def train(self, stages: Stages, run: Path) -> Policy:
         env = stages.environment(self.source, self.source.tier, self.algorithm.episodes)

@@ -1,4 +1,4 @@
-"""How often the experts succeed: every claimed cell in every tier, over seeds that nothing was tuned on."""
+"""Success of the experts: every claimed cell in every tier, over seeds that nothing was tuned on."""
 
 from __future__ import annotations
 

@@ -95,7 +95,8 @@ class Gail:
             their experts are trained.
         dac, gail: how learners are trained. methods: which of them on Gymnasium's tasks.
         apart: task -> what differs for it among ``steps`` of a learner, ``seeds`` and ``controls``.
-        outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: keep each so manieth step of them.
+        outside: Gymnasium's tasks. trajectories: demonstrations of each. subsample: one of so many
+            of their steps is kept.
         suite: tasks of our own, flown by ``robot``: task -> steps of a demonstration and of each flight while it
             learns, which success does not end. suite_policy, suite_gail: what differs on these, which ``gail`` learns.
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
@@ -179,7 +180,7 @@ class Gail:
         return self.apart.get(task, {}).get(what, usual)
 
     def _methods(self, task: str) -> tuple[str, ...]:
-        """What is trained on a task, what the targets are about first."""
+        """The trainings on a task, first those that the targets are about."""
         return (*(self.methods if task in self.outside else ("gail",)), CLONE)
 
     def environment(self, task: str, *, learner: str = "", judged: bool = False, at_most: int | None = None) -> Any:

@@ -1,4 +1,4 @@
-"""How well imitation flies the robots' tasks: policy classes, from the same draws of demonstrations, on unseen seeds.
+"""Imitation on the robots' tasks: policy classes, from the same draws of demonstrations, on unseen seeds.
 
 Each policy is trained on one draw of demonstrations of one task and robot, flown by the expert in one tier, and its
 final checkpoint is judged in every tier asked for. Every stage is kept by all that decides it: killed at any moment,
@@ -54,7 +54,7 @@ class Flight:
 
     @property
     def arm(self) -> Row:
-        """What a row of a table can be about."""
+        """The key of a table's row."""
         source = self.training.source
         return {
             "robot": source.robot,

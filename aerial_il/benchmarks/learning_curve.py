@@ -1,4 +1,4 @@
-"""How a policy grows with its demonstrations: behaviour cloning from few to many, judged on seeds it has never seen.
+"""Success over the number of demonstrations: behaviour cloning from few to many, judged on seeds it has never seen.
 
 Of each draw of demonstrations, each size takes the first ones, so that a larger set contains the smaller. Every stage
 is kept by all that decides it: killed at any moment, the same call continues.

@@ -29,7 +29,7 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import write_json
 from aerial_il.core.rendering import require_rendering
-from aerial_il.data.lerobot import convert_to_lerobot
+from aerial_il.data.formats.lerobot import convert_to_lerobot
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.evaluation.statistics import mcnemar, paired_difference, wilson

@@ -1,4 +1,4 @@
-"""What cameras are worth: policies that see images and the end effector's pose, but no object, on unseen seeds.
+"""The worth of cameras: policies that see images and the end effector's pose, but no object, on unseen seeds.
 
 Beside each stands its blind control, the same network from the same demonstrations without the images: what that
 reaches needs no eyes. Every stage is kept by all that decides it: killed at any moment, the same call continues.

@@ -1,4 +1,4 @@
-"""How long each policy takes to act, against the tick of the control loop, and to learn, against a DataLoader.
+"""Time that each policy takes to act, against the tick of the control loop, and to learn, against a DataLoader.
 
 The expert's demonstrations give the observations and the minibatches; weights are random, for time does not depend on
 them. In learning, all arms take the same optimisation step of the same network and differ in who gathers the

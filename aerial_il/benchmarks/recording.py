@@ -1,4 +1,4 @@
-"""What it costs to keep what is flown: the share of recording in collecting, and the speed of reading and converting.
+"""The cost of recording: its share in collecting, and the speed of reading and converting.
 
 Ours and, if asked for, an earlier commit do the same work in processes of their own, and take turns; ratios are formed
 within a turn.
@@ -42,7 +42,7 @@ from pathlib import Path
 import aerial_il
 from aerial_il.collection.collect import collect
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.lerobot import convert_to_lerobot
+from aerial_il.data.formats.lerobot import convert_to_lerobot
 from aerial_il.evaluation.rollouts import rollouts
 
 held = {}
@@ -201,7 +201,7 @@ def _compared(rates: Mapping[str, list[float]]) -> Row:
 
 
 def _goals(row: Row) -> Iterator[Target]:
-    """What collecting should reach."""
+    """The targets of collecting."""
     yield Target(
         what=f"{row['robot']}: share of recording in collecting",
         sense="at most",

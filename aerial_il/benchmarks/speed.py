@@ -1,4 +1,4 @@
-"""How fast worlds are flown: beside the bare engine, beside this package at an earlier commit, and beside Gymnasium.
+"""Speed of simulation: beside the bare engine, beside this package at an earlier commit, and beside Gymnasium.
 
 An expert's flight is recorded once and flown again by the batch environment and the bare engine, so that both do the
 same work, contacts included: the bare engine is fed with the recorded actuator commands and wrenches and ends in the
@@ -244,7 +244,7 @@ def _compared(rates: dict[str, np.ndarray]) -> Row:
 
 
 def _targets(row: Row) -> list[Target]:
-    """What a cell's ratios should be."""
+    """The targets of a cell's ratios."""
     raw = RAW_RATIO_MANIPULATION if row["task"] == MANIPULATION else RAW_RATIO
     wanted = (
         ("recorded", raw, "raw mj_step with a state row per world"),
@@ -279,7 +279,7 @@ def _ratio(what: str, limit: float, row: Row, key: str) -> Target:
 
 
 def _goals(row: Row) -> list[Target]:
-    """What collecting demonstrations should reach."""
+    """The targets of collecting demonstrations."""
     robot, flown = row["robot"], row["flown_per_minute"]
     return [
         Target(f"{robot}: demonstrations flown per minute", "at least", DEMONSTRATIONS_PER_MINUTE, flown),

@@ -1,4 +1,4 @@
-"""How closely the tool follows its reference, hovering and moving, in still air and in gusts.
+"""Tracking error of the tool, hovering and moving, in still air and in gusts.
 
 Every world of one batch flies one motion with one seed. After a time to fly there and settle, the distance between
 tool and reference is taken at each control step: the action is where the tool should be at the end of that step, as in
@@ -50,7 +50,7 @@ NOTES = (
 
 @dataclass(frozen=True, eq=False)
 class Flights:
-    """What was measured of W runs at T control steps.
+    """Measurements of W runs at T control steps.
 
     Attributes:
         motions: (W,) what each flew. seeds: (W,) with which seed.

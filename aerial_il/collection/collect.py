@@ -23,8 +23,8 @@ from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.provenance import DROPPED, Origin
-from aerial_il.data.recorder import Recorded, Recorder
-from aerial_il.data.writer import BusyError, EpisodeWriter
+from aerial_il.data.recording.recorder import Recorded, Recorder
+from aerial_il.data.recording.writer import BusyError, EpisodeWriter
 
 log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from typing import Any
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import KINDS, DatasetFolder
 from aerial_il.data.provenance import conditions_of, made_by
-from aerial_il.data.reader import read_episode
+from aerial_il.data.recording.reader import read_episode
 
 
 def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]) -> None:

@@ -15,7 +15,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
 from aerial_il.data.provenance import made_by
-from aerial_il.data.reader import read_episode
+from aerial_il.data.recording.reader import read_episode
 
 AHEAD = 2  # episodes that are read while another one is used
 
@@ -111,13 +111,13 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
     if not path.exists():
         raise DemoError(path, "does not exist.", hint=COLLECT.format(path))
     if path.suffix in (".hdf5", ".h5"):
-        from aerial_il.data.hdf5 import open_hdf5
+        from aerial_il.data.formats.hdf5 import open_hdf5
 
         return Dataset(path, open_hdf5(path))
     if path.is_file():
         return _open_files(path, [path], cameras)
     if (path / "meta" / "info.json").is_file():
-        from aerial_il.data.lerobot_import import open_lerobot
+        from aerial_il.data.formats.lerobot_import import open_lerobot
 
         return Dataset(path, open_lerobot(path))
     if (path / INDEX).exists() or (path / DEMOS).is_dir():

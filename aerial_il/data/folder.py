@@ -19,7 +19,7 @@ import yaml
 from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.core.files import sha256_of, sync_folder, write_atomic
 from aerial_il.core.specs import EnvSpec
-from aerial_il.data.writer import storing
+from aerial_il.data.recording.writer import storing
 
 INDEX, LOG = "dataset.yaml", "recordings.jsonl"
 DEMOS, FAILURES, SALVAGED = "demos", "failures", "salvaged"

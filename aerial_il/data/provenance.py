@@ -24,7 +24,7 @@ STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """What the episodes of one collection have in common.
+    """The provenance that the episodes of one collection have in common.
 
     Attributes:
         spec: the environment.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, SALVAGED, DatasetFolder
-from aerial_il.data.reader import (
+from aerial_il.data.recording.reader import (
     Messages,
     check_channels,
     check_views,
@@ -17,15 +17,15 @@ from aerial_il.data.reader import (
     read_outcome,
     read_whole_steps,
 )
-from aerial_il.data.scan import Contents, scan
-from aerial_il.data.schema import Layout
+from aerial_il.data.recording.scan import Contents, scan
+from aerial_il.data.recording.schema import Layout
+from aerial_il.data.recording.writer import OUTCOME, STEPS_PER_CHUNK, EpisodeWriter, is_being_written
 from aerial_il.data.validation import Report
-from aerial_il.data.writer import OUTCOME, STEPS_PER_CHUNK, EpisodeWriter, is_being_written
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of one file.
+    """The outcome of recovering one file.
 
     Attributes:
         source: the file that was damaged or unfinished.

@@ -15,7 +15,7 @@ QUANTILES = (0.01, 0.99)
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is known of the elements of one field, each array (D,).
+    """Statistics of the elements of one field, each array (D,).
 
     Attributes:
         count: number of samples.

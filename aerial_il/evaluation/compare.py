@@ -6,7 +6,8 @@ the draw of episodes; otherwise the two are independent samples.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,12 @@ from aerial_il.suite.changes import disturbance_changes
 
 @dataclass(frozen=True)
 class MetricChange:
-    """How the mean of one number changed from a to b, over the episodes where it exists (in both, if paired)."""
+    """The mean of one number in a and in b, over the episodes where it exists (in both, if paired).
+
+    Attributes:
+        p_value: two-sided, that both means are one, by permutation.
+        p_adjusted: the same by Holm's method for all the numbers that are compared at once.
+    """
 
     key: str
     label: str
@@ -30,6 +36,7 @@ class MetricChange:
     mean_a: float
     mean_b: float
     p_value: float
+    p_adjusted: float
 
     @property
     def difference(self) -> float:
@@ -49,7 +56,7 @@ class Comparison:
         method: the test used.
         paired: whether both flew the same seeds.
         only_a, only_b: seeds on which one succeeded and the other did not (paired only).
-        changes: the other numbers.
+        changes: the other numbers; success, the question asked, is not among those for which they are adjusted.
     """
 
     a: str
@@ -81,10 +88,21 @@ class Comparison:
             lines.append(f"         won by a alone: {len(self.only_a)} seeds, by b alone: {len(self.only_b)}")
         width = max(len(change.key) for change in self.changes)
         lines += [
-            f"{c.key:<{width}}  a {c.mean_a:.4g}  b {c.mean_b:.4g}  ({c.difference:+.3g})  p = {c.p_value:.3g}"
+            f"{c.key:<{width}}  a {c.mean_a:.4g}  b {c.mean_b:.4g}  ({c.difference:+.3g})  {told_p(c.p_value)}, "
+            f"adjusted {told_p(c.p_adjusted, tests=len(self.changes))}"
             for c in self.changes
         ]
+        lines.append(
+            f"{len(self.changes)} numbers were tested at once, each by permutation, and adjusted by Holm's method: "
+            "chance alone puts any of them below 0.05 in at most 5 % of comparisons. Success is not among them."
+        )
         return "\n".join(lines)
+
+
+def told_p(p_value: float, *, tests: int = 1) -> str:
+    """Write the p-value of a permutation test, or of the first of ``tests``; its least one is only an upper bound."""
+    floor = tests * statistics.smallest_p()
+    return f"p <= {floor:.2g}" if p_value <= floor * (1 + 1e-9) else f"p = {p_value:.3g}"
 
 
 def compare(a: EvaluationResult, b: EvaluationResult) -> Comparison:
@@ -108,7 +126,7 @@ def compare(a: EvaluationResult, b: EvaluationResult) -> Comparison:
     else:
         ci95, p_value, method = statistics.newcombe(*counts), statistics.fisher(*counts), "Fisher's exact test"
     metrics = metrics_of((*a.episodes, *b.episodes))
-    changes = [_change(metric, by_seed_a, by_seed_b, paired=paired) for metric in metrics]
+    changes = _adjusted([_change(metric, by_seed_a, by_seed_b, paired=paired) for metric in metrics])
     name_a, name_b = (f"{r.policy} ({r.tier})" if a.tier != b.tier else r.policy for r in (a, b))
     rate_a, rate_b = a.success["rate"], b.success["rate"]
     return Comparison(
@@ -123,7 +141,7 @@ def compare(a: EvaluationResult, b: EvaluationResult) -> Comparison:
         paired=paired,
         only_a=tuple(only_a),
         only_b=tuple(only_b),
-        changes=tuple(change for change in changes if change is not None),
+        changes=changes,
     )
 
 
@@ -135,6 +153,12 @@ def other_conditions(a: EvaluationResult, b: EvaluationResult) -> list[str]:
     if a.tier == b.tier and (differing := disturbance_changes(*meant)):
         notes.append(f"Tier {a.tier} did not mean the same in both: {'; '.join(differing)}.")
     return notes
+
+
+def _adjusted(changes: Sequence[MetricChange | None]) -> tuple[MetricChange, ...]:
+    found = [change for change in changes if change is not None]
+    p_adjusted = statistics.holm([change.p_value for change in found])
+    return tuple(replace(change, p_adjusted=p) for change, p in zip(found, p_adjusted, strict=True))
 
 
 def _change(
@@ -152,4 +176,4 @@ def _change(
         p_value = statistics.paired_permutation_test(y - x, rng=rng)
     else:
         p_value = statistics.permutation_test(x, y, rng=rng)
-    return MetricChange(metric.key, metric.label, metric.unit, float(x.mean()), float(y.mean()), p_value)
+    return MetricChange(metric.key, metric.label, metric.unit, float(x.mean()), float(y.mean()), p_value, p_value)

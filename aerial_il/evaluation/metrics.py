@@ -1,4 +1,4 @@
-"""What is measured of one episode, and how episodes are summed up with their spread."""
+"""Metrics of one episode, and their summary with spread over many."""
 
 from __future__ import annotations
 

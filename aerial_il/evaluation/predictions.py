@@ -1,4 +1,4 @@
-"""What a policy would do along a demonstration that it has not seen, beside what the demonstrator did."""
+"""Actions that a policy predicts along a demonstration it has not seen, beside those of the demonstrator."""
 
 from __future__ import annotations
 

@@ -21,17 +21,18 @@ from aerial_il.evaluation.traces import Trace
 SCHEMA = "aerial_il.evaluation/1"
 FILE_NAME = "evaluation.json"
 PATHS_NAME = "ee_paths.npz"
-PATH_POINTS = 120
+PATH_TOLERANCE_M = 0.002  # less than a pixel of a report
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What is needed to show an episode again.
+    """The data that show an episode again.
 
     Attributes:
         actions: (T, Da) commanded actions; with the seed they reproduce the episode bit for bit. None after loading
             from disk.
-        ee_path: (P, 3) end effector in the world, m, thinned to at most 120 points; empty where it is not observed.
+        ee_path: (P, 3) end effector in the world, m, without the points that lie within 2 mm of the straight
+            line between those kept; empty where it is not observed.
         phase: (T,) phase index, -1 for policies without phases.
         phase_names: names of the phases.
     """
@@ -43,9 +44,39 @@ class Flight:
 
     @staticmethod
     def of(trace: Trace, phase_names: tuple[str, ...] = ()) -> Flight:
-        points = np.unique(np.linspace(0, len(trace) - 1, min(PATH_POINTS, len(trace))).astype(int))
-        path = trace.ee_pos[points].astype(np.float32)
-        return Flight(path[np.isfinite(path).all(axis=1)], trace.actions, trace.phase, tuple(phase_names))
+        path = trace.ee_pos[np.isfinite(trace.ee_pos).all(axis=1)]
+        kept = simplified(path, PATH_TOLERANCE_M).astype(np.float32)
+        return Flight(kept, trace.actions, trace.phase, tuple(phase_names))
+
+
+def simplified(path: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the points (P, 3) of a path (N, 3) that a polyline needs to stay within ``tolerance`` of all of them.
+
+    Source:
+        D. Douglas and T. Peucker, "Algorithms for the reduction of the number of points required to represent a
+        digitized line or its caricature", Cartographica 1973.
+    """
+    kept = np.zeros(len(path), dtype=bool)
+    kept[[0, -1] if len(path) else []] = True
+    parts = [(0, len(path) - 1)]
+    while parts:
+        first, last = parts.pop()
+        if last - first < 2:
+            continue
+        away = _distances(path[first + 1 : last], path[first], path[last])
+        farthest = int(away.argmax())
+        if away[farthest] > tolerance:
+            middle = first + 1 + farthest
+            kept[middle] = True
+            parts += [(first, middle), (middle, last)]
+    return path[kept]
+
+
+def _distances(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return how far points (N, 3) lie from the straight line between ``a`` and ``b``."""
+    along = b - a
+    share = np.clip((points - a) @ along / max(float(along @ along), 1e-30), 0.0, 1.0)
+    return np.linalg.norm(points - a - share[:, None] * along, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +142,7 @@ class EvaluationResult:
         }
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write ``evaluation.json`` and the thinned end-effector paths into ``folder``; return the JSON's path."""
+        """Write ``evaluation.json`` and the simplified end-effector paths into ``folder``; return the JSON's path."""
         folder = Path(folder)
         buffer = io.BytesIO()
         paths: dict[str, Any] = {str(seed): flight.ee_path for seed, flight in self.flights.items()}

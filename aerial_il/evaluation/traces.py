@@ -1,4 +1,4 @@
-"""What a world did, step by step, kept for n worlds at once until each episode ends."""
+"""Traces of episodes, step by step, kept for n worlds at once until each episode ends."""
 
 from __future__ import annotations
 

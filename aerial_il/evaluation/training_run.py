@@ -1,4 +1,4 @@
-"""What a training run left in its folder, read without torch: settings, metrics, rollouts on the way, provenance."""
+"""The folder of a training run, read without torch: settings, metrics, rollouts on the way, provenance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.background import read_rows
+from aerial_il.evaluation.curves import read_rows
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.statistics import wilson
 
@@ -78,7 +78,7 @@ class TrainingRun:
 
     @property
     def unit(self) -> str:
-        """What its steps count: rounds, steps flown in the environment, or steps of the optimiser."""
+        """The unit of its steps: rounds, steps flown in the environment, or steps of the optimiser."""
         if "rounds" in self.config.get("settings", {}):
             return "round"
         return "environment step" if "environment" in self.config else "training step"

@@ -11,8 +11,8 @@ import pytest
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
-from aerial_il.benchmarks import adroit
 from aerial_il.benchmarks.adroit import Adroit
+from aerial_il.benchmarks.parts import adroit_tables
 from aerial_il.benchmarks.parts.adroit import TASKS, PublishedRewards, expert_of
 from aerial_il.benchmarks.parts.stages import steps_of
 from aerial_il.core.errors import InvalidValueError
@@ -101,15 +101,15 @@ def row(percent: float, *, queries: int = 100, demos: int = 30, score: float = 9
 
 def test_wide_intervals_do_not_make_a_learner_as_good_and_success_alone_does_not() -> None:
     taught = row(96.0)
-    assert [t.met for t in adroit._thrift(taught, [row(96.0, queries=40)])] == [True, True, True]
-    assert [t.met for t in adroit._thrift(taught, [row(96.0, queries=40, score=80.0)])] == [True, True, False]
+    assert [t.met for t in adroit_tables._thrift(taught, [row(96.0, queries=40)])] == [True, True, True]
+    assert [t.met for t in adroit_tables._thrift(taught, [row(96.0, queries=40, score=80.0)])] == [True, True, False]
     few = {**row(90.0, queries=60), "success": 9, "episodes": 10}
-    assert [t.met for t in adroit._thrift(taught, [few])] == [False, False, True]
+    assert [t.met for t in adroit_tables._thrift(taught, [few])] == [False, False, True]
 
 
 def test_dagger_is_judged_beside_cloning_with_as_many_steps_only() -> None:
     dagger = {**row(95.0, demos=15), "policy": "mlp-dagger"}
     short = {**row(85.0, demos=15), "policy": "mlp"}
     equal = {**row(94.0, demos=15), "policy": "mlp-bc_as_dagger"}
-    assert not list(adroit._interactive_targets([dagger, short]))
-    assert [t.met for t in adroit._interactive_targets([dagger, short, equal])] == [False]
+    assert not list(adroit_tables.interactive_targets([dagger, short]))
+    assert [t.met for t in adroit_tables.interactive_targets([dagger, short, equal])] == [False]

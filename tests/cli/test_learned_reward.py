@@ -6,7 +6,7 @@ from pathlib import Path
 
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.cli.flights import run_results
-from aerial_il.data.writer import write_episode
+from aerial_il.data.recording.writer import write_episode
 from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from tests.algorithms.drift import MAX_STEPS, Drift, demonstrations

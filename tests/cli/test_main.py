@@ -6,7 +6,6 @@ import errno
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -21,16 +20,14 @@ def aerial_il(*words: str, cwd: Path | None = None) -> subprocess.CompletedProce
 
 
 @pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in commands.names())])
-def test_help_is_quick_and_imports_nothing_heavy(words: list[str]) -> None:
+def test_help_imports_nothing_heavy(words: list[str]) -> None:
     code = (
         "import sys; from aerial_il.cli.main import main; status = main(sys.argv[1:]);"
         "heavy = {'torch', 'mujoco', 'lerobot', 'hydra', 'matplotlib', 'rerun', 'numba'} & set(sys.modules);"
         "sys.exit(f'imported {heavy}' if heavy else status)"
     )
-    start = time.perf_counter()
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    assert time.perf_counter() - start < 2.0
     assert "key=value" in done.stdout
 
 

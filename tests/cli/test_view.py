@@ -9,8 +9,8 @@ import pytest
 from aerial_il.cli.commands import list as catalogue
 from aerial_il.cli.flights import pilots
 from aerial_il.cli.main import main
-from aerial_il.data.reader import read_episode
-from aerial_il.evaluation import studio, window
+from aerial_il.data.recording.reader import read_episode
+from aerial_il.evaluation.films import scene_renderer, window
 
 REACH = ["robot=ua_quad_arm4", "task=reach", "progress=false"]
 
@@ -25,7 +25,7 @@ def headless(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 @pytest.fixture
 def dark(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine that cannot render, on which pages are quick."""
-    monkeypatch.setattr(studio, "can_render", lambda: False)
+    monkeypatch.setattr(scene_renderer, "can_render", lambda: False)
 
 
 @pytest.fixture(scope="module")

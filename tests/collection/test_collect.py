@@ -18,7 +18,7 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.reader import read_episode
+from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recovery import recover
 from tests.data.crane import CraneBatch, CraneExpert
 

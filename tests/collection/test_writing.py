@@ -15,11 +15,11 @@ import pytest
 
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import SimulationDivergedError, StorageError
-from aerial_il.data import recorder
 from aerial_il.data.dataset import altered_files, open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.reader import read_episode
-from aerial_il.data.writer import is_being_written
+from aerial_il.data.recording import recorder
+from aerial_il.data.recording.reader import read_episode
+from aerial_il.data.recording.writer import is_being_written
 from tests.collection.test_collect import digests
 from tests.data.crane import CraneBatch, CraneExpert, StepResult
 

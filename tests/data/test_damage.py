@@ -17,10 +17,10 @@ from mcap.records import Message
 from mcap.writer import CompressionType, Writer
 
 from aerial_il.core.errors import DemoError
-from aerial_il.data.container import MAGIC, record_bytes
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.reader import read_episode
-from aerial_il.data.schema import Layout
+from aerial_il.data.recording.container import MAGIC, record_bytes
+from aerial_il.data.recording.reader import read_episode
+from aerial_il.data.recording.schema import Layout
 from tests.data.crane import crane_spec
 from tests.data.tampering import Entries, rewrite
 

@@ -11,7 +11,7 @@ import pytest
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.hdf5 import convert_to_hdf5
+from aerial_il.data.formats.hdf5 import convert_to_hdf5
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
 from tests.data.test_damage import episodes_equal

@@ -18,7 +18,7 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.lerobot import convert_to_lerobot, write_states, write_with_lerobot
+from aerial_il.data.formats.lerobot import convert_to_lerobot, write_states, write_with_lerobot
 from tests.data.crane import CraneBatch, CraneExpert
 
 

@@ -12,8 +12,8 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from aerial_il.collection.collect import collect
-from aerial_il.data import messages
-from aerial_il.data.reader import read_episode
+from aerial_il.data.recording import messages
+from aerial_il.data.recording.reader import read_episode
 from tests.data.crane import CraneBatch, CraneExpert
 
 STEP_ARRAYS = "actions executed_actions expert_actions is_intervention phase rewards terminated truncated ctrl"

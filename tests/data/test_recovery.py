@@ -11,11 +11,11 @@ import pytest
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import altered_files, open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.reader import read_episode
-from aerial_il.data.recorder import Recorder
+from aerial_il.data.recording.reader import read_episode
+from aerial_il.data.recording.recorder import Recorder
+from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.data.recovery import recover, recover_episode
 from aerial_il.data.replay import replay
-from aerial_il.data.writer import EpisodeWriter
 from tests.data.crane import CraneBatch, CraneExpert
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerial_il.core.errors import DemoError
-from aerial_il.data.reader import read_episode
+from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
 

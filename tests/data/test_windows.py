@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -73,17 +72,12 @@ def test_bad_requests_are_refused(folder: DatasetFolder) -> None:
         Windows([], NAMES)
 
 
-def test_gathering_is_fast(folder: DatasetFolder) -> None:
-    """The trial reached 481k windows a second with chunks; a busy machine may be several times slower."""
+def test_a_batch_of_windows_is_its_windows_one_by_one(folder: DatasetFolder) -> None:
     windows = Windows(open_dataset(folder.path), NAMES, history=2, chunk=16)
-    index = np.random.default_rng(0).integers(len(windows), size=(200, 256))
-    rates = []
-    for _ in range(5):
-        start = time.perf_counter()
-        for row in index:
-            windows[row]
-        rates.append(index.size / (time.perf_counter() - start))
-    assert max(rates) > 480_000, f"{max(rates):.0f} windows a second"
+    index = np.random.default_rng(0).integers(len(windows), size=64)
+    together, alone = windows[index], [windows[np.array([k])] for k in index]
+    for name in ("obs", "actions", "is_pad"):
+        np.testing.assert_array_equal(getattr(together, name), np.concatenate([getattr(one, name) for one in alone]))
 
 
 def test_statistics_are_those_of_the_data(folder: DatasetFolder) -> None:

@@ -12,7 +12,7 @@ import aerial_il
 from aerial_il.cli.flights.pilots import record
 from aerial_il.core.rendering import can_render
 from aerial_il.data.episode import Episode
-from aerial_il.evaluation.judging import subtask_flags
+from aerial_il.evaluation.outcome import subtask_flags
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
 from tests.evaluation.hover import GoThere, HoverBatch

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.compare import compare
-from aerial_il.evaluation.result import SCHEMA, EvaluationResult, load_result
+from aerial_il.evaluation import statistics
+from aerial_il.evaluation.compare import compare, told_p
+from aerial_il.evaluation.result import SCHEMA, EvaluationResult, load_result, simplified
 from aerial_il.evaluation.rollouts import evaluate
 from tests.evaluation.hover import GoThere, HoverBatch
 
@@ -50,9 +54,27 @@ def test_equal_evaluations_give_equal_files_but_for_the_clock(diver: EvaluationR
     assert one == two
 
 
-def test_paths_are_thinned_and_keep_their_ends(diver: EvaluationResult) -> None:
-    flight = diver.flights[next(e.seed for e in diver.episodes if e.end == "timeout")]
-    assert 100 < len(flight.ee_path) <= 120
+@settings(deadline=None)
+@given(st.integers(1, 400), st.integers(0, 99))
+def test_a_simplified_path_stays_close_however_long_it_is(length: int, seed: int) -> None:
+    path = np.random.default_rng(seed).normal(size=(length, 3)).cumsum(axis=0) * 0.01
+    kept = simplified(path, 0.005)
+    assert (kept[0] == path[0]).all()
+    assert (kept[-1] == path[-1]).all()
+    corners = [int(np.flatnonzero((path == point).all(axis=1))[0]) for point in kept]
+    assert corners == sorted(corners)
+    for first, last in pairwise(corners):
+        stretch = path[last] - path[first]
+        share = np.clip((path[first : last + 1] - path[first]) @ stretch / (stretch @ stretch), 0, 1)
+        away = path[first : last + 1] - path[first] - share[:, None] * stretch
+        assert np.linalg.norm(away, axis=1).max() <= 0.005 + 1e-12
+
+
+def test_a_long_wild_flight_keeps_its_wiggles_and_a_straight_one_two_points() -> None:
+    time_s = np.arange(1500) * 0.02
+    circling = np.stack([np.cos(4 * time_s), np.sin(4 * time_s), 0.01 * time_s], axis=1)
+    assert len(simplified(circling, 0.002)) > 500
+    assert len(simplified(np.outer(time_s, [1.0, 2.0, 3.0]), 0.002)) == 2
 
 
 @pytest.mark.parametrize(
@@ -104,6 +126,23 @@ def test_comparison_with_itself_finds_nothing(expert: EvaluationResult) -> None:
     comparison = compare(expert, expert)
     assert (comparison.difference, comparison.p_value) == (0, 1)
     assert all(change.p_value == 1 for change in comparison.changes)
+
+
+def test_the_least_p_is_told_as_a_bound_and_grows_with_the_number_of_tests() -> None:
+    assert told_p(statistics.smallest_p()) == "p <= 0.0002"
+    assert told_p(0.0312) == "p = 0.0312"
+    assert told_p(11 * statistics.smallest_p(), tests=11) == "p <= 0.0022"
+
+
+def test_a_comparison_says_how_many_numbers_it_tests_and_adjusts_them(
+    diver: EvaluationResult, expert: EvaluationResult
+) -> None:
+    comparison = compare(diver, expert)
+    changes, told = comparison.changes, comparison.summary()
+    assert [c.p_adjusted for c in changes] == statistics.holm([c.p_value for c in changes])
+    assert all(c.p_value <= c.p_adjusted <= 1 for c in changes)
+    assert f"{len(changes)} numbers were tested at once" in told
+    assert told.count(", adjusted p") == len(changes)
 
 
 def test_comparison_refuses_another_task(expert: EvaluationResult) -> None:

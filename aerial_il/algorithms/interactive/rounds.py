@@ -37,7 +37,7 @@ from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.writer import write_episode
+from aerial_il.data.recording.writer import write_episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT, ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig

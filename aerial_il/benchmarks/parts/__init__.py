@@ -1,1 +1,1 @@
-"""What the benchmarks share: reports, studies on disk, figures, reference motions, timing."""
+"""Parts that the benchmarks share: reports, studies on disk, figures, reference motions, timing."""

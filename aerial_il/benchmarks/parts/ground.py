@@ -1,4 +1,4 @@
-"""What a result stands on besides its settings: how the worlds behave, and the code that learns."""
+"""Fingerprints of all that decides a result besides its settings: the worlds' behaviour and the code that learns."""
 
 from __future__ import annotations
 

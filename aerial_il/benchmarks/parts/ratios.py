@@ -1,4 +1,4 @@
-"""How near imitators come to their experts: rows of a study's tables, another library's among them, and targets."""
+"""Returns of imitators as ratios of their experts': rows of a study's tables, and targets."""
 
 from __future__ import annotations
 

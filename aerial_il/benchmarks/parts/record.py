@@ -1,4 +1,4 @@
-"""What a study has measured already, each result kept by all that decides it: nothing twice, and nothing outdated.
+"""The record of a study: each result kept by all that decides it: nothing twice, and nothing outdated.
 
 A result lies in ``KIND/LABEL-DIGEST``: the digest is that of everything that decides it, and ``decided_by.json`` beside
 it says what that is. An arm that is added to a study finds those of the others, whatever its settings are called; a

@@ -1,4 +1,4 @@
-"""What a benchmark is and what it hands back: tables, targets met or missed, figures, and where they come from."""
+"""The benchmark protocol and its report: tables, targets met or missed, figures, and where they come from."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """How many targets are met, in words."""
+        """The number of targets that are met, in words."""
         met = sum(target.met for target in self.targets)
         return f"{met} of {len(self.targets)} targets met" if self.targets else "no targets"
 

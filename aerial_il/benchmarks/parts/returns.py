@@ -1,4 +1,4 @@
-"""What an expert and a policy without a plan earn in the same time: whether the reward means anything."""
+"""Returns of an expert and of a policy without a plan in the same time: whether the reward means anything."""
 
 from __future__ import annotations
 

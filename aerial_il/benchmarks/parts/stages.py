@@ -43,7 +43,7 @@ class Training(Protocol):
 
     @property
     def label(self) -> str:
-        """What people call it, a path."""
+        """Its name for people, a path."""
         ...
 
     def decided_by(self) -> dict[str, Any]:
@@ -77,17 +77,26 @@ class Cloned:
         )
 
     def decided_by(self) -> dict[str, Any]:
-        return {
-            "source": self.source.decided_by(),
-            "demos": self.demos,
-            "policy": described(self.policy),
-            "algorithm": without_cadence(self.algorithm),
-            "learning": learning_code("bc"),
-        }
+        return all_that_decides(self, "bc")
 
     def train(self, stages: Stages, run: Path) -> Policy:
         shown = stages.demonstrations(self.source, self.demos, cameras=self.policy.images)
         return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
+
+
+def all_that_decides(training: Any, *algorithms: str) -> dict[str, Any]:
+    """Return all that decides the result of a training from demonstrations.
+
+    Args:
+        training: with ``source``, ``demos``, ``policy`` and ``algorithm``. algorithms: whose code trains.
+    """
+    return {
+        "source": training.source.decided_by(),
+        "demos": training.demos,
+        "policy": described(training.policy),
+        "algorithm": without_cadence(training.algorithm),
+        "learning": learning_code(*algorithms),
+    }
 
 
 @dataclass(frozen=True, kw_only=True)

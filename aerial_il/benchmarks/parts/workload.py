@@ -19,7 +19,7 @@ INPUTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """What an expert did in n worlds for T control steps.
+    """The flight of an expert in n worlds over T control steps.
 
     Attributes:
         start: (n, S) states before the first step. actions: (T, n, Da) commanded.

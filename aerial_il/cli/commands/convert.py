@@ -25,7 +25,7 @@ class Config:
 
 def run(config: Config) -> None:
     """Convert, and say where the result lies."""
-    from aerial_il.data.lerobot import DEFAULT_OUT, convert_to_lerobot
+    from aerial_il.data.formats.lerobot import DEFAULT_OUT, convert_to_lerobot
 
     os.environ.setdefault("SVT_LOG", "1")  # the video encoder reports every setting otherwise
     out = Path(config.out or Path(config.path) / DEFAULT_OUT)
@@ -39,8 +39,8 @@ def _is_current(path: Path, out: Path, images: bool | tuple[str, ...]) -> bool:
     """Whether ``out`` is whole and holds just the demonstrations and cameras that a new conversion would."""
     from aerial_il.core.errors import DemoError
     from aerial_il.data.dataset import open_dataset
-    from aerial_il.data.lerobot import IMAGES, image_key
-    from aerial_il.data.lerobot_import import check_lerobot
+    from aerial_il.data.formats.lerobot import IMAGES, image_key
+    from aerial_il.data.formats.lerobot_import import check_lerobot
 
     dataset = open_dataset(path)
     if not out.exists():

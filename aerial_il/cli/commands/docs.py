@@ -17,7 +17,7 @@ class Config:
 
 def run(config: Config) -> None:
     """Write the pages and say where."""
-    from aerial_il.evaluation import robot_pages, task_pages
+    from aerial_il.evaluation.pages import robot_pages, task_pages
 
     for path in (*robot_pages.write_pages(config.out), *task_pages.write_pages(config.out)):
         print(path)

@@ -77,7 +77,7 @@ class Config:
         MaybeLocated, "whom an algorithm asks: the file of one from outside (null: the task's own)"
     )
     flight_tier: str | None = key(None, "how rough the air is where it flies (null: as in the dataset)")
-    num_envs: int | None = key(None, "worlds in which it flies at once (null: as it likes best)")
+    num_envs: int | None = key(None, "worlds in which it flies at once (null: its own default)")
     threads: int = key(0, "threads of its flights, or processes of worlds from outside; 0 for all cores")
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")

@@ -61,7 +61,7 @@ class Config:
 
 def run(config: Config) -> None:
     """Show the flight, and say where it went."""
-    from aerial_il.evaluation.window import has_screen
+    from aerial_il.evaluation.films.window import has_screen
 
     viewer = config.viewer
     if viewer == "auto":
@@ -77,7 +77,7 @@ def run(config: Config) -> None:
 
 def _show_flight(config: Config, viewer: str) -> None:
     from aerial_il.cli.flights import pilots
-    from aerial_il.evaluation import window
+    from aerial_il.evaluation.films import window
 
     pilot = pilots.pilot(
         config.policy.path,
@@ -108,8 +108,8 @@ def _show_flight(config: Config, viewer: str) -> None:
 
 
 def _show_recording(config: Config, viewer: str, file: Path) -> None:
-    from aerial_il.data.reader import read_episode
-    from aerial_il.evaluation import window
+    from aerial_il.data.recording.reader import read_episode
+    from aerial_il.evaluation.films import window
 
     episode = read_episode(file)
     if viewer == "window":
@@ -127,8 +127,8 @@ def _show_recording(config: Config, viewer: str, file: Path) -> None:
 
 def _present(config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: Any, again: str) -> None:
     """Write what shows one flight without a window, or hand it to rerun."""
-    from aerial_il.evaluation.judging import subtask_flags
-    from aerial_il.evaluation.video import end_of
+    from aerial_il.evaluation.films.video import end_of
+    from aerial_il.evaluation.outcome import subtask_flags
 
     print(f"{episode.spec.task} on {episode.spec.robot}: {end_of(episode)} after {episode.sim_time[-1]:.2f} s.")
     if viewer == "rerun":
@@ -142,8 +142,8 @@ def _present(config: Config, viewer: str, episode: Any, file: Path, out: Path, *
 
 
 def _rerun(file: Path, out: Path) -> None:
-    from aerial_il.data import rerun_view
-    from aerial_il.evaluation.window import has_screen
+    from aerial_il.data.formats import rerun_view
+    from aerial_il.evaluation.films.window import has_screen
 
     if has_screen():
         rerun_view.open_viewer(file)
@@ -154,8 +154,8 @@ def _rerun(file: Path, out: Path) -> None:
 
 def _film(config: Config, episode: Any, out: Path, flags: Any) -> None:
     from aerial_il.core.rendering import RenderingError
-    from aerial_il.evaluation.studio import obstacle
-    from aerial_il.evaluation.video import film_recording
+    from aerial_il.evaluation.films.scene_renderer import obstacle
+    from aerial_il.evaluation.films.video import film_recording
 
     if problem := obstacle():
         raise RenderingError(f"No film: {problem} viewer=page shows the traces without it.")
@@ -165,9 +165,9 @@ def _film(config: Config, episode: Any, out: Path, flags: Any) -> None:
 def _page(config: Config, episode: Any, file: Path, out: Path, flags: Any, again: str) -> None:
     from tempfile import TemporaryDirectory
 
-    from aerial_il.evaluation.player import write_player
-    from aerial_il.evaluation.studio import obstacle
-    from aerial_il.evaluation.video import film_recording
+    from aerial_il.evaluation.films.scene_renderer import obstacle
+    from aerial_il.evaluation.films.video import film_recording
+    from aerial_il.evaluation.pages.player import write_player
 
     problem = obstacle()
     notes = [f"No film: {problem}"] if problem else []

@@ -28,7 +28,7 @@ from aerial_il.core.rendering import require_rendering
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
-from aerial_il.evaluation.judging import subtask_flags
+from aerial_il.evaluation.outcome import subtask_flags
 from aerial_il.experts.outside import load_expert
 from aerial_il.policies import find_lerobot, load_policy
 from aerial_il.policies.parts.tasks import tasks_of
@@ -173,7 +173,7 @@ def record(env: Any, policy: Policy, seed: int, file: Path, *, name: str) -> Epi
     """
     from aerial_il.collection.collect import collect
     from aerial_il.data.folder import KINDS
-    from aerial_il.data.reader import read_episode
+    from aerial_il.data.recording.reader import read_episode
 
     with TemporaryDirectory() as folder:
         made = collect(env, policy, [seed], folder, policy_name=name, progress=False).folder

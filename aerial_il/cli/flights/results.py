@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import aerial_il
-from aerial_il.evaluation.background import DatasetSummary
-from aerial_il.evaluation.report import write_report
+from aerial_il.evaluation.curves import DatasetSummary
+from aerial_il.evaluation.films.video import Clip, Footage, film
+from aerial_il.evaluation.pages.report import write_report
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.video import Clip, Footage, film
 
 VIDEOS = "videos"
 PAGE = "report.html"

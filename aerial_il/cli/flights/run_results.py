@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from aerial_il.cli.flights import demonstrations, pilots, results
 from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.evaluation.films.video import Footage, film
 from aerial_il.evaluation.training_run import TrainingRun
-from aerial_il.evaluation.video import Footage, film
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,0 +1,202 @@
+"""Read LeRobot v3 datasets, ours or foreign ones, straight from their files: nothing is opened that is not complete.
+
+lerobot answers an incomplete dataset by asking the network for it, so completeness is checked here first.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from aerial_il.core.errors import AerialError, DemoError
+from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
+from aerial_il.core.specs import ActionSpec, EnvSpec, Field, Group, ObservationSpec
+from aerial_il.data.episode import Episode
+from aerial_il.data.formats.lerobot_states import PROVENANCE
+
+REBUILD = "Derive it anew from the recordings with: aerial-il convert"
+SUPPORTED = "v3."
+GROUPS: dict[str, Group] = {STATE: "proprio", ENVIRONMENT: "task"}
+
+
+def check_lerobot(path: Path | str) -> dict[str, Any]:
+    """Require that all files of a LeRobot v3 dataset are there and whole; return its ``info.json``.
+
+    Raises:
+        DemoError: names the file that is missing, cut, inconsistent or outside the folder.
+    """
+    path = Path(path)
+    info = _read_json(path / "meta" / "info.json")
+    try:
+        _check_info(path, info)
+        rows = _count_rows(path, "data")
+        episodes = _count_rows(path, "meta/episodes")
+    except (KeyError, TypeError, AttributeError) as error:
+        raise DemoError(path / "meta" / "info.json", f"is malformed ({error!r}).") from error
+    for what, expected, got in (("frames", info["total_frames"], rows), ("episodes", info["total_episodes"], episodes)):
+        if expected != got:
+            raise DemoError(path, f"is incomplete: its {what} do not add up.", expected=expected, got=got, hint=REBUILD)
+    if (path / PROVENANCE).is_file():
+        for name, size in _read_json(path / PROVENANCE)["files"].items():
+            file = path / _inside(path, name)
+            if not file.is_file() or file.stat().st_size != size:
+                got = file.stat().st_size if file.is_file() else "no file"
+                raise DemoError(file, "is missing or cut.", expected=f"{size} bytes", got=got, hint=REBUILD)
+    return info
+
+
+def open_lerobot(path: Path) -> dict[str, Callable[[], Episode]]:
+    """Return uid -> function that reads the episode, without its videos.
+
+    What LeRobot does not hold is left empty: simulator states, controls and the scene. The last observation stands in
+    for the terminal one, which is not recorded either.
+    """
+    info = check_lerobot(path)
+    columns = [name for name in info["features"] if info["features"][name]["dtype"] not in ("video", "image")]
+    table = pa.concat_tables([pq.read_table(file, columns=columns) for file in _parquets(path, "data")])
+    index = table["episode_index"].to_numpy()
+    starts = np.flatnonzero(np.diff(index, prepend=-1))
+    ends = np.append(starts[1:], len(index))
+    origins = _origins(path)
+    spec = _spec(path, info, table)
+    loaders = {}
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        rows = table.slice(start, end - start)
+        uid = rows["demo.uid"][0].as_py() if "demo.uid" in columns else f"episode_{index[start]:06d}"
+        loaders[uid] = cache(lambda rows=rows, uid=uid: _episode(path, rows, uid, spec, origins.get(uid, {})))
+    return loaders
+
+
+def _episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mapping[str, Any]) -> Episode:
+    steps = len(rows)
+    actions = _matrix(path, rows, ACTION, spec.action.size)
+    obs = {}
+    for column, group in GROUPS.items():
+        fields, end = spec.observation.of_group(group), 0
+        values = _matrix(path, rows, column, sum(f.size for f in fields)) if fields else np.zeros((steps, 0))
+        for field in fields:
+            start, end = end, end + field.size
+            cut = values[:, start:end].reshape(steps, *field.shape).astype(field.dtype)
+            obs[field.name] = np.concatenate([cut, cut[-1:]])
+    names = rows.column_names
+    success = (
+        bool(rows["next.success"].to_numpy()[-1]) if "next.success" in names else bool(origin.get("success", True))
+    )
+    none = np.zeros(steps, bool)
+    return Episode(
+        uid=uid,
+        spec=spec,
+        provenance={
+            **origin.get("provenance", {"policy": "unknown"}),
+            "note": f"read from {path.name}, a LeRobot dataset",
+        },
+        obs=obs,
+        actions=actions,
+        executed_actions=actions,
+        expert_actions=np.full_like(actions, np.nan),
+        is_intervention=none,
+        phase=np.full(steps, -1),
+        rewards=rows["next.reward"].to_numpy() if "next.reward" in names else np.zeros(steps),
+        terminated=none,
+        truncated=none,
+        states=np.zeros((steps + 1, 0)),
+        ctrl=np.zeros((steps, 0)),
+        sim_time=np.arange(steps + 1) * spec.control_dt_s,
+        success=success,
+        model_xml="",
+    )
+
+
+def _matrix(path: Path, rows: pa.Table, column: str, width: int) -> np.ndarray:
+    """Return a column of vectors as (T, D) float64, exact."""
+    flat = rows[column].combine_chunks().flatten() if pa.types.is_nested(rows[column].type) else rows[column]
+    values = np.asarray(flat, float)
+    if values.size != len(rows) * width or not np.isfinite(values).all():
+        raise DemoError(
+            path, "has a column of another width, or values that are not finite.", field=column, expected=width
+        )
+    return values.reshape(len(rows), width)
+
+
+def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
+    """Return the recorded specification, or one read off a foreign dataset's columns; its bounds are those seen."""
+    if (path / PROVENANCE).is_file():
+        try:
+            return EnvSpec.from_dict(_read_json(path / PROVENANCE)["spec"])
+        except AerialError as error:
+            raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
+    features = info["features"]
+    if ACTION not in features or STATE not in features:
+        raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
+    fields = [Field(n, tuple(features[n]["shape"]), g) for n, g in GROUPS.items() if n in features]
+    size = int(features[ACTION]["shape"][0])
+    actions = _matrix(path, table, ACTION, size)
+    labels = tuple(str(i) for i in range(size))
+    action = ActionSpec("unknown", labels, ("",) * size, actions.min(0) - 1e-6, actions.max(0) + 1e-6)
+    return EnvSpec(
+        robot=str(info.get("robot_type") or "unknown"),
+        task="unknown",
+        tier="unknown",
+        observation=ObservationSpec(tuple(fields)),
+        action=action,
+        control_dt_s=1 / info["fps"],
+        max_steps=int(info["total_frames"]),
+        instruction="",
+        subtasks=(),
+        state_size=0,
+    )
+
+
+def _origins(path: Path) -> dict[str, dict[str, Any]]:
+    if not (path / PROVENANCE).is_file():
+        return {}
+    return {entry["uid"]: entry for entry in _read_json(path / PROVENANCE)["episodes"]}
+
+
+def _check_info(path: Path, info: Mapping[str, Any]) -> None:
+    if not str(info["codebase_version"]).startswith(SUPPORTED):
+        raise DemoError(path, "is of another LeRobot version.", expected=f"{SUPPORTED}x", got=info["codebase_version"])
+    for key in ("data_path", "video_path"):
+        if info.get(key):
+            _inside(path, str(info[key]))
+    if info["total_episodes"] and not _parquets(path, "data"):
+        raise DemoError(path / "data", "is missing.", hint=REBUILD)
+
+
+def _inside(path: Path, name: str) -> PurePosixPath:
+    """Return a relative path that stays within the dataset."""
+    relative = PurePosixPath(name)
+    if relative.is_absolute() or ".." in relative.parts:
+        raise DemoError(path, "refers to a place outside itself.", got=name)
+    return relative
+
+
+def _parquets(path: Path, folder: str) -> list[Path]:
+    return sorted((path / folder).rglob("*.parquet"))
+
+
+def _count_rows(path: Path, folder: str) -> int:
+    total = 0
+    for file in _parquets(path, folder):
+        try:
+            total += pq.read_metadata(file).num_rows
+        except (pa.ArrowException, OSError) as error:
+            raise DemoError(file, f"is cut or damaged ({error}).", hint=REBUILD) from error
+    return total
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        tree = json.loads(path.read_text())
+    except (OSError, ValueError, RecursionError) as error:
+        raise DemoError(path, f"cannot be read ({error}).", hint=REBUILD) from error
+    if not isinstance(tree, dict):
+        raise DemoError(path, "is not a JSON object.", hint=REBUILD)
+    return tree

@@ -1,0 +1,111 @@
+"""Write a LeRobot v3 dataset without images: whole episodes at a time, straight to Parquet.
+
+lerobot's own writer takes frame after frame through a Hugging Face dataset, which it searches for images. What it would
+write comes out of its own functions here too: the schema, the statistics, the files below ``meta/``.
+
+Source: ``DatasetWriter.save_episode`` of lerobot 0.6.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+PROVENANCE = "meta/provenance.json"  # ours, beside what lerobot writes there
+MEBIBYTE = 1 << 20
+
+
+class StateWriter:
+    """Appends episodes to a new dataset.
+
+    Args:
+        root: the folder, which must not exist yet.
+        repo_id, fps, robot_type: for ``meta/info.json``.
+        features: lerobot's description of the columns.
+    """
+
+    def __init__(
+        self, root: Path, *, repo_id: str, fps: int, robot_type: str, features: Mapping[str, dict[str, Any]]
+    ) -> None:
+        from lerobot.datasets.dataset_metadata import LeRobotDatasetMetadata
+        from lerobot.datasets.feature_utils import get_hf_features_from_features
+
+        self.root = root
+        self.meta = LeRobotDatasetMetadata.create(
+            repo_id, fps, dict(features), robot_type=robot_type, root=root, use_videos=False
+        )
+        self._schema: pa.Schema = get_hf_features_from_features(self.meta.features).arrow_schema
+        self._parquet: pq.ParquetWriter | None = None
+        self._chunk = self._file = self._first = 0  # of the file that is open, and its first frame
+
+    def add(self, columns: Mapping[str, np.ndarray], task: str) -> None:
+        """Append an episode.
+
+        Args:
+            columns: each feature (T, ...), those of one element (T,).
+            task: its instruction.
+        """
+        from lerobot.datasets.compute_stats import compute_episode_stats
+
+        length, episode, start = len(next(iter(columns.values()))), self.meta.total_episodes, self.meta.total_frames
+        self.meta.save_episode_tasks([task])
+        frame = np.arange(length)
+        known = {
+            **columns,
+            "timestamp": frame / self.meta.fps,
+            "frame_index": frame,
+            "episode_index": np.full(length, episode),
+            "index": start + frame,
+            "task_index": np.full(length, self.meta.get_task_index(task)),
+        }
+        ordered = {name: known[name] for name in self.meta.features}
+        self._write(ordered, start, length)
+        place = {"data/chunk_index": self._chunk, "data/file_index": self._file}
+        place |= {"dataset_from_index": start, "dataset_to_index": start + length}
+        statistics = compute_episode_stats(dict(ordered), self.meta.features)
+        self.meta.save_episode(episode, length, [task], statistics, place)
+
+    def close(self) -> None:
+        """Write the footers, without which nothing can be read."""
+        if self._parquet is not None:
+            self._parquet.close()
+            self._parquet = None
+        self.meta.finalize()
+
+    def _write(self, columns: Mapping[str, np.ndarray], start: int, length: int) -> None:
+        from lerobot.datasets.utils import update_chunk_file_indices
+
+        if self._parquet is not None and self._is_full(start, length):
+            self._parquet.close()
+            self._parquet, self._first = None, start
+            self._chunk, self._file = update_chunk_file_indices(self._chunk, self._file, self.meta.chunks_size)
+        if self._parquet is None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._parquet = pq.ParquetWriter(self._path, self._schema, compression="snappy", use_dictionary=True)
+        arrays = [_array(columns[field.name], field.type) for field in self._schema]
+        self._parquet.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+
+    def _is_full(self, start: int, length: int) -> bool:
+        """Whether ``length`` more frames would make the file larger than lerobot wants it."""
+        size, frames = self._path.stat().st_size / MEBIBYTE, start - self._first
+        return size + length * size / frames >= self.meta.data_files_size_in_mb
+
+    @property
+    def _path(self) -> Path:
+        return self.root / self.meta.data_path.format(chunk_index=self._chunk, file_index=self._file)
+
+
+def _array(values: np.ndarray, kind: pa.DataType) -> pa.Array:
+    """Return a column (T,) or (T, D) in the type that lerobot gives it."""
+    if pa.types.is_fixed_size_list(kind):
+        flat = pa.array(np.ascontiguousarray(values).ravel(), kind.value_type)
+        return pa.FixedSizeListArray.from_arrays(flat, type=kind)
+    if pa.types.is_list(kind):
+        offsets = np.arange(len(values) + 1, dtype=np.int32) * values.shape[1]
+        return pa.ListArray.from_arrays(offsets, pa.array(np.ascontiguousarray(values).ravel(), kind.value_type), kind)
+    return pa.array(values, kind)

@@ -1,0 +1,288 @@
+"""Write one episode as one MCAP file, appended to while it is flown."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from functools import cached_property, lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.records import Channel, Schema
+
+from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
+from aerial_il.data.episode import Episode
+from aerial_il.data.recording import messages
+from aerial_il.data.recording.container import ContainerWriter, Definitions
+from aerial_il.data.recording.digest import ContentDigest
+from aerial_il.data.recording.images import encode
+from aerial_il.data.recording.packing import Packer, first_not_finite
+from aerial_il.data.recording.schema import (
+    MESSAGE_HEAD_SIZE,
+    MESSAGE_OPCODE,
+    RECORD_HEAD,
+    VERSION,
+    Block,
+    Camera,
+    Layout,
+    Topic,
+)
+
+STEPS_PER_CHUNK = 64  # written at once; what a kill loses: 1.3 s at 50 Hz
+CHUNK_BYTES = 1 << 20  # at most, unless a step is larger
+EPISODE, PROVENANCE, OUTCOME = "aerial_il.episode", "aerial_il.provenance", "aerial_il.outcome"
+MODEL = "model.xml"
+FULL_DISK_HINT = "Finished episodes are intact: free some space and run the same command again."
+
+Images = Mapping[str, Sequence[bytes]]
+NO_IMAGES: Images = MappingProxyType({})
+
+
+class BusyError(Exception):
+    """Another process is writing the same episode."""
+
+
+class EpisodeWriter:
+    """One episode on its way to the disk, under the name ``<path>.part`` until it is finished.
+
+    Equal calls give equal bytes: time stamps are simulation time, and wall time is nobody's business here. Making one
+    only claims the file; all else may be done by another thread, one call after the other.
+
+    Args:
+        path: the file to be; a left-over ``.part`` of a killed process is overwritten.
+        layout: what the environment records.
+        uid: the episode's name.
+        provenance: JSON values.
+        model_xml: the compiled scene.
+
+    Raises:
+        BusyError: another process holds the ``.part`` file.
+        StorageError: the folder cannot be written or the disk is full; so do all methods.
+    """
+
+    def __init__(self, path: Path, layout: Layout, *, uid: str, provenance: Mapping[str, Any], model_xml: str) -> None:
+        self.path, self.part = Path(path), part_of(path)
+        self._layout, self._uid, self._provenance = layout, uid, provenance
+        self._steps, self._digest = 0, ContentDigest()
+        self._rows_per_chunk = max(1, min(STEPS_PER_CHUNK, CHUNK_BYTES // layout.step_bytes))
+        self._attachments = {MODEL: model_xml.encode()}
+        self._metadata: dict[str, dict[str, str]] = {}
+        with storing(self.part):
+            self._file = _open_locked(self.part)
+
+    def append(self, block: Block | np.ndarray, images: Images = NO_IMAGES) -> None:
+        """Append k steps, and their images as chunks of their own.
+
+        Args:
+            block: ``sim_time`` (k,), ``observation`` (k, Do) flat, ``reward`` (k,) and the fields of ``Step``; or the
+                rows (k,) of :attr:`Layout.row`, of which what follows from the rest is filled in.
+            images: for each camera field, k compressed images.
+
+        Raises:
+            SimulationDivergedError: a value is not finite.
+        """
+        rows = self._rows(block, "executed_action")
+        self._put(rows, self._layout.steps, [*self._layout.observed, *self._layout.acted], images)
+        self._steps += len(rows)
+
+    def finish(
+        self,
+        last: Block | np.ndarray,
+        images: Images = NO_IMAGES,
+        *,
+        success: bool,
+        path: Path | None = None,
+        note: str = "",
+    ) -> Path:
+        """Append the terminal record and give the file its name.
+
+        Args:
+            last: a block of one step with ``sim_time``, ``observation`` and ``state`` after the last step.
+            images: for each camera field, one compressed image.
+            success: whether the task was solved.
+            path: where it goes instead of ``self.path``.
+            note: what is special about it, e.g. that it was salvaged.
+        """
+        rows = self._rows(last, "state")
+        self._put(rows, self._layout.ending, [*self._layout.observed, self._layout.terminal], images)
+        outcome = {"success": json.dumps(bool(success)), "steps": str(self._steps), "note": note}
+        digest = self._digest.hexdigest({**self._metadata, OUTCOME: outcome}, self._attachments)
+        path = Path(path or self.path)
+        with storing(self.part):
+            self._container.metadata(OUTCOME, {**outcome, "digest": digest})
+            self._container.finish()
+            os.fsync(self._file.fileno())
+            path.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(self.part, path)  # a power cut before the folder is synced leaves the .part file, whole
+            self._file.close()
+        return path
+
+    @property
+    def sha256(self) -> str:
+        """Of the file as far as it is written."""
+        return self._container.sha256
+
+    def discard(self) -> None:
+        """Forget the episode."""
+        self.part.unlink(missing_ok=True)
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Close the ``.part`` file and leave it for recovery."""
+        with suppress(OSError):  # a full disk was reported where it was met
+            self._file.close()
+
+    @cached_property
+    def _container(self) -> ContainerWriter:
+        """The file's records, of which those that precede all messages are written when it is first asked for."""
+        head = {"schema_version": str(VERSION), "uid": self._uid, "ctrl_size": str(self._layout.ctrl_size)}
+        self._metadata = {
+            EPISODE: {**head, "spec": self._layout.spec_json},
+            PROVENANCE: {key: json.dumps(value, sort_keys=True) for key, value in self._provenance.items()},
+        }
+        container = ContainerWriter(self._file, definitions(self._layout))
+        for name, entries in self._metadata.items():
+            container.metadata(name, entries)
+        container.attachment(MODEL, "application/xml", self._attachments[MODEL])
+        return container
+
+    def _rows(self, block: Block | np.ndarray, finite_until: str) -> np.ndarray:
+        """Return ``block`` as complete rows whose numbers are finite."""
+        rows = block if isinstance(block, np.ndarray) else self._layout.rows(block)
+        numbers = rows.view(np.float64).reshape(len(rows), -1)[:, : self._layout.finite_until(finite_until)]
+        if bad := first_not_finite(numbers):
+            name, where = self._layout.name_of_number(bad[1])
+            seed = int(self._provenance.get("seed", -1))
+            raise SimulationDivergedError(f"{name}{where} is not finite", seed=seed, step=self._steps + bad[0])
+        self._layout.complete(rows, self._steps)
+        return rows
+
+    def _put(self, rows: np.ndarray, packer: Packer, topics: Sequence[Topic], images: Images) -> None:
+        with storing(self.part):
+            for start in range(0, len(rows), self._rows_per_chunk):
+                self._put_chunk(rows[start : start + self._rows_per_chunk], packer, topics)
+            if self._layout.cameras:
+                self._put_images(rows["time_ns"], images)
+
+    def _put_chunk(self, rows: np.ndarray, packer: Packer, topics: Sequence[Topic]) -> None:
+        records = packer.pack(rows)
+        ends = np.cumsum([len(topic.record_template) for topic in topics])
+        starts = np.append(0, ends[:-1])
+        for topic, start, end in zip(topics, starts.tolist(), ends.tolist(), strict=True):
+            self._digest.update(topic.name, np.ascontiguousarray(records[:, start:end]))
+        offsets = np.add.outer(starts, np.arange(len(records)) * records.shape[1])
+        self._container.chunk(records, [topic.channel for topic in topics], rows["time_ns"], offsets)
+
+    def _put_images(self, times: np.ndarray, images: Images) -> None:
+        records = []
+        for camera in self._layout.cameras:
+            pairs = zip(times.tolist(), images[camera.field], strict=True)
+            mine = [image_record(camera, self._steps + i, time, data) for i, (time, data) in enumerate(pairs)]
+            self._digest.update(camera.name, b"".join(mine))
+            records += mine
+        offsets = np.cumsum([0, *map(len, records[:-1])]).reshape(len(self._layout.cameras), -1)
+        channels = [camera.channel for camera in self._layout.cameras]
+        self._container.chunk(b"".join(records), channels, times, offsets, compress=False)
+
+
+def write_episode(episode: Episode, path: Path) -> Path:
+    """Write an episode that is in memory, wherever it came from; its images are left out unless they were decoded.
+
+    Raises:
+        BusyError: another process writes it.
+        InvalidValueError: the episode lacks the images that its specification promises.
+        StorageError: the disk is full or the folder not writable.
+    """
+    layout = Layout(episode.spec, episode.ctrl.shape[1])
+    for camera in layout.cameras:
+        if camera.field not in episode.obs:
+            raise InvalidValueError(f"Episode {episode.uid} was read without its images of {camera.field}.")
+    pictures = {c.field: [encode(c.field, image) for image in episode.obs[c.field]] for c in layout.cameras}
+    writer = EpisodeWriter(path, layout, uid=episode.uid, provenance=episode.provenance, model_xml=episode.model_xml)
+    block = _block(episode)
+    steps = {name: values[: len(episode)] for name, values in block.items()}
+    writer.append(steps, {name: images[:-1] for name, images in pictures.items()})
+    last = {name: block[name][-1:] for name in ("sim_time", "observation", "state")}
+    return writer.finish(last, {name: images[-1:] for name, images in pictures.items()}, success=episode.success)
+
+
+def _block(episode: Episode) -> dict[str, np.ndarray]:
+    return {
+        "sim_time": episode.sim_time,
+        "observation": episode.flat_obs(episode.spec.observation.state_names),
+        "state": episode.states,
+        "ctrl": episode.ctrl,
+        "action": episode.actions,
+        "executed_action": episode.executed_actions,
+        "expert_action": episode.expert_actions,
+        "is_intervention": episode.is_intervention,
+        "phase": episode.phase,
+        "reward": episode.rewards,
+        "terminated": episode.terminated,
+        "truncated": episode.truncated,
+    }
+
+
+def part_of(path: str | os.PathLike[str]) -> Path:
+    """Return the name a file has while it is being written."""
+    path = Path(path)
+    return path.with_name(path.name + ".part")
+
+
+def is_being_written(part: Path) -> bool:
+    """Return whether a living process holds a ``.part`` file."""
+    with open(part, "rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+@lru_cache(maxsize=8)
+def definitions(layout: Layout) -> Definitions:
+    """Return the MCAP schema and channel records of a layout."""
+    types = sorted({t.type for t in layout.topics} | ({messages.COMPRESSED_IMAGE} if layout.cameras else set()))
+    ids = {name: i for i, name in enumerate(types, 1)}
+    schemas = [Schema(i, messages.definition(name).encode(), "ros2msg", name) for name, i in ids.items()]
+    channels = [Channel(t.channel, t.name, "cdr", {}, ids[t.type]) for t in layout.topics]
+    images = [Channel(c.channel, c.name, "cdr", {}, ids[messages.COMPRESSED_IMAGE]) for c in layout.cameras]
+    return Definitions(tuple(schemas), tuple(channels + images))
+
+
+def image_record(camera: Camera, sequence: int, time_ns: int, data: bytes) -> bytes:
+    """Return the MCAP message record of one compressed image."""
+    body = np.frombuffer(bytearray(camera.template.content), camera.template.dtype)
+    body["sec"], body["nanosec"], body["size"] = time_ns // 10**9, time_ns % 10**9, len(data)
+    length = MESSAGE_HEAD_SIZE + body.nbytes + len(data)
+    head = np.array([(MESSAGE_OPCODE, length, camera.channel, sequence, time_ns, time_ns)], RECORD_HEAD)
+    return head.tobytes() + body.tobytes() + data
+
+
+def _open_locked(part: Path) -> BinaryIO:
+    part.parent.mkdir(parents=True, exist_ok=True)
+    file = open(part, "ab")  # noqa: SIM115 - it stays open and locked while the episode is flown
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not part.exists() or os.fstat(file.fileno()).st_ino != part.stat().st_ino:
+            raise BlockingIOError  # its owner finished and renamed it in between
+    except BlockingIOError:
+        file.close()
+        raise BusyError(f"{part} is being written by another process.") from None
+    if os.fstat(file.fileno()).st_size:
+        file.truncate(0)
+    return file
+
+
+@contextmanager
+def storing(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusals while writing ``path`` into a :class:`StorageError`."""
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(path, error, FULL_DISK_HINT) from error

@@ -1,0 +1,169 @@
+"""Draws recorded states for people: smooth edges, and viewpoints that fit what is to be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from types import TracebackType
+
+import mujoco
+import numpy as np
+from PIL import Image
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.rendering import can_render
+from aerial_il.suite.rendering import Renderer
+from aerial_il.suite.worlds import STATE
+
+SUPERSAMPLING = 2  # every pixel is the mean of 2 x 2
+ELEVATION_DEG = -20.0
+BELOW_M = 0.2  # what stands farther below the robot, such as a table's leg, need not be seen
+MARGIN = 1.15  # air around what is framed
+
+
+def obstacle() -> str:
+    """Return why this machine cannot draw, in the words of its graphics, or an empty string."""
+    if not can_render():
+        return "no rendering back end works on this machine; `aerial-il doctor` says what is missing."
+    try:
+        Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16).close()
+    except Exception as error:  # the renderer, its bindings and the driver each raise their own kind
+        return f"this machine cannot render ({type(error).__name__}: {error}). `aerial-il doctor` says what is missing."
+    return ""
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """A free camera.
+
+    Attributes:
+        centre: point looked at, world, m. distance: from it, m. azimuth_deg, elevation_deg: MuJoCo's angles of view.
+    """
+
+    centre: tuple[float, float, float]
+    distance: float
+    azimuth_deg: float
+    elevation_deg: float = ELEVATION_DEG
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3) rows: to the right, upwards and forward in the picture, in the world."""
+        a, e = np.deg2rad([self.azimuth_deg, self.elevation_deg])
+        forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        right = np.array([np.sin(a), -np.cos(a), 0.0])
+        return np.stack([right, np.cross(right, forward), forward])
+
+    def camera(self) -> mujoco.MjvCamera:
+        camera = mujoco.MjvCamera()
+        camera.lookat[:], camera.distance = self.centre, self.distance
+        camera.azimuth, camera.elevation = self.azimuth_deg, self.elevation_deg
+        return camera
+
+
+class SceneRenderer:
+    """Pictures of the states of one scene; close it, or use it as a context.
+
+    Args:
+        model_xml: the compiled scene, as environments and recordings keep it.
+    """
+
+    def __init__(self, model_xml: str) -> None:
+        try:
+            self.model = mujoco.MjModel.from_xml_string(model_xml)
+        except ValueError as error:
+            hint = "Its states and actions can be seen all the same: aerial-il info PATH"
+            raise InvalidValueError(f"The recorded scene cannot be drawn: {error}. {hint}") from error
+        self.data = mujoco.MjData(self.model)
+        self._renderers: dict[tuple[int, int], Renderer] = {}
+
+    def __enter__(self) -> SceneRenderer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the scene's own cameras."""
+        return tuple(self.model.camera(i).name for i in range(self.model.ncam))
+
+    @property
+    def robot_geoms(self) -> np.ndarray:
+        """(G,) bool: the geom belongs to the robot, whose first body is ``base``."""
+        model = self.model
+        return model.body_rootid[model.geom_bodyid] == model.body_rootid[model.body("base").id]
+
+    def pose(self, state: np.ndarray) -> mujoco.MjData:
+        """Put the scene into a full state (S,) and return it."""
+        mujoco.mj_setState(self.model, self.data, state, STATE)
+        mujoco.mj_forward(self.model, self.data)
+        return self.data
+
+    def draw(self, state: np.ndarray, camera: str | Viewpoint, height: int, width: int) -> np.ndarray:
+        """Return the picture (height, width, 3) uint8 of a state (S,) from a camera of the scene or a viewpoint."""
+        data, renderer = self.pose(state), self._renderer(height, width)
+        renderer.update_scene(data, camera.camera() if isinstance(camera, Viewpoint) else camera)
+        for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[effect] = False
+        return np.asarray(Image.fromarray(renderer.render()).reduce(SUPERSAMPLING))
+
+    def hide_props(self) -> None:
+        """Leave the robot alone with the ground and the sky."""
+        ground = np.isin(self.model.geom_type, [mujoco.mjtGeom.mjGEOM_PLANE])
+        self.model.geom_rgba[~self.robot_geoms & ~ground, 3] = 0.0
+        self.model.site_rgba[:, 3] = 0.0
+
+    def frame(self, states: Iterable[np.ndarray], aspect: float, *, props: bool = True) -> Viewpoint:
+        """Return the viewpoint, on the side of the ``scene`` camera, that just holds the robot in all ``states``.
+
+        Args:
+            states: some full states (S,). aspect: width of the picture over its height.
+            props: hold the props too that are not far below, by their centres: a table may reach beyond the picture, a
+                button may not.
+        """
+        points = np.concatenate([self._extent(self.pose(state), props) for state in states])
+        view = Viewpoint((0.0, 0.0, 0.0), 1.0, self._azimuth())
+        local = points @ view.axes.T
+        low, high = local.min(axis=0), local.max(axis=0)
+        middle = 0.5 * (low + high)
+        half = np.tan(0.5 * np.deg2rad(self.model.vis.global_.fovy)) * np.array([aspect, 1.0])
+        offset = np.abs(local[:, :2] - middle[:2]) * MARGIN
+        distance = float(np.max(offset / half - (local[:, 2:] - middle[2])))
+        x, y, z = (middle @ view.axes).tolist()
+        return replace(view, centre=(x, y, z), distance=distance)
+
+    def close(self) -> None:
+        """Free the graphics contexts."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
+
+    def _renderer(self, height: int, width: int) -> Renderer:
+        if (height, width) not in self._renderers:
+            size = SUPERSAMPLING * height, SUPERSAMPLING * width
+            self._renderers[height, width] = Renderer(self.model, *size)
+        return self._renderers[height, width]
+
+    def _azimuth(self) -> float:
+        model = self.model
+        if "scene" not in self.cameras:
+            return 130.0
+        mujoco.mj_forward(model, self.data)
+        x, y, _ = -self.data.cam_xmat[model.camera("scene").id].reshape(3, 3)[:, 2]
+        return float(np.rad2deg(np.arctan2(y, x)))
+
+    def _extent(self, data: mujoco.MjData, props: bool) -> np.ndarray:
+        """(P, 3) corners of the robot's geoms, and the centres of those of the props."""
+        model = self.model
+        seen = model.geom_rgba[:, 3] > 0.0
+        own = np.flatnonzero(self.robot_geoms & seen)
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+        centre, half = model.geom_aabb[own, :3], model.geom_aabb[own, 3:]
+        corners = centre[:, None] + signs * half[:, None]
+        turned = np.einsum("gij,gkj->gki", data.geom_xmat[own].reshape(-1, 3, 3), corners)
+        points = [(data.geom_xpos[own][:, None] + turned).reshape(-1, 3)]
+        if props:
+            others = ~self.robot_geoms & seen & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+            centres, lowest = data.geom_xpos[others], points[0][:, 2].min()
+            points.append(centres[centres[:, 2] > lowest - BELOW_M])
+        return np.concatenate(points)
