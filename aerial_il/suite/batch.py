@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import Gains
+from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.assessment import Judgement
@@ -19,24 +19,6 @@ from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import PHYSICS_DT_S
 from aerial_il.suite.simulation import Simulation
 from aerial_il.suite.worlds import STATE, Worlds
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """What n worlds answer to an action.
-
-    Attributes:
-        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed or dropped its object.
-        truncated: (n,) bool, time is up. info: ``success``, ``crash``, ``dropped``, ``sparse_reward``, ``ee_error_m``,
-            ``effort``, ``contacts``, ``force_in_band_raw`` (each (n,)), ``subtasks`` (n, K), ``executed_action``
-            (n, Da).
-    """
-
-    obs: dict[str, np.ndarray]
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
 
 
 class BatchEnvironment:
@@ -52,7 +34,7 @@ class BatchEnvironment:
         refinement: parts in which physics steps are taken, to see what their length does.
     """
 
-    engine = ENGINE
+    engine: str | None = ENGINE
 
     def __init__(
         self,
