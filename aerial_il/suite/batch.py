@@ -54,7 +54,7 @@ class BatchEnvironment:
         model.opt.timestep = PHYSICS_DT_S / refinement
         worlds = Worlds.many(model, num_envs)
         self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
-        self._shown = mujoco.MjData(self.model)
+        self._shown: mujoco.MjData | None = None  # made when somebody looks
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
         height, width = scenario.image_size
         self._images = {
@@ -162,12 +162,14 @@ class BatchEnvironment:
 
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` of :attr:`model`, with all that eyes see; overwritten by the next call."""
-        worlds = self.simulation.worlds
+        if self._shown is None:
+            self._shown = mujoco.MjData(self.model)
+        worlds, shown = self.simulation.worlds, self._shown
         state = np.empty(self.spec.state_size)
         mujoco.mj_getState(worlds.model, worlds.data(world), state, STATE)
-        mujoco.mj_setState(self.model, self._shown, state, STATE)
-        mujoco.mj_forward(self.model, self._shown)
-        return self._shown
+        mujoco.mj_setState(self.model, shown, state, STATE)
+        mujoco.mj_forward(self.model, shown)
+        return shown
 
     def close(self) -> None:
         """Free graphics contexts and end threads."""

@@ -6,4 +6,5 @@ raised by whoever changes what a bit of a flight depends on.
 
 from __future__ import annotations
 
-ENGINE = "3"  # 1 says nothing of itself; 2, never released: solver from rest, no islands, hard tables; 3: grips without torsion
+# 1: recordings do not name it. 2, never released: solver from rest, no islands, hard tables. 3: grips without torsion.
+ENGINE = "3"
