@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
+
+if TYPE_CHECKING:
+    from aerial_il.core.checkpoint import Checkpoint
 
 Observation = Mapping[str, np.ndarray]
 NO_PHASE = -1
