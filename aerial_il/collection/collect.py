@@ -18,8 +18,19 @@ import numpy as np
 from tqdm import tqdm
 
 from aerial_il.collection.mixture import check_unmixed
+from aerial_il.core.contracts import (
+    BatchEnv,
+    Observation,
+    Policy,
+    SeededPolicy,
+    StepResult,
+    attach,
+    intervention_of,
+    label_of,
+    phase_names_of,
+    phase_of,
+)
 from aerial_il.core.errors import AerialError, InvalidValueError, SimulationDivergedError, StorageError
-from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.provenance import DROPPED, Origin
@@ -59,7 +70,7 @@ class Collection:
 
 
 def collect(
-    env: Any,
+    env: BatchEnv,
     policy: Policy,
     seeds: Iterable[int],
     out: str | os.PathLike[str],
@@ -122,7 +133,7 @@ class _Flight:
 
     def __init__(
         self,
-        env: Any,
+        env: BatchEnv,
         policy: Policy,
         expert: Policy | None,
         folder: DatasetFolder,
@@ -139,8 +150,8 @@ class _Flight:
             name,
             settings,
             env.model_xml,
-            phases=tuple(getattr(policy, "phase_names", ())),
-            engine=getattr(env, "engine", None),
+            phases=phase_names_of(policy),
+            engine=env.engine,
         )
         self._landed: dict[int, tuple[bool, Future[Recorded]]] = {}  # world -> its outcome, and its file to be
         self._uids = [""] * env.num_envs
@@ -149,7 +160,7 @@ class _Flight:
 
     def told_of(self, seed: int) -> dict[str, Any]:
         """Return where the episode of ``seed`` comes from."""
-        return self.origin.provenance(seed, self.env.drawn(seed) if hasattr(self.env, "drawn") else None)
+        return self.origin.provenance(seed, self.env.drawn(seed))
 
     def fly(self, seeds: Iterable[int]) -> Iterator[None]:
         """Fly all ``seeds``; yield whenever the result has changed."""
@@ -170,7 +181,7 @@ class _Flight:
             assert obs is not None
             result = self._step(obs, flying)
             obs = result.obs
-            won = result.info["success"] & getattr(self.env, "ends_at_success", True)
+            won = result.info["success"] & self.env.ends_at_success
             ended = flying & (won | result.terminated | result.truncated)
             if ended.any():
                 self._land(ended, result)
@@ -217,7 +228,7 @@ class _Flight:
                 mind.begin(self._seeds, worlds)
         return obs
 
-    def _step(self, obs: Observation, flying: np.ndarray) -> Any:
+    def _step(self, obs: Observation, flying: np.ndarray) -> StepResult:
         """Record what is seen, act, and record what comes of it."""
         self.recorder.observe(obs, state=self.env.get_state(), sim_time=self.env.sim_time)
         actions = self._act(obs, flying)
@@ -228,8 +239,8 @@ class _Flight:
             action=actions,
             executed_action=result.info["executed_action"],
             expert_action=labels,
-            is_intervention=np.asarray(getattr(self.policy, "is_intervention", np.zeros(count, bool))),
-            phase=np.asarray(getattr(self.policy, "phase", np.full(count, -1))),
+            is_intervention=intervention_of(self.policy, count),
+            phase=phase_of(self.policy, count),
             ctrl=self.env.ctrl,
             reward=result.reward,
             terminated=result.terminated,
@@ -252,9 +263,9 @@ class _Flight:
         """Return what the expert would do (n, Da): asked, or told by the policy that is one, or NaN."""
         if self.expert is not None:
             return np.asarray(self.expert.act(obs), float)
-        return np.asarray(getattr(self.policy, "expert_action", np.full_like(actions, np.nan)))
+        return label_of(self.policy, np.full_like(actions, np.nan))
 
-    def _land(self, ended: np.ndarray, result: Any) -> None:
+    def _land(self, ended: np.ndarray, result: StepResult) -> None:
         """Finish the episodes of the worlds in ``ended`` (n,)."""
         self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
         crash = result.info.get("crash", result.terminated)

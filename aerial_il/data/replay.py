@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnv, StepResult
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import engine_of
 
 
-def replay(env: Any, episode: Episode, *, starts: Sequence[int] = (0,), path: str | os.PathLike[str] = "") -> int:
+def replay(env: BatchEnv, episode: Episode, *, starts: Sequence[int] = (0,), path: str | os.PathLike[str] = "") -> int:
     """Simulate the executed actions from recorded states on, and compare every state and outcome that follows.
 
     Args:
@@ -48,7 +48,7 @@ def check_engine(engine: str | None, episode: Episode, path: str) -> None:
         raise DemoError(path, "was flown with another version of the engine.", expected=engine, got=recorded, hint=hint)
 
 
-def _replay_some(env: Any, episode: Episode, starts: np.ndarray, path: str) -> int:
+def _replay_some(env: BatchEnv, episode: Episode, starts: np.ndarray, path: str) -> int:
     """Replay from at most n starts at once, each in its own world."""
     if starts.size and not (starts.min() >= 0 and starts.max() < len(episode)):
         raise DemoError(path, "cannot resume there.", expected=f"steps 0..{len(episode) - 1}", got=starts.tolist())
@@ -69,7 +69,7 @@ def _replay_some(env: Any, episode: Episode, starts: np.ndarray, path: str) -> i
 
 
 def _compare(
-    env: Any, episode: Episode, current: np.ndarray, active: np.ndarray, starts: np.ndarray, path: str
+    env: BatchEnv, episode: Episode, current: np.ndarray, active: np.ndarray, starts: np.ndarray, path: str
 ) -> None:
     states = env.get_state()
     for world in np.flatnonzero(active):
@@ -89,7 +89,7 @@ def _compare(
             )
 
 
-def _compare_outcome(result: Any, episode: Episode, current: np.ndarray, active: np.ndarray, path: str) -> None:
+def _compare_outcome(result: StepResult, episode: Episode, current: np.ndarray, active: np.ndarray, path: str) -> None:
     for name, recorded, got in (
         ("reward", episode.rewards, result.reward),
         ("terminated", episode.terminated, result.terminated),
@@ -103,10 +103,10 @@ def _compare_outcome(result: Any, episode: Episode, current: np.ndarray, active:
                 )  # fmt: skip
 
 
-def _check_same(env: Any, episode: Episode, path: str) -> None:
+def _check_same(env: BatchEnv, episode: Episode, path: str) -> None:
     if not episode.states.size:
         raise DemoError(path, "holds no simulator states and cannot be replayed.")
-    check_engine(getattr(env, "engine", None), episode, path)
+    check_engine(env.engine, episode, path)
     if differing := env.spec.differences(episode.spec, ignore=()):
         raise DemoError(path, f"was flown in another environment: {'; '.join(differing[:3])}.")
     recorded = str(episode.provenance.get("mujoco", mujoco.__version__))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Observation
 from aerial_il.core.seeding import named_rng
+from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.staying import stay_action
 
 HOLD_STEPS = 10  # a new action in every step would average out to none
@@ -18,10 +17,11 @@ class Random:
     """Draw actions uniformly from their bounds, hold each for ten steps; each episode has a stream of its own."""
 
     def __init__(self) -> None:
-        self._env: Any = None
+        self._env: BatchEnv | None = None
 
-    def attach(self, env: Any) -> None:
-        self._env, self._rngs = env, [None] * env.num_envs
+    def attach(self, env: BatchEnv) -> None:
+        self._env = env
+        self._rngs: list[np.random.Generator | None] = [None] * env.num_envs
         self._steps, self._held = np.zeros(env.num_envs, int), np.zeros((env.num_envs, env.spec.action.size))
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -29,11 +29,11 @@ class Random:
 
     def act(self, obs: Observation) -> np.ndarray:
         env = _attached(self._env)
-        low, high, seeds = env.spec.action.low, env.spec.action.high, env.seeds
+        bounds, seeds = env.spec.action, env.seeds
         for world in np.flatnonzero(self._steps % HOLD_STEPS == 0):
-            if self._steps[world] == 0:
-                self._rngs[world] = named_rng(int(seeds[world]), "random policy")
-            self._held[world] = self._rngs[world].uniform(low, high)
+            rng = None if self._steps[world] == 0 else self._rngs[world]
+            rng = self._rngs[world] = rng or named_rng(int(seeds[world]), "random policy")
+            self._held[world] = rng.uniform(bounds.low, bounds.high)
         self._steps += 1
         return self._held.copy()
 
@@ -42,9 +42,17 @@ class Hover:
     """Command the vehicle to stay where the episode began."""
 
     def __init__(self) -> None:
-        self._env: Any = None
+        self._env: BatchEnvironment | None = None
 
-    def attach(self, env: Any) -> None:
+    def attach(self, env: BatchEnv) -> None:
+        """Bind to the environment whose vehicle it holds.
+
+        Raises:
+            InvalidValueError: the environment is not the suite's.
+        """
+        if not isinstance(env, BatchEnvironment):
+            where = f"{env.spec.robot}:{env.spec.task}"
+            raise InvalidValueError(f"policy=hover holds a vehicle of the suite; {where} has none. Try policy=random.")
         self._env, self._held = env, np.zeros((env.num_envs, env.spec.action.size))
         self._fresh = np.ones(env.num_envs, bool)
 
@@ -62,7 +70,7 @@ class Hover:
 BASELINES = {"random": Random, "hover": Hover}
 
 
-def _attached(env: Any) -> Any:
+def _attached[Env: BatchEnv](env: Env | None) -> Env:
     if env is None:
         raise InvalidValueError("The policy is not attached to an environment; call policy.attach(env) first.")
     return env

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from aerial_il.data.episode import Episode
+from aerial_il.suite.batch import BatchEnvironment
 
 
-def subtask_flags(env: Any, episode: Episode) -> np.ndarray:
+def subtask_flags(env: BatchEnvironment, episode: Episode) -> np.ndarray:
     """Return the sub-task flags (T, K) after each step of a flight.
 
     Args:

@@ -12,8 +12,16 @@ import numpy as np
 from tqdm import tqdm
 
 from aerial_il.core import checkpoint
+from aerial_il.core.contracts import (
+    BatchEnv,
+    Observation,
+    PhasedPolicy,
+    Policy,
+    StorablePolicy,
+    attach,
+    phase_names_of,
+)
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
-from aerial_il.core.policy import Observation, Policy, attach
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 from aerial_il.evaluation.journal import Journal, Kept
@@ -23,7 +31,7 @@ from aerial_il.evaluation.traces import Trace, TraceBuffer
 
 
 def evaluate(
-    env: Any,
+    env: BatchEnv,
     policy: Policy,
     seeds: Iterable[int],
     *,
@@ -62,7 +70,7 @@ def evaluate(
     with bar:
         for trace in rollouts(env, policy, waiting) if waiting else ():
             now = time.perf_counter()
-            flight = Flight.of(trace, getattr(policy, "phase_names", ()))
+            flight = Flight.of(trace, phase_names_of(policy))
             kept[trace.seed], clock = Kept(measure(trace, env.spec), flight, now - clock), now
             if journal:
                 journal.keep(kept[trace.seed])
@@ -81,7 +89,7 @@ def evaluate(
     )
 
 
-def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
+def rollouts(env: BatchEnv, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
     """Fly every seed once and yield the episodes as they end.
 
     Args and errors are those of :func:`evaluate`. With fewer seeds than worlds the spare worlds stand still.
@@ -92,17 +100,17 @@ def rollouts(env: Any, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:
     flying = np.arange(env.num_envs) < len(order)
     buffer = TraceBuffer(env.spec, env.num_envs)
     attach(policy, env)
-    stops = getattr(env, "ends_at_success", True)
     obs = env.reset(current)
     policy.reset()
     while flying.any():
         actions = _act(policy, obs, env.spec, current, buffer.steps, flying)
         result = env.step(actions, flying)
         obs = result.obs
-        buffer.add(actions, result, getattr(policy, "phase", None), flying)
+        phase = policy.phase if isinstance(policy, PhasedPolicy) else None
+        buffer.add(actions, result, phase, flying)
         success, crash = result.info["success"], result.info.get("crash", result.terminated)
         dropped = result.info.get("dropped", np.zeros(env.num_envs, bool))
-        ended = flying & (success & stops | result.terminated | result.truncated)
+        ended = flying & (success & env.ends_at_success | result.terminated | result.truncated)
         for world in np.flatnonzero(ended):
             won, seed = bool(success[world] and not crash[world]), int(current[world])
             yield buffer.cut(int(world), seed=seed, success=won, crash=bool(crash[world]), dropped=bool(dropped[world]))
@@ -157,13 +165,13 @@ def _act(
     return actions
 
 
-def origin_of(env: Any, policy: Policy) -> dict[str, Any]:
+def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
     """Return where a result of ``policy`` in ``env`` comes from: code, packages, machine, environment and weights."""
     spec, torch = env.spec, sys.modules.get("torch")
-    saved = getattr(policy, "to_checkpoint", None)
+    saved = policy.to_checkpoint() if isinstance(policy, StorablePolicy) else None
     return {
         **provenance(),
-        "engine": getattr(env, "engine", None),
+        "engine": env.engine,
         "environment": {
             "instruction": spec.instruction,
             "action_level": spec.action.level,
@@ -174,6 +182,6 @@ def origin_of(env: Any, policy: Policy) -> dict[str, Any]:
             "disturbances": dict(spec.disturbances),
             "options": dict(spec.options),
         },
-        "policy_sha256": checkpoint.digest(saved()) if saved else None,
+        "policy_sha256": checkpoint.digest(saved) if saved else None,
         "torch_threads": torch.get_num_threads() if torch else None,
     }

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from aerial_il.core.arrays import length
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
@@ -26,10 +27,12 @@ NOISE_M = 0.03  # standard deviation of the position command at noise = 1
 NOISE_TIME_STEPS = 25.0  # its correlation time
 
 
+@runtime_checkable
 class HasSimulation(Protocol):
     """The batch or the single environment."""
 
-    simulation: Simulation
+    @property
+    def simulation(self) -> Simulation: ...
 
     @property
     def spec(self) -> EnvSpec: ...
@@ -46,20 +49,26 @@ class Expert(ABC):
         noise: strength of the perturbation added to commanded positions, 0 to 1. seed: of the perturbation.
     """
 
-    phase_names: ClassVar[tuple[str, ...]]
+    phase_names: tuple[str, ...]
 
     def __init__(self, *, noise: float = 0.0, seed: int = 0) -> None:
         if not 0.0 <= noise <= 1.0:
             raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
         self.noise, self.seed = noise, seed
         self._env: HasSimulation | None = None
+        self.phase = np.zeros(0, int)
+        self.expert_action = np.zeros((0, 0))
 
-    def attach(self, env: HasSimulation) -> None:
+    def attach(self, env: BatchEnv | HasSimulation) -> None:
         """Bind to the environment to act in, with phases yet to be read off its state.
 
         Raises:
-            InvalidValueError: the environment is not flown at the ``ee_pose`` level.
+            InvalidValueError: the environment is not the suite's, or not flown at the ``ee_pose`` level.
         """
+        if not isinstance(env, HasSimulation):
+            raise InvalidValueError(
+                f"A scripted expert reads the suite's simulator; {env.spec.robot}:{env.spec.task} is not the suite's."
+            )
         if env.spec.action.level != "ee_pose":
             raise InvalidValueError(f"Experts act at level 'ee_pose', the environment takes {env.spec.action.level!r}.")
         self._env = env

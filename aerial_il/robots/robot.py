@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -29,6 +30,7 @@ LATERAL_SHARE = 0.9  # of the sideways force at level hover that the controller 
 LEAST_THRUST_TO_WEIGHT = 1.5  # to turn and to climb with something in the gripper
 REACHED_M, REACHED_RAD = 1e-3, 0.01  # how near a posture must bring the tool to a pose that counts as within reach
 LEAST_REACH_SHARE = 0.2  # of the arm's length, between a pose and the axis of a fixed base
+LEAST_REASON_WORDS = 3  # of why a task is declined
 JOINT_ROOM_RAD = 0.08  # that it must keep from its joints' limits
 
 
@@ -43,9 +45,12 @@ class Robot:
         arm: serial arm on the base; without links, the base itself is the tool.
         gripper: parallel gripper at the arm's end, or ``NO_GRIPPER``.
         rest_forward, rest_down: (J,) postures with the tool horizontal and pointing straight down, rad.
+        declines: task -> why the robot cannot do it, a clause that a user reads, e.g. ``its arm cannot turn about two
+            axes``: for what no rule of the task finds.
 
     Raises:
-        InvalidValueError: the rotors are too weak for base and arm, or a gripper has no arm to sit on.
+        InvalidValueError: the rotors are too weak for base and arm, a gripper has no arm to sit on, or a task is
+            declined without a reason.
     """
 
     name: str
@@ -55,8 +60,10 @@ class Robot:
     gripper: Gripper
     rest_forward: tuple[float, ...]
     rest_down: tuple[float, ...]
+    declines: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
+        self._check_declines()
         if self.has_gripper and not self.arm.links:
             raise InvalidValueError(f"{self.name}: a gripper needs an arm of at least one joint to sit on.")
         vehicle = self.vehicle
@@ -68,6 +75,14 @@ class Robot:
                 f"Each rotor needs {LEAST_THRUST_TO_WEIGHT * weight / self.num_rotors:.1f} N (CA_ROTOR<i>_CT in an "
                 "airframe file), or the arm must be lighter."
             )
+
+    def _check_declines(self) -> None:
+        for task, reason in self.declines.items():
+            if len(reason.split()) < LEAST_REASON_WORDS:
+                raise InvalidValueError(
+                    f"{self.name} declines {task} because {reason!r}; say why in at least {LEAST_REASON_WORDS} words, "
+                    "e.g. 'its arm cannot turn about two axes'."
+                )
 
     @property
     def num_joints(self) -> int:

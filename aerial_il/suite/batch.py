@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import Gains
+from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.assessment import Judgement
@@ -19,24 +19,6 @@ from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.scene import PHYSICS_DT_S
 from aerial_il.suite.simulation import Simulation
 from aerial_il.suite.worlds import STATE, Worlds
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """What n worlds answer to an action.
-
-    Attributes:
-        obs: ``name -> (n, ...)``. reward: (n,) in [0, 1]. terminated: (n,) bool, crashed or dropped its object.
-        truncated: (n,) bool, time is up. info: ``success``, ``crash``, ``dropped``, ``sparse_reward``, ``ee_error_m``,
-            ``effort``, ``contacts``, ``force_in_band_raw`` (each (n,)), ``subtasks`` (n, K), ``executed_action``
-            (n, Da).
-    """
-
-    obs: dict[str, np.ndarray]
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
 
 
 class BatchEnvironment:
@@ -52,7 +34,7 @@ class BatchEnvironment:
         refinement: parts in which physics steps are taken, to see what their length does.
     """
 
-    engine = ENGINE
+    engine: str | None = ENGINE
 
     def __init__(
         self,
@@ -72,7 +54,7 @@ class BatchEnvironment:
         model.opt.timestep = PHYSICS_DT_S / refinement
         worlds = Worlds.many(model, num_envs)
         self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
-        self._shown = mujoco.MjData(self.model)
+        self._shown: mujoco.MjData | None = None  # made when somebody looks
         self._cameramen: dict[tuple[int, int], Cameraman] = {}
         height, width = scenario.image_size
         self._images = {
@@ -180,12 +162,14 @@ class BatchEnvironment:
 
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` of :attr:`model`, with all that eyes see; overwritten by the next call."""
-        worlds = self.simulation.worlds
+        if self._shown is None:
+            self._shown = mujoco.MjData(self.model)
+        worlds, shown = self.simulation.worlds, self._shown
         state = np.empty(self.spec.state_size)
         mujoco.mj_getState(worlds.model, worlds.data(world), state, STATE)
-        mujoco.mj_setState(self.model, self._shown, state, STATE)
-        mujoco.mj_forward(self.model, self._shown)
-        return self._shown
+        mujoco.mj_setState(self.model, shown, state, STATE)
+        mujoco.mj_forward(self.model, shown)
+        return shown
 
     def close(self) -> None:
         """Free graphics contexts and end threads."""

@@ -6,6 +6,5 @@ raised by whoever changes what a bit of a flight depends on.
 
 from __future__ import annotations
 
-# 1: does not name itself. 2, never released: the solver starts from rest, without islands; hard tables. 3: grips resist by
-# friction in the plane alone.
+# 1: recordings do not name it. 2, never released: solver from rest, no islands, hard tables. 3: grips without torsion.
 ENGINE = "3"

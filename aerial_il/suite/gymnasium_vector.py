@@ -78,9 +78,8 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
         mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs)), bool)
         if seed is not None:
             self._next_seeds = np.where(mask, self._spread(seed), self._next_seeds)
-        self._start(mask)
-        executed = np.zeros((self.num_envs, self.aerial.spec.action.size))
-        return self.aerial.observe(), self._with_masks(info_of(self.aerial.simulation.judge(), executed), mask)
+        observation, executed = self._start(mask), np.zeros((self.num_envs, self.aerial.spec.action.size))
+        return observation, self._with_masks(info_of(self.aerial.simulation.judgement, executed), mask)
 
     def step(
         self, actions: np.ndarray
@@ -118,10 +117,12 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
             raise InvalidValueError(f"seed is one integer or one per world, {self.num_envs}, got shape {seeds.shape}.")
         return seeds
 
-    def _start(self, mask: np.ndarray) -> None:
-        self.aerial.simulation.reset(self._next_seeds, mask)
+    def _start(self, mask: np.ndarray) -> dict[str, np.ndarray]:
+        """Start the next episodes of the worlds in ``mask`` (n,); return what all worlds show."""
+        observation = self.aerial.reset(self._next_seeds, mask)
         self._next_seeds = self._next_seeds + np.where(mask, self.num_envs, 0)
         self._over = self._over & ~mask
+        return observation
 
     def _with_masks(self, info: dict[str, np.ndarray], present: np.ndarray) -> dict[str, Any]:
         """Gymnasium's form of a vector's info: every entry with a mask of the worlds that have it."""

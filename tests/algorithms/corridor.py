@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnvBase
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from tests.algorithms.point_mass import StepResult
@@ -31,7 +32,7 @@ SPEC = EnvSpec(
 )
 
 
-class Corridor:
+class Corridor(BatchEnvBase):
     """n points; an episode fails as soon as one leaves the corridor, and succeeds at its end."""
 
     spec = SPEC

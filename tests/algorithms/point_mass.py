@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.seeding import episode_rng, named_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
@@ -53,16 +54,7 @@ SPEC = EnvSpec(
 )
 
 
-@dataclass
-class StepResult:
-    obs: dict[str, np.ndarray]
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
-
-
-class PointMassBatch:
+class PointMassBatch(BatchEnvBase):
     """n point masses that follow commanded positions with a first-order lag."""
 
     spec = SPEC

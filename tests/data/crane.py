@@ -6,12 +6,12 @@ of reach (time-out), and a goal at negative x is below the floor for an expert t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import mujoco
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import SimulationDivergedError
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
@@ -79,16 +79,7 @@ def crane_spec(image_size: tuple[int, int] | None = None, max_steps: int = 120) 
     )
 
 
-@dataclass
-class StepResult:
-    obs: dict[str, np.ndarray]
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
-
-
-class CraneBatch:
+class CraneBatch(BatchEnvBase):
     """n cranes; its state is MuJoCo's plus the seed, the step count and the dwell count."""
 
     def __init__(self, num_envs: int = 1, *, image_size: tuple[int, int] | None = None, max_steps: int = 120) -> None:
@@ -196,6 +187,7 @@ class CraneExpert:
 
     def __init__(self, *, dive: bool = False, noise: float = 0.0) -> None:
         self.dive, self.noise = dive, noise
+        self.phase, self.expert_action = np.zeros(0, int), np.zeros((0, 2))
 
     def attach(self, env: CraneBatch) -> None:
         self.env, self.phase = env, np.zeros(env.num_envs, int)

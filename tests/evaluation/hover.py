@@ -6,12 +6,12 @@ goals may be out of reach (time-out), and flying below the floor's margin is a c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import SimulationDivergedError
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
@@ -76,16 +76,7 @@ SPEC = EnvSpec(
 )
 
 
-@dataclass
-class StepResult:
-    obs: dict[str, np.ndarray]
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
-
-
-class HoverBatch:
+class HoverBatch(BatchEnvBase):
     """n worlds of the carriage; a fifth of the seeds put the goal above what the action bounds can reach."""
 
     spec = SPEC

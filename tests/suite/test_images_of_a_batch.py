@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -54,3 +55,22 @@ def test_an_environment_that_is_forgotten_spoils_no_other_ones_images() -> None:
         np.testing.assert_array_equal(first, env.reset(0)["wrist_rgb"])
     finally:
         env.close()
+
+
+def test_a_world_that_starts_by_itself_shows_its_new_episode() -> None:
+    robot, task = CELLS[0]
+    options = {"cameras": ("wrist", "base:depth"), "image_size": (24, 32), "max_episode_steps": 2}
+    make = {"num_envs": 2, "vectorization_mode": "vector_entry_point", **options}
+    vector = gymnasium.make_vec(f"aerial_il/{task}-{robot}-v0", **make)
+    try:
+        first, _ = vector.reset(seed=3)
+        same(first, vector.unwrapped.aerial)
+        still = np.zeros((2, vector.unwrapped.aerial.spec.action.size))
+        for _ in range(2):
+            _, _, _, truncated, _ = vector.step(still)
+        assert truncated.all()
+        again, *_ = vector.step(still)
+        same(again, vector.unwrapped.aerial)
+        assert (first["wrist_rgb"] != again["wrist_rgb"]).any()
+    finally:
+        vector.close()

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from aerial_il.core.contracts import StepResult
+from aerial_il.core.env_wrapper import BatchEnvWrapper
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.experts.outside.dapg import DapgExpert
 from aerial_il.suite import outside
-from aerial_il.suite.batch import StepResult
 
 POLICIES = "dapg_policies.npz"
 SUCCESS = "success:25"
@@ -53,7 +53,7 @@ TASKS = {
 }
 
 
-class PublishedRewards:
+class PublishedRewards(BatchEnvWrapper):
     """An Adroit batch environment that gives the rewards of the published returns.
 
     The v1 environments of gymnasium-robotics add 0.1 times the distance from palm to handle or object, which the
@@ -68,12 +68,9 @@ class PublishedRewards:
     """
 
     def __init__(self, task: AdroitTask, num_envs: int) -> None:
+        super().__init__(outside.load_gymnasium(task.env, num_envs=num_envs, success=SUCCESS))
         self.task = task
-        self.env = outside.load_gymnasium(task.env, num_envs=num_envs, success=SUCCESS)
         self.own_returns: dict[int, float] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.env, name)
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         obs = self.env.reset(seeds, mask)

@@ -6,12 +6,11 @@ import ast
 import hashlib
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import aerial_il
-from aerial_il.core.policy import attach
+from aerial_il.core.contracts import BatchEnv, Expert
 from aerial_il.core.provenance import package_versions
 
 PROBED_SEEDS, PROBE_NOISE, LONGEST_PROBE = (4_000_000, 4_000_001), 0.3, 1500
@@ -38,9 +37,9 @@ def ground(robot: str, task: str, tier: str, horizon: int | None = None) -> str:
         env.close()
 
 
-def _flown(env: Any, expert: Any) -> str:
+def _flown(env: BatchEnv, expert: Expert) -> str:
     found = hashlib.sha256()
-    attach(expert, env)
+    expert.attach(env)
     obs = env.reset(np.array(PROBED_SEEDS))
     expert.reset()
     flying = np.ones(env.num_envs, bool)

@@ -1,7 +1,7 @@
 """Show what there is: robots, tasks, cells, tiers, action levels, controllers, policies, algorithms.
 
-Tiers are shown with the components that they may be made of. A cell is a robot with a task that it can do. The gallery
-shows them all, with a film of an expert's flight each.
+Tiers are shown with the components that they may be made of. A cell is a robot with a task that it can do; where it
+cannot, the table of what is declined says why. The gallery shows all cells, with a film of an expert's flight each.
 
 Example: aerial-il list json=true
 Example: aerial-il list html=true
@@ -77,6 +77,12 @@ def catalogue() -> dict[str, list[dict[str, Any]]]:
         "robots": [_robot_row(robots.get(name), cells) for name in robots.names()],
         "tasks": [_task_row(tasks.get(name), cells) for name in tasks.names()],
         "cells": [{"robot": robot, "task": task} for robot, task in cells],
+        "declined": [
+            _declined_row(robot, task)
+            for robot in robots.names()
+            for task in tasks.names()
+            if (robot, task) not in cells
+        ],
         "tiers": [_tier_row(tiers.get(name)) for name in tiers.names()],
         "tier_components": [_component_row(name, tiers.HARD) for name in tiers.COMPONENTS],
         "action_levels": [{"name": level.label} for level in ActionLevel],
@@ -116,6 +122,13 @@ def _task_row(task: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:
         "robots": [robot for robot, name in cells if name == task.name],
         "instruction": task.instruction,
     }
+
+
+def _declined_row(robot: str, task: str) -> dict[str, Any]:
+    from aerial_il import robots
+    from aerial_il.suite import tasks
+
+    return {"robot": robot, "task": task, "reason": tasks.get(task).obstacle(robots.get(robot))}
 
 
 def _tier_row(tier: Any) -> dict[str, Any]:

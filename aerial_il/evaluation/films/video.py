@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import repeat
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
@@ -78,7 +78,7 @@ def embedded(clips: Sequence[Clip]) -> list[dict[str, Any]]:
 
 
 def film(
-    env: Any,
+    env: BatchEnv,
     result: EvaluationResult,
     folder: str | os.PathLike[str],
     *,
@@ -110,7 +110,7 @@ def film(
     return Footage(tuple(clips))
 
 
-def rendering_problem(env: Any, cameras: Sequence[str]) -> str:
+def rendering_problem(env: BatchEnv, cameras: Sequence[str]) -> str:
     """Return why ``env`` cannot be filmed, or an empty string. The reason comes from OpenGL itself, in its words."""
     if not cameras:
         return f"the environment has none of the cameras asked for; it has {', '.join(env.camera_names) or 'none'}."
@@ -122,7 +122,7 @@ def rendering_problem(env: Any, cameras: Sequence[str]) -> str:
 
 
 def film_episode(
-    env: Any, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str]
+    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str]
 ) -> Clip:
     """Fly one episode again in world 0 of ``env`` and write its film.
 
@@ -145,7 +145,7 @@ def film_episode(
 
 
 def _frames(
-    env: Any, episode: EpisodeRecord, flight: Flight, *, title: str, cameras: Sequence[str], stride: int
+    env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: str, cameras: Sequence[str], stride: int
 ) -> Iterator[np.ndarray]:
     assert flight.actions is not None
     length, done = len(flight.actions), np.zeros(len(env.spec.subtasks), dtype=bool)
@@ -165,7 +165,7 @@ def _frames(
         yield compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, caption)
 
 
-def _fly_again(env: Any, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
+def _fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
     """Step world 0 through recorded actions (T, Da) from its seed; yield the step infos."""
     only_first = np.arange(env.num_envs) == 0
     env.reset(np.full(env.num_envs, seed), only_first)

@@ -10,15 +10,15 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import count
-from typing import Any
 
 import mujoco
 import numpy as np
 
+from aerial_il.core.contracts import Policy, attach
 from aerial_il.core.errors import AerialError
-from aerial_il.core.policy import Policy, attach
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.films.scene_renderer import SceneRenderer
+from aerial_il.suite.batch import BatchEnvironment
 
 CLOSING_S = 5.0  # a window has this long to close
 PAUSE_S = 1.2  # the end of a flight stays this long
@@ -35,7 +35,7 @@ def has_screen() -> bool:
     return not sys.platform.startswith("linux") or any(os.environ.get(name) for name in SCREENS)
 
 
-def show_live(env: Any, policy: Policy, first_seed: int) -> None:
+def show_live(env: BatchEnvironment, policy: Policy, first_seed: int) -> None:
     """Let ``policy`` fly seed after seed in world 0 of ``env``, a batch environment of one world, in a window."""
 
     def moments() -> Iterator[bool]:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Observation
 from aerial_il.core.seeding import named_rng
 
 LAYERS = 3
@@ -32,7 +31,7 @@ class DapgExpert:
 
     arrays: dict[str, np.ndarray]
     noise: float = 1.0
-    _env: Any = field(default=None, repr=False)
+    _env: BatchEnv | None = field(default=None, repr=False)
 
     @staticmethod
     def load(path: str | os.PathLike[str], task: str, *, noise: float = 1.0) -> DapgExpert:
@@ -53,7 +52,7 @@ class DapgExpert:
         if self.noise < 0:
             raise InvalidValueError(f"noise is {self.noise}; it must not be negative.")
 
-    def attach(self, env: Any) -> None:
+    def attach(self, env: BatchEnv) -> None:
         """Bind to the batch environment whose episodes' seeds decide the noise."""
         self._env = env
         self._rngs: list[np.random.Generator | None] = [None] * env.num_envs

@@ -13,8 +13,8 @@ import torch
 
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
-from aerial_il.core.policy import Observation
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
@@ -112,7 +112,7 @@ class ChunkPolicy:
         for memory in (self._history, *self._sights, self._plan, self._noise):
             memory.reset(mask)
 
-    def attach(self, env: Any) -> None:
+    def attach(self, env: BatchEnv) -> None:
         """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
         self.check(env.spec)
         self.task = env.spec.task

@@ -18,9 +18,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError
 from aerial_il.core.lerobot_names import ACTION, IMAGES, STATE
-from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 
@@ -64,7 +64,7 @@ class LerobotPolicy:
         self._spec: EnvSpec | None = None
         self.reset()
 
-    def attach(self, env: Any) -> None:
+    def attach(self, env: BatchEnv) -> None:
         """Take the environment's specification, whose sizes must be those that the policy was trained with.
 
         Raises:

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.specs import NO_CONTROLLER, EnvSpec
-from aerial_il.suite.batch import StepResult
 from aerial_il.suite.outside.mujoco_state import MujocoState, editable
 from aerial_il.suite.outside.success import REPORTED, SURVIVED, SuccessRule
 from aerial_il.suite.outside.world import Outcome, World
@@ -36,7 +36,7 @@ class ActuatorCount:
     nu: int
 
 
-class OutsideBatch:
+class OutsideBatch(BatchEnvBase):
     """n worlds; see :class:`aerial_il.suite.batch.BatchEnvironment` for what they are asked.
 
     Attributes:
@@ -49,8 +49,6 @@ class OutsideBatch:
             and ``survived`` where it reports nothing. max_steps: time limit; None for the environment's own.
         ends_at_success: end an episode at its first success. options: plain values that make the environment again.
     """
-
-    camera_names: tuple[str, ...] = ()
 
     def __init__(
         self,

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.suite.batch import StepResult
 from aerial_il.suite.crew import available_cores
 from aerial_il.suite.outside.batch import OutsideBatch, seeds_of
 
@@ -45,7 +45,7 @@ NOT_PICKLED = (
 MakeBatch = Callable[[int], OutsideBatch]
 
 
-class SharedBatch:
+class SharedBatch(BatchEnvBase):
     """n worlds in several processes; what it answers is what one :class:`OutsideBatch` of n worlds would.
 
     An environment's own error arrives as a ``RuntimeError`` with its traceback where its world is in another process.
@@ -60,8 +60,6 @@ class SharedBatch:
     Raises:
         InvalidValueError: fewer worlds than processes, ``make`` cannot be pickled, or a process has ended at its start.
     """
-
-    camera_names: tuple[str, ...] = ()
 
     def __init__(self, make: MakeBatch, num_envs: int, processes: int) -> None:
         if not 1 <= processes <= num_envs:

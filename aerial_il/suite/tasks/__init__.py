@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from aerial_il import robots
-from aerial_il.core.errors import AerialError, UnknownNameError
+from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
 
 if TYPE_CHECKING:  # names are listed without importing a task or MuJoCo
+    from aerial_il.robots.robot import Robot
     from aerial_il.suite.tasks.task import Task
 
 _INFRASTRUCTURE = {"task"}
@@ -40,8 +42,34 @@ def get(name: str) -> Task:
 
 @cache
 def cells() -> tuple[tuple[str, str], ...]:
-    """All (robot, task) pairs that are claimed."""
+    """All (robot, task) pairs that are claimed.
+
+    Raises:
+        UnknownNameError, InvalidValueError: what a robot declines in its file cannot be, see :func:`check_declines`.
+    """
+    for robot in robots.names():
+        check_declines(robots.get(robot))
     return tuple((r, t) for r in robots.names() for t in names() if get(t).obstacle(robots.get(r)) is None)
+
+
+def check_declines(robot: Robot) -> None:
+    """Refuse what a robot declines in its file where it cannot be meant.
+
+    Raises:
+        UnknownNameError: there is no such task.
+        InvalidValueError: a task's own rules say it already, or nothing is left that the robot would do.
+    """
+    if not robot.declines:
+        return
+    for task in robot.declines:
+        if task not in names():
+            raise UnknownNameError(f"task among those that {robot.name} declines:", task, names())
+    rest = replace(robot, declines={})
+    able = {task for task in names() if get(task).obstacle(rest) is None}
+    if superfluous := sorted(robot.declines.keys() - able):
+        raise InvalidValueError(f"{robot.name} declines {superfluous[0]}, which its rules decline; remove the line.")
+    if able and not able - robot.declines.keys():
+        raise InvalidValueError(f"{robot.name} declines every task that it could do: {', '.join(sorted(able))}.")
 
 
 def check_cell(robot: str, task: str) -> None:
@@ -52,6 +80,7 @@ def check_cell(robot: str, task: str) -> None:
         CellError: the robot cannot do the task; the message says why and which robots can.
     """
     obstacle = get(task).obstacle(robots.get(robot))
+    check_declines(robots.get(robot))
     if obstacle is not None:
         able = ", ".join(r for r, t in cells() if t == task)
         raise CellError(f"{robot} cannot do {task}: {obstacle}. Robots that can: {able}.")

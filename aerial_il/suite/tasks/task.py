@@ -95,12 +95,12 @@ class Task(ABC):
         self.kernels = kernels
 
     def obstacle(self, robot: Robot) -> str | None:
-        """Say why ``robot`` cannot do this task, or None if it can."""
+        """Say why ``robot`` cannot do this task, by the task's rules or in its own file, or None if it can."""
         if self.needs_arm and not robot.num_joints:
             return "it has no arm"
         if self.needs_flight and robot.fixed:
             return "its base is fixed, and the task is not on its table"
-        return self.obstacle_to(robot)
+        return self.obstacle_to(robot) or robot.declines.get(self.name)
 
     @abstractmethod
     def obstacle_to(self, robot: Robot) -> str | None:
