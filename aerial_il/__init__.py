@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.rendering import choose_backend
-from aerial_il.suite import gymnasium_ids
+from aerial_il.suite.faces import gymnasium_ids
 
 if TYPE_CHECKING:
-    from aerial_il.core.policy import Policy
+    from aerial_il.core.contracts import Policy
     from aerial_il.data.dataset import Dataset
     from aerial_il.experts.expert import Expert
     from aerial_il.suite.batch import BatchEnvironment

@@ -31,7 +31,7 @@ from aerial_il.algorithms.interactive.gates import CoinGate, GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Mixture
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.core.policy import Policy
+from aerial_il.core.contracts import Policy
 from aerial_il.core.seeding import named_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 

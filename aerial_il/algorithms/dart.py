@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,8 +36,8 @@ from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.supervised.training_set import split
+from aerial_il.core.contracts import BatchEnv, Observation, Policy, SeededPolicy, attach, phase_names_of, phase_of
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -137,13 +137,13 @@ class Disturbed:
 
     @property
     def phase_names(self) -> tuple[str, ...]:
-        return tuple(getattr(self.expert, "phase_names", ()))
+        return phase_names_of(self.expert)
 
     @property
     def phase(self) -> np.ndarray:
-        return np.asarray(getattr(self.expert, "phase", np.full(len(self._rngs), -1)))
+        return phase_of(self.expert, len(self._rngs))
 
-    def attach(self, env: Any) -> None:
+    def attach(self, env: BatchEnv) -> None:
         attach(self.expert, env)
 
     def reset(self, mask: np.ndarray | None = None) -> None:

@@ -44,9 +44,9 @@ from aerial_il.benchmarks.parts.report import Report
 from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, described, steps_of, without_cadence
 from aerial_il.benchmarks.parts.success import failed_seeds
 from aerial_il.collection.collect import collect
+from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sha256_of, write_json
-from aerial_il.core.policy import Policy
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import FAILURES, DatasetFolder
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result

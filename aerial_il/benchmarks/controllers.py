@@ -19,7 +19,7 @@ from aerial_il.benchmarks.tracking import LIMITS_CM, STUDIED, TASK, Tracking, tr
 from aerial_il.control.laws import names
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.scene import CONTROL_DT_S
+from aerial_il.suite.timing import CONTROL_DT_S
 
 LARGEST_SETTLING_S: dict[StepKind, float] = {"position": 2.5, "yaw": 2.0}
 LARGEST_OVERSHOOT_PERCENT: dict[StepKind, float] = {"position": 10.0, "yaw": 40.0}

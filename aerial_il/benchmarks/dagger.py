@@ -37,8 +37,8 @@ from aerial_il.benchmarks.parts.stages import (
 )
 from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
 from aerial_il.collection.collect import collect
+from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.policy import Policy
 from aerial_il.core.settings import plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import t_interval

@@ -29,8 +29,8 @@ from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
 from aerial_il.benchmarks.parts.stopwatch import Arm, interleave
 from aerial_il.collection.collect import collect
+from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.policy import Observation
 from aerial_il.core.seeding import torch_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies import list_policies, policy_config

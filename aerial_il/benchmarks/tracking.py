@@ -20,7 +20,7 @@ from aerial_il.benchmarks.parts.figures import tracking_bars
 from aerial_il.benchmarks.parts.motions import Kind, Motion, curves, poses
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.control import memory
+from aerial_il.control import controller_state
 from aerial_il.control.laws import Law
 from aerial_il.core.arrays import length, rotation_cosine
 from aerial_il.core.errors import InvalidValueError
@@ -157,7 +157,7 @@ class Tracking:
             result = env.step(np.concatenate([wanted[step], rot6d, open_gripper], axis=1))
             crashed |= result.terminated
             if step >= settling:
-                base_reference = view.userdata[:, memory.BASE_POS : memory.BASE_POS + 3]
+                base_reference = view.userdata[:, controller_state.BASE_POS : controller_state.BASE_POS + 3]
                 base_error = length(view.base_pos - base_reference)
                 found.append((view.tool_pos - wanted[step], base_error, _angle(view.tool_mat, rot6d)))
         error, base_error, angle = (np.stack(parts) for parts in zip(*found, strict=True))

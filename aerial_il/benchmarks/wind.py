@@ -18,8 +18,7 @@ from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.arrays import length
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite import tiers
-from aerial_il.suite.scene import CONTROL_DT_S
-from aerial_il.suite.wind import (
+from aerial_il.suite.physics.wind import (
     LARGEST_GUST,
     WORK_HEIGHT_M,
     Air,
@@ -30,6 +29,7 @@ from aerial_il.suite.wind import (
     length_scales,
     mean_share,
 )
+from aerial_il.suite.timing import CONTROL_DT_S
 
 COMPONENTS = ("along the mean", "across", "up")
 SEGMENT, BINS = 8192, 28  # steps of one periodogram, points of a drawn spectrum

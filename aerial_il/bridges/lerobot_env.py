@@ -28,8 +28,8 @@ from lerobot.envs.utils import freeze_after_episode_end
 from aerial_il.core import lerobot_names
 from aerial_il.core.rendering import can_render
 from aerial_il.core.specs import EnvSpec, Group
-from aerial_il.suite.gymnasium_env import SingleEnv
-from aerial_il.suite.gymnasium_ids import gymnasium_id
+from aerial_il.suite.faces.gymnasium_env import SingleEnv
+from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
 from aerial_il.suite.scenario import Scenario
 
 ACTION, STATE, ENVIRONMENT, IMAGES = "action", "agent_pos", "environment_state", "pixels"

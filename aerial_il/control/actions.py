@@ -42,7 +42,7 @@ TARGET_LEAD = 0.15  # m
 
 
 class ActionLevel(IntEnum):
-    """How deep in the control cascade an action enters."""
+    """Levels of the control cascade at which an action may enter."""
 
     EE_POSE = 0
     EE_DELTA = 1

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from aerial_il.control import memory as mem
+from aerial_il.control import controller_state as layout
 from aerial_il.control.actions import ActionLevel, action_spec
 from aerial_il.control.allocation import allocate
 from aerial_il.control.dynamics import (
@@ -72,9 +72,9 @@ def receive_action(vehicle, gains, scratch, level, action, qpos, memory, interva
     Args:
         vehicle, gains: model and tuning. scratch: working memory. level: an :class:`ActionLevel`. action: (Da,).
         qpos: base position, base quaternion and joint positions, at least 7 + J numbers.
-        memory: (MEMORY_SIZE,) controller memory. interval: seconds between actions.
+        memory: (CONTROLLER_STATE_SIZE,) controller memory. interval: seconds between actions.
     """
-    if memory[mem.READY] == 0.0:
+    if memory[layout.READY] == 0.0:
         joints = qpos[7 : 7 + vehicle.num_joints]
         rot = mat_from_quat((qpos[3], qpos[4], qpos[5], qpos[6]))
         seat_references(vehicle, scratch, memory, vec(qpos, 0), rot, math.atan2(rot[3], rot[0]), joints)
@@ -99,7 +99,7 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory,
         qpos: base position (m), base quaternion (w, x, y, z), joint positions (rad).
         qvel: base velocity (world, m/s), base angular velocity (body, rad/s), joint velocities (rad/s).
         thrust_now: (R,) measured rotor thrusts, N.
-        memory: (MEMORY_SIZE,) controller memory, advanced.
+        memory: (CONTROLLER_STATE_SIZE,) controller memory, advanced.
         dt: s.
         thrust: (R,) written: commanded thrusts, N.
         servo: (J,) written: servo set-points, rad, shifted by the feed-forward torque over the servo's stiffness.
@@ -136,16 +136,16 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory,
         allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, body_force, torque, thrust)
         hasten_rotors(vehicle, gains, thrust_now, thrust)
     else:
-        disturbance = vec(memory, mem.FORCE)
-        torque = sub(sub(torque, vec(memory, mem.TORQUE)), cross(lever, disturbance))
+        disturbance = vec(memory, layout.FORCE)
+        torque = sub(sub(torque, vec(memory, layout.TORQUE)), cross(lever, disturbance))
         if level == CTBR:
             rate_error = sub(vec(action, 1), omega_body)
             alpha = scale(gains.rate, rate_error)
             body_force = (0.0, 0.0, action[0])
         else:
             force = sub(force, disturbance)
-            wanted = desired_attitude(force, memory[mem.BASE_YAW], vehicle.lateral_limit, gains.max_tilt)
-            alpha = attitude_loop(gains, rot, omega_body, wanted, memory[mem.BASE_YAW_RATE])
+            wanted = desired_attitude(force, memory[layout.BASE_YAW], vehicle.lateral_limit, gains.max_tilt)
+            alpha = attitude_loop(gains, rot, omega_body, wanted, memory[layout.BASE_YAW_RATE])
             body_force = rotate_back(rot, force)
         torque = add(torque, rotational_inertia(vehicle, frames, pos, rot, rotate(rot, alpha)))
         body_force = _limit_lateral(body_force, vehicle.lateral_limit)
@@ -154,7 +154,7 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory,
         hasten_rotors(vehicle, gains, thrust_now, thrust)
     for j in range(count):
         wanted_torque = scratch.servo_torque[j] + vehicle.joint_damping[j] * scratch.servo_vel[j]
-        servo[j] = memory[mem.JOINT_CMD + j] + wanted_torque / vehicle.joint_stiffness[j]
+        servo[j] = memory[layout.JOINT_CMD + j] + wanted_torque / vehicle.joint_stiffness[j]
 
 
 @kernel
@@ -173,14 +173,14 @@ def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, th
     """Update the disturbance estimate; return centre of mass minus base origin, world frame, m."""
     linear, angular, com, mass = momentum(vehicle, frames, pos, rot, vel, omega, joint_vel)
     lever = sub(com, pos)
-    if memory[mem.READY] == 1.0:  # first tick: no rate of momentum yet
-        put(memory, mem.LINEAR, linear)
-        put(memory, mem.ANGULAR, angular)
-        memory[mem.READY] = 2.0
+    if memory[layout.READY] == 1.0:  # first tick: no rate of momentum yet
+        put(memory, layout.LINEAR, linear)
+        put(memory, layout.ANGULAR, angular)
+        memory[layout.READY] = 2.0
         return lever
     closing = 1.0 - gripper_opening(vehicle, action)
-    memory[mem.CLOSED] += min(1.0, GRIP_RESPONSE * dt) * (closing - memory[mem.CLOSED])
-    bandwidth = gains.observer + memory[mem.CLOSED] * (gains.observer_loaded - gains.observer)
+    memory[layout.CLOSED] += min(1.0, GRIP_RESPONSE * dt) * (closing - memory[layout.CLOSED])
+    bandwidth = gains.observer + memory[layout.CLOSED] * (gains.observer_loaded - gains.observer)
     force, torque = rotor_wrench(vehicle, thrust_now, rot, lever)
     force = add(force, (0.0, 0.0, -GRAVITY * mass))
     limit = gains.observer_limit * mass * GRAVITY
@@ -196,7 +196,7 @@ def _advance_references(vehicle, gains, scratch, level, action, pos, rot, memory
         advance_tool(memory, dt)
         advance_base(memory, dt)
         solve_arm(vehicle, gains, scratch, memory, pos, rot, dt)
-        return vec(memory, mem.TOOL_ACC)
+        return vec(memory, layout.TOOL_ACC)
     first = vehicle.num_rotors if level == ROTOR else 4
     if vehicle.base_mobility == 0.0:
         first = 0
@@ -205,11 +205,11 @@ def _advance_references(vehicle, gains, scratch, level, action, pos, rot, memory
     elif level == BASE_JOINT:
         _approach_base(memory, vec(action, 0), action[3], gains, dt)
     for j in range(count):
-        old = memory[mem.JOINT_CMD + j]
+        old = memory[layout.JOINT_CMD + j]
         wanted = old + dt * action[first + j] if level == VELOCITY else action[first + j]
         reach = vehicle.joint_speed[j] * dt
         new = clip(clip(wanted, old - reach, old + reach), vehicle.joint_low[j], vehicle.joint_high[j])
-        memory[mem.JOINT_CMD + j] = new
+        memory[layout.JOINT_CMD + j] = new
         scratch.servo_vel[j] = (new - old) / dt
     return (0.0, 0.0, 0.0)
 
@@ -223,25 +223,25 @@ def gripper_opening(vehicle, action):
 @kernel
 def _integrate_base(memory, velocity, yaw_rate, pos, gains, dt):
     """Follow a velocity command, on a leash to the actual position."""
-    old = vec(memory, mem.BASE_VEL)
+    old = vec(memory, layout.BASE_VEL)
     change = limit_norm(sub(velocity, old), 2.0 * gains.reference_acceleration * dt)
     new = add(old, change)
-    put(memory, mem.BASE_VEL, new)
-    ahead = limit_norm(sub(add(vec(memory, mem.BASE_POS), scale(dt, new)), pos), LEASH)
-    put(memory, mem.BASE_POS, add(pos, ahead))
-    memory[mem.BASE_YAW] = wrap_angle(memory[mem.BASE_YAW] + dt * yaw_rate)
-    memory[mem.BASE_YAW_RATE] = yaw_rate
+    put(memory, layout.BASE_VEL, new)
+    ahead = limit_norm(sub(add(vec(memory, layout.BASE_POS), scale(dt, new)), pos), LEASH)
+    put(memory, layout.BASE_POS, add(pos, ahead))
+    memory[layout.BASE_YAW] = wrap_angle(memory[layout.BASE_YAW] + dt * yaw_rate)
+    memory[layout.BASE_YAW_RATE] = yaw_rate
 
 
 @kernel
 def _approach_base(memory, target, yaw, gains, dt):
     """Move the base reference towards an absolute target at the reference speed."""
-    step = limit_norm(sub(target, vec(memory, mem.BASE_POS)), gains.reference_speed * dt)
-    put(memory, mem.BASE_POS, add(vec(memory, mem.BASE_POS), step))
-    put(memory, mem.BASE_VEL, scale(1.0 / dt, step))
-    turn = clip(wrap_angle(yaw - memory[mem.BASE_YAW]), -gains.reference_turn * dt, gains.reference_turn * dt)
-    memory[mem.BASE_YAW] = wrap_angle(memory[mem.BASE_YAW] + turn)
-    memory[mem.BASE_YAW_RATE] = turn / dt
+    step = limit_norm(sub(target, vec(memory, layout.BASE_POS)), gains.reference_speed * dt)
+    put(memory, layout.BASE_POS, add(vec(memory, layout.BASE_POS), step))
+    put(memory, layout.BASE_VEL, scale(1.0 / dt, step))
+    turn = clip(wrap_angle(yaw - memory[layout.BASE_YAW]), -gains.reference_turn * dt, gains.reference_turn * dt)
+    memory[layout.BASE_YAW] = wrap_angle(memory[layout.BASE_YAW] + turn)
+    memory[layout.BASE_YAW_RATE] = turn / dt
 
 
 @kernel
@@ -280,13 +280,15 @@ class Controller:
 
     def reset(self) -> None:
         """Forget references and disturbance estimate; the next update seats them at the state it is given."""
-        self.memory = np.zeros(mem.MEMORY_SIZE)
+        self.memory = np.zeros(layout.CONTROLLER_STATE_SIZE)
         self._ticks = 0
 
     @property
     def disturbance(self) -> np.ndarray:
         """(6,) estimated disturbance force (N) and torque about the centre of mass (N m), world frame."""
-        return np.concatenate([self.memory[mem.FORCE : mem.FORCE + 3], self.memory[mem.TORQUE : mem.TORQUE + 3]])
+        return np.concatenate(
+            [self.memory[layout.FORCE : layout.FORCE + 3], self.memory[layout.TORQUE : layout.TORQUE + 3]]
+        )
 
     def update(
         self, action: np.ndarray, qpos: np.ndarray, qvel: np.ndarray, thrust_now: np.ndarray

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from aerial_il.control import memory as mem
+from aerial_il.control import controller_state as layout
 from aerial_il.control.dynamics import put, row, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
@@ -31,8 +31,8 @@ from aerial_il.core.rotations import (
 @kernel
 def position_loop(gains, memory, pos, vel, feed_forward):
     """Base acceleration (world, m/s²) that brings the base to its reference."""
-    error = sub(vec(memory, mem.BASE_POS), pos)
-    error_rate = sub(vec(memory, mem.BASE_VEL), vel)
+    error = sub(vec(memory, layout.BASE_POS), pos)
+    error_rate = sub(vec(memory, layout.BASE_VEL), vel)
     acc = add(feed_forward, add(scale(gains.position, error), scale(gains.velocity, error_rate)))
     return limit_norm(acc, gains.max_acceleration)
 
@@ -118,8 +118,8 @@ def observe_disturbance(memory, linear, angular, force, torque, bandwidth, force
         dt: s.
     """
     gain = 1.0 - math.exp(-bandwidth * dt)
-    _low_pass_residual(memory, mem.FORCE, mem.LINEAR, linear, force, gain, force_limit, dt)
-    _low_pass_residual(memory, mem.TORQUE, mem.ANGULAR, angular, torque, gain, torque_limit, dt)
+    _low_pass_residual(memory, layout.FORCE, layout.LINEAR, linear, force, gain, force_limit, dt)
+    _low_pass_residual(memory, layout.TORQUE, layout.ANGULAR, angular, torque, gain, torque_limit, dt)
 
 
 @kernel

@@ -19,7 +19,7 @@ from aerial_il.core.errors import UnknownNameError
 
 
 class Law(IntEnum):
-    """How the base is flown to its reference."""
+    """Flight laws, by which the base is flown to its reference."""
 
     GEOMETRIC_OBSERVER = 0
     GEOMETRIC = 1
@@ -33,7 +33,7 @@ class Law(IntEnum):
 
     @property
     def summary(self) -> str:
-        """What it is, in a few words."""
+        """The law in a few words."""
         return _SUMMARIES[self]
 
     @property

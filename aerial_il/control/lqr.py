@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from aerial_il.control import memory as mem
+from aerial_il.control import controller_state as layout
 from aerial_il.control.dynamics import vec
 from aerial_il.control.hover import hover_body
 from aerial_il.control.vehicle import GRAVITY, Vehicle
@@ -87,10 +87,10 @@ def lqr_wrench(vehicle, gains, memory, pos, vel, rot, omega_body):
     roll, pitch, yaw = euler_from_mat(rot)
     c, s = math.cos(yaw), math.sin(yaw)
     heading = (c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
-    off = rotate_back(heading, sub(pos, vec(memory, mem.BASE_POS)))
-    drift = rotate_back(heading, sub(vel, vec(memory, mem.BASE_VEL)))
-    lean = (roll, pitch, wrap_angle(yaw - memory[mem.BASE_YAW]))
-    spin = sub(omega_body, (0.0, 0.0, memory[mem.BASE_YAW_RATE]))
+    off = rotate_back(heading, sub(pos, vec(memory, layout.BASE_POS)))
+    drift = rotate_back(heading, sub(vel, vec(memory, layout.BASE_VEL)))
+    lean = (roll, pitch, wrap_angle(yaw - memory[layout.BASE_YAW]))
+    spin = sub(omega_body, (0.0, 0.0, memory[layout.BASE_YAW_RATE]))
     share = _share_within_tilt(vehicle.feedback, off, drift, gains.max_tilt)
     off, drift = (share * off[0], share * off[1], off[2]), (share * drift[0], share * drift[1], drift[2])
     force = scale(-1.0, _rows(vehicle.feedback, 0, off, drift, lean, spin))

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 
-from aerial_il.control import memory as mem
+from aerial_il.control import controller_state as layout
 from aerial_il.control.dynamics import put, vec
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.kernels import kernel
@@ -64,8 +64,8 @@ def pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, 
     by_tilt = max(0.0, sideways - vehicle.lateral_limit) / max(sideways, 1e-9) / GRAVITY
     forward, left = by_tilt * (c * acc[0] + s * acc[1]), by_tilt * (-s * acc[0] + c * acc[1])
     tilt = limit_norm((-left, forward, 0.0), gains.max_tilt)
-    error = (tilt[0] - roll, tilt[1] - pitch, wrap_angle(memory[mem.BASE_YAW] - yaw))
-    rate_error = sub((0.0, 0.0, memory[mem.BASE_YAW_RATE]), omega_body)
+    error = (tilt[0] - roll, tilt[1] - pitch, wrap_angle(memory[layout.BASE_YAW] - yaw))
+    rate_error = sub((0.0, 0.0, memory[layout.BASE_YAW_RATE]), omega_body)
     alpha = _attitude_loop(gains, memory, error, rate_error, dt)
     push = rotate_back(rot, scale(mass, add(acc, (0.0, 0.0, GRAVITY))))
     lift = mass * (GRAVITY + acc[2]) / max(math.cos(roll) * math.cos(pitch), LEAST_UPRIGHTNESS)
@@ -77,14 +77,14 @@ def pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, 
 @kernel
 def _position_loop(gains, memory, pos, vel, feed_forward, dt):
     """Commanded acceleration of the base, world, m/s²."""
-    error = sub(vec(memory, mem.BASE_POS), pos)
-    error_rate = sub(vec(memory, mem.BASE_VEL), vel)
-    integral = vec(memory, mem.POSITION_INTEGRAL)
+    error = sub(vec(memory, layout.BASE_POS), pos)
+    error_rate = sub(vec(memory, layout.BASE_VEL), vel)
+    integral = vec(memory, layout.POSITION_INTEGRAL)
     wanted = add(feed_forward, add(scale(gains.position, error), scale(gains.velocity, error_rate)))
     wanted = add(wanted, integral)
     if norm(error) < NEAR and (norm(wanted) <= gains.max_acceleration or dot(wanted, error) < 0.0):
         integral = limit_norm(add(integral, scale(gains.integral * dt, error)), LARGEST_POSITION_INTEGRAL)
-        put(memory, mem.POSITION_INTEGRAL, integral)
+        put(memory, layout.POSITION_INTEGRAL, integral)
     return limit_norm(wanted, gains.max_acceleration)
 
 
@@ -92,10 +92,10 @@ def _position_loop(gains, memory, pos, vel, feed_forward, dt):
 def _attitude_loop(gains, memory, error, rate_error, dt):
     """Commanded angular acceleration about roll, pitch and yaw, rad/s²; ``error`` in rad, ``rate_error`` in rad/s."""
     pid, limit = (gains.attitude, gains.attitude_integral, gains.rate), LARGEST_TILT_ACCELERATION
-    roll = _axis(memory, mem.ATTITUDE_INTEGRAL, error[0], rate_error[0], pid, limit, dt)
-    pitch = _axis(memory, mem.ATTITUDE_INTEGRAL + 1, error[1], rate_error[1], pid, limit, dt)
+    roll = _axis(memory, layout.ATTITUDE_INTEGRAL, error[0], rate_error[0], pid, limit, dt)
+    pitch = _axis(memory, layout.ATTITUDE_INTEGRAL + 1, error[1], rate_error[1], pid, limit, dt)
     pid, limit = (gains.heading, gains.heading_integral, gains.heading_rate), LARGEST_YAW_ACCELERATION
-    return (roll, pitch, _axis(memory, mem.ATTITUDE_INTEGRAL + 2, error[2], rate_error[2], pid, limit, dt))
+    return (roll, pitch, _axis(memory, layout.ATTITUDE_INTEGRAL + 2, error[2], rate_error[2], pid, limit, dt))
 
 
 @kernel

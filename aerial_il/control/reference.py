@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from aerial_il.control import memory as mem
+from aerial_il.control import controller_state as layout
 from aerial_il.control.actions import TARGET_LEAD
 from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
@@ -65,11 +65,11 @@ def displaced_target(memory, displacement, turn):
         memory: controller memory; the target's rotation in it is advanced.
         displacement: m, turn: rotation vector, rad; both in the frame of the last target.
     """
-    rot, tool = read_rotation(memory, mem.TARGET_ROT), vec(memory, mem.TOOL_POS)
-    ahead = sub(add(vec(memory, mem.TARGET_POS), rotate(rot, displacement)), tool)
+    rot, tool = read_rotation(memory, layout.TARGET_ROT), vec(memory, layout.TOOL_POS)
+    ahead = sub(add(vec(memory, layout.TARGET_POS), rotate(rot, displacement)), tool)
     rot = matmul(rot, mat_from_rotvec(turn))
     rot = orthonormalise(column(rot, 0), column(rot, 1))
-    write_rotation(memory, mem.TARGET_ROT, rot)
+    write_rotation(memory, layout.TARGET_ROT, rot)
     return add(tool, limit_norm(ahead, TARGET_LEAD)), rot
 
 
@@ -79,45 +79,45 @@ def observe_target_rate(memory, target, gains, interval):
 
     Call once per command. ``target``: position, world, m. ``interval``: seconds since the previous command.
     """
-    rate = scale(1.0 / interval, sub(target, vec(memory, mem.TARGET_POS)))
+    rate = scale(1.0 / interval, sub(target, vec(memory, layout.TARGET_POS)))
     if norm(rate) > 1.5 * gains.reference_speed:
         rate = (0.0, 0.0, 0.0)
-    blended = add(scale(0.7, vec(memory, mem.TARGET_VEL)), scale(0.3, rate))
-    put(memory, mem.TARGET_VEL, blended)
-    put(memory, mem.TARGET_POS, target)
+    blended = add(scale(0.7, vec(memory, layout.TARGET_VEL)), scale(0.3, rate))
+    put(memory, layout.TARGET_VEL, blended)
+    put(memory, layout.TARGET_POS, target)
 
 
 @kernel
 def steer_position(memory, target, gains):
     """Choose the acceleration of the reference position towards ``target`` (world, m) until the next command."""
-    error = sub(target, vec(memory, mem.TOOL_POS))
+    error = sub(target, vec(memory, layout.TOOL_POS))
     distance = norm(error)
     braking = math.sqrt(1.4 * gains.reference_acceleration * distance)
     speed = min(APPROACH * distance, min(braking, gains.reference_speed))
     near = max(0.0, 1.0 - (distance / NEAR) ** 2)
-    wanted = add(scale(near, vec(memory, mem.TARGET_VEL)), scale(speed / max(distance, 1e-9), error))
+    wanted = add(scale(near, vec(memory, layout.TARGET_VEL)), scale(speed / max(distance, 1e-9), error))
     wanted = limit_norm(wanted, gains.reference_speed)
-    acc = limit_norm(scale(RESPONSE, sub(wanted, vec(memory, mem.TOOL_VEL))), gains.reference_acceleration)
-    put(memory, mem.TOOL_ACC, acc)
+    acc = limit_norm(scale(RESPONSE, sub(wanted, vec(memory, layout.TOOL_VEL))), gains.reference_acceleration)
+    put(memory, layout.TOOL_ACC, acc)
 
 
 @kernel
 def steer_rotation(memory, target, gains, interval):
     """Choose the angular velocity of the reference towards ``target`` (world from tool) for ``interval`` seconds."""
-    rot = read_rotation(memory, mem.TOOL_ROT)
+    rot = read_rotation(memory, layout.TOOL_ROT)
     error = rotate(rot, rotvec_from_mat(matmul_back(rot, target)))
     wanted = limit_norm(scale(TURN_APPROACH, error), gains.reference_turn)
-    omega = vec(memory, mem.TOOL_OMEGA)
-    put(memory, mem.TOOL_OMEGA, add(omega, scale(min(1.0, RESPONSE * interval), sub(wanted, omega))))
+    omega = vec(memory, layout.TOOL_OMEGA)
+    put(memory, layout.TOOL_OMEGA, add(omega, scale(min(1.0, RESPONSE * interval), sub(wanted, omega))))
 
 
 @kernel
 def moved_tool(memory, dt):
     """Position, velocity and rotation of the reference ``dt`` seconds from now."""
-    vel, acc = vec(memory, mem.TOOL_VEL), vec(memory, mem.TOOL_ACC)
-    pos = add(vec(memory, mem.TOOL_POS), add(scale(dt, vel), scale(0.5 * dt * dt, acc)))
-    turn = mat_from_rotvec(scale(dt, vec(memory, mem.TOOL_OMEGA)))
-    rot = matmul(turn, read_rotation(memory, mem.TOOL_ROT))
+    vel, acc = vec(memory, layout.TOOL_VEL), vec(memory, layout.TOOL_ACC)
+    pos = add(vec(memory, layout.TOOL_POS), add(scale(dt, vel), scale(0.5 * dt * dt, acc)))
+    turn = mat_from_rotvec(scale(dt, vec(memory, layout.TOOL_OMEGA)))
+    rot = matmul(turn, read_rotation(memory, layout.TOOL_ROT))
     return pos, add(vel, scale(dt, acc)), orthonormalise(column(rot, 0), column(rot, 1))
 
 
@@ -125,9 +125,9 @@ def moved_tool(memory, dt):
 def advance_tool(memory, dt):
     """Move the end-effector reference on for ``dt`` seconds."""
     pos, vel, rot = moved_tool(memory, dt)
-    put(memory, mem.TOOL_POS, pos)
-    put(memory, mem.TOOL_VEL, vel)
-    write_rotation(memory, mem.TOOL_ROT, rot)
+    put(memory, layout.TOOL_POS, pos)
+    put(memory, layout.TOOL_VEL, vel)
+    write_rotation(memory, layout.TOOL_ROT, rot)
 
 
 @kernel

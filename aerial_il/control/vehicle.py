@@ -1,4 +1,4 @@
-"""What a controller knows of an aerial manipulator: nominal masses, geometry, limits. No simulator in sight.
+"""Nominal model of an aerial manipulator, as controllers know it: masses, geometry, limits; no simulator.
 
 A vehicle is a rigid base with fixed rotors and one serial arm of revolute joints. All frames are aligned with the base
 frame (x forward, y left, z up) when every joint is at zero. The gripper's fingers count as part of the last link.
@@ -117,7 +117,7 @@ class Vehicle(NamedTuple):
 
     @property
     def agility(self) -> float:
-        """How fast the vehicle can be flown, as a share of what quick rotors allow, in (0, 1]."""
+        """Share of the speed of flight with quick rotors that these allow, in (0, 1]."""
         return QUICK_ROTOR_S / max(QUICK_ROTOR_S, self.rotor_tau_up)
 
     @property

@@ -8,7 +8,7 @@ is off by. That second step is worth more accuracy in wind than any gain of the 
 
 from __future__ import annotations
 
-from aerial_il.control import memory as mem
+from aerial_il.control import controller_state as layout
 from aerial_il.control.dynamics import forward_kinematics, put, tool_jacobian, tool_pose, vec
 from aerial_il.control.inverse_kinematics import (
     freeze_at_limits,
@@ -49,18 +49,18 @@ def seat_references(vehicle, scratch, memory, pos, rot, yaw, joints):
     """Place every reference at the current state, at rest: the start of an episode, or a change of pilot."""
     forward_kinematics(vehicle, pos, rot, joints, 0, scratch.frames)
     tool, tool_rot = tool_pose(vehicle, scratch.frames)
-    for k in range(mem.MEMORY_SIZE):
+    for k in range(layout.CONTROLLER_STATE_SIZE):
         memory[k] = 0.0
-    put(memory, mem.TOOL_POS, tool)
-    put(memory, mem.TARGET_POS, tool)
-    write_rotation(memory, mem.TARGET_ROT, tool_rot)
-    write_rotation(memory, mem.TOOL_ROT, tool_rot)
-    put(memory, mem.BASE_POS, pos)
-    memory[mem.BASE_YAW] = yaw
+    put(memory, layout.TOOL_POS, tool)
+    put(memory, layout.TARGET_POS, tool)
+    write_rotation(memory, layout.TARGET_ROT, tool_rot)
+    write_rotation(memory, layout.TOOL_ROT, tool_rot)
+    put(memory, layout.BASE_POS, pos)
+    memory[layout.BASE_YAW] = yaw
     for j in range(vehicle.num_joints):
-        memory[mem.JOINT_REF + j] = joints[j]
-        memory[mem.JOINT_CMD + j] = joints[j]
-    memory[mem.READY] = 1.0
+        memory[layout.JOINT_REF + j] = joints[j]
+        memory[layout.JOINT_CMD + j] = joints[j]
+    memory[layout.READY] = 1.0
 
 
 @kernel
@@ -72,9 +72,11 @@ def plan_reference(vehicle, scratch, memory, interval):
         memory: controller memory; the base's velocity and the joints of the reference are written.
         interval: s, until the next plan.
     """
-    pos, yaw = vec(memory, mem.BASE_POS), memory[mem.BASE_YAW]
+    pos, yaw = vec(memory, layout.BASE_POS), memory[layout.BASE_YAW]
     target, _, target_rot = moved_tool(memory, interval)
-    _linearise(vehicle, scratch, pos, mat_from_yaw(yaw), memory, mem.JOINT_REF, target, target_rot, ORIENTATION_SHARE)
+    _linearise(
+        vehicle, scratch, pos, mat_from_yaw(yaw), memory, layout.JOINT_REF, target, target_rot, ORIENTATION_SHARE
+    )
     heading, pitch = yaw_and_pitch(target_rot)
     share, most = min(1.0, REST_RATE * interval), REST_SPEED * interval
     pull, mobility, step = scratch.pull, scratch.mobility, scratch.step
@@ -84,22 +86,22 @@ def plan_reference(vehicle, scratch, memory, interval):
     mobility[3] = YAW_MOBILITY * vehicle.base_mobility
     rest_posture(vehicle, pitch, pull, 4)
     for j in range(vehicle.num_joints):
-        pull[4 + j] = clip(share * (pull[4 + j] - memory[mem.JOINT_REF + j]), -most, most)
+        pull[4 + j] = clip(share * (pull[4 + j] - memory[layout.JOINT_REF + j]), -most, most)
     solve_in_task_space(scratch, 4 + vehicle.num_joints, DAMPING)
-    if freeze_at_limits(vehicle, scratch, memory, mem.JOINT_REF):
+    if freeze_at_limits(vehicle, scratch, memory, layout.JOINT_REF):
         solve_in_task_space(scratch, 4 + vehicle.num_joints, DAMPING)
-    put(memory, mem.BASE_VEL, scale(1.0 / interval, vec(step, 0)))
-    memory[mem.BASE_YAW_RATE] = step[3] / interval
+    put(memory, layout.BASE_VEL, scale(1.0 / interval, vec(step, 0)))
+    memory[layout.BASE_YAW_RATE] = step[3] / interval
     for j in range(vehicle.num_joints):
-        moved = memory[mem.JOINT_REF + j] + step[4 + j]
-        memory[mem.JOINT_REF + j] = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
+        moved = memory[layout.JOINT_REF + j] + step[4 + j]
+        memory[layout.JOINT_REF + j] = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
 
 
 @kernel
 def advance_base(memory, dt):
     """Move the base reference on for ``dt`` seconds."""
-    put(memory, mem.BASE_POS, add(vec(memory, mem.BASE_POS), scale(dt, vec(memory, mem.BASE_VEL))))
-    memory[mem.BASE_YAW] = wrap_angle(memory[mem.BASE_YAW] + dt * memory[mem.BASE_YAW_RATE])
+    put(memory, layout.BASE_POS, add(vec(memory, layout.BASE_POS), scale(dt, vec(memory, layout.BASE_VEL))))
+    memory[layout.BASE_YAW] = wrap_angle(memory[layout.BASE_YAW] + dt * memory[layout.BASE_YAW_RATE])
 
 
 @kernel
@@ -116,18 +118,18 @@ def solve_arm(vehicle, gains, scratch, memory, pos, rot, dt):
     count = vehicle.num_joints
     if count == 0:
         return
-    target, target_rot = vec(memory, mem.TOOL_POS), read_rotation(memory, mem.TOOL_ROT)
-    _linearise(vehicle, scratch, pos, rot, memory, mem.JOINT_CMD, target, target_rot, gains.orientation_weight)
+    target, target_rot = vec(memory, layout.TOOL_POS), read_rotation(memory, layout.TOOL_ROT)
+    _linearise(vehicle, scratch, pos, rot, memory, layout.JOINT_CMD, target, target_rot, gains.orientation_weight)
     for j in range(count):
-        scratch.pull[4 + j] = ARM_REST_RATE * dt * (memory[mem.JOINT_REF + j] - memory[mem.JOINT_CMD + j])
+        scratch.pull[4 + j] = ARM_REST_RATE * dt * (memory[layout.JOINT_REF + j] - memory[layout.JOINT_CMD + j])
     solve_in_joint_space(scratch, 4, count, DAMPING)
-    if freeze_at_limits(vehicle, scratch, memory, mem.JOINT_CMD):
+    if freeze_at_limits(vehicle, scratch, memory, layout.JOINT_CMD):
         solve_in_joint_space(scratch, 4, count, DAMPING)
     for j in range(count):
-        joint, reach = memory[mem.JOINT_CMD + j], vehicle.joint_speed[j] * dt
+        joint, reach = memory[layout.JOINT_CMD + j], vehicle.joint_speed[j] * dt
         moved = clip(joint + clip(scratch.step[4 + j], -reach, reach), vehicle.joint_low[j], vehicle.joint_high[j])
         scratch.servo_vel[j] = (moved - joint) / dt
-        memory[mem.JOINT_CMD + j] = moved
+        memory[layout.JOINT_CMD + j] = moved
 
 
 @kernel

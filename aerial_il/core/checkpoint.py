@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What one sealed folder holds.
+    """Contents of one sealed folder.
 
     Attributes:
         arrays: weights, optimiser moments, statistics.

@@ -1,4 +1,4 @@
-"""What this computer has left."""
+"""Memory that this computer has left."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What lerobot calls the features of a dataset and the inputs and outputs of a policy."""
+"""Names that lerobot gives the features of a dataset and the inputs and outputs of a policy."""
 
 STATE = "observation.state"  # proprioceptive fields, concatenated
 ENVIRONMENT = "observation.environment_state"  # fields of the task, concatenated

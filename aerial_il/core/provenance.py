@@ -1,4 +1,4 @@
-"""Where a result comes from: code, packages and machine, as plain values ready for JSON or YAML."""
+"""Provenance of a result: code, packages and machine, as plain values ready for JSON or YAML."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How this machine draws pictures: MuJoCo's back end, chosen before MuJoCo is imported.
+"""MuJoCo's rendering back end of this machine, chosen before MuJoCo is imported.
 
 MuJoCo and dm_control read ``MUJOCO_GL`` once, at import. ``make setup`` renders one frame in a child process with
 each back end and remembers the first that works; :func:`choose_backend` hands that choice on. A machine without any

@@ -1,4 +1,4 @@
-"""What an environment shows and takes: named, sized and bounded, so that data and policies can check themselves.
+"""Specifications of observations and actions: named, sized and bounded, so that data and policies can check them.
 
 A dataset and a checkpoint carry the :class:`EnvSpec` they were made for; comparing two of them is how a policy
 refuses another robot's data and a recording refuses another task's environment.
@@ -77,7 +77,7 @@ class ObservationSpec:
         return sum(self[name].size for name in names)
 
     def parts(self, names: Iterable[str]) -> dict[str, slice]:
-        """Where each one-dimensional field lies in what :meth:`flatten` returns."""
+        """Slice of each one-dimensional field in what :meth:`flatten` returns."""
         ends = np.cumsum([self[name].size for name in names])
         return {name: slice(int(end) - self[name].size, int(end)) for name, end in zip(names, ends, strict=True)}
 

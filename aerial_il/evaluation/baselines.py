@@ -8,7 +8,7 @@ from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.suite.staying import stay_action
+from aerial_il.suite.episode.hold_action import hold_action
 
 HOLD_STEPS = 10  # a new action in every step would average out to none
 
@@ -62,7 +62,7 @@ class Hover:
     def act(self, obs: Observation) -> np.ndarray:
         env = _attached(self._env)
         for world in np.flatnonzero(self._fresh):
-            self._held[world] = stay_action(env.scenario, env.simulation.view, int(world))
+            self._held[world] = hold_action(env.scenario, env.simulation.view, int(world))
         self._fresh[:] = False
         return self._held.copy()
 

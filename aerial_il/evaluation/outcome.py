@@ -19,5 +19,5 @@ def subtask_flags(env: BatchEnvironment, episode: Episode) -> np.ndarray:
     for first in range(0, len(states), env.num_envs):
         part = states[first : first + env.num_envs]
         env.set_state(np.resize(part, (env.num_envs, part.shape[1])))
-        flags.append(env.simulation.judge().subtasks[: len(part)])
+        flags.append(env.simulation.reassess().subtasks[: len(part)])
     return np.concatenate(flags)

@@ -18,8 +18,8 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
-from aerial_il.suite.simulation import Simulation
-from aerial_il.suite.view import View
+from aerial_il.suite.episode.simulation import Simulation
+from aerial_il.suite.physics.view import View
 
 UNDECIDED = -1
 LEAD_M = 0.15  # a commanded position is at most this far ahead of the tool: smooth actions, bounded speed

@@ -1,4 +1,4 @@
-"""What experts that move a hinged thing have in common: the closed fingers are a hook that goes in from above.
+"""Base class of experts that move a hinged thing: the closed fingers are a hook that goes in from above.
 
 A hook holds whatever pulls on it, needs no grip force, and leaves the vehicle free to rise, sink and turn a little in
 the wind. The tool points down and faces the way the thing resists: a vehicle that tows is never turned about its own
@@ -45,7 +45,7 @@ class HookExpert(Expert):
 
     @abstractmethod
     def entry(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the fingers go in: position (n, 3) at the height of the bar to be hooked, heading (n,) rad."""
+        """Pose at which the fingers go in: position (n, 3) at the height of the bar to be hooked, heading (n,) rad."""
 
     @abstractmethod
     def hooked(self) -> np.ndarray:
@@ -53,7 +53,7 @@ class HookExpert(Expert):
 
     @abstractmethod
     def ahead(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where to pull: position (n, 3) at the height of the bar, a little further along its arc; heading (n,)."""
+        """Pose to pull from: position (n, 3) at the height of the bar, a little further along its arc; heading (n,)."""
 
     def first_phase(self) -> np.ndarray:
         return np.where(self.hooked() & ~self._too_deep(), PULL, HOVER)
@@ -127,5 +127,5 @@ class HookExpert(Expert):
 
 
 def hook_depth(gripper: Gripper) -> float:
-    """How far below the middle of a bar the fingertips go, m, so that the palm stays clear of it."""
+    """Depth of the fingertips below the middle of a bar, m, so that the palm stays clear of it."""
     return min(TIP_M, TIP_SHARE * gripper.finger_length)

@@ -6,7 +6,7 @@ import numpy as np
 
 from aerial_il.core.arrays import planar_length
 from aerial_il.experts.expert import Expert, pointing_down
-from aerial_il.suite import measured
+from aerial_il.suite.episode import measured
 from aerial_il.suite.props import TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import CHAMFER_M, PEG_LENGTH_M, PEG_RADIUS_M
 from aerial_il.suite.tasks import insert_peg
@@ -122,7 +122,7 @@ class InsertPegExpert(Expert):
         return (gap < LOST_GAP_M) & ~self._held()
 
     def _grasp(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the tool takes hold of the peg, (n, 3) m, and its heading there, (n,) rad within ±90°.
+        """Grasp of the peg: position of the tool, (n, 3) m, and its heading there, (n,) rad within ±90°.
 
         An upright peg is taken near its upper end. One that lies is taken near the end that points forward, which
         comes to be the upper end when the tool is raised.

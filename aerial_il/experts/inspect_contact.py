@@ -6,7 +6,7 @@ import numpy as np
 
 from aerial_il.core.arrays import length
 from aerial_il.experts.expert import Expert, facing, turned_towards
-from aerial_il.suite import measured
+from aerial_il.suite.episode import measured
 from aerial_il.suite.props.plate import PRELOAD_N, STIFFNESS
 from aerial_il.suite.tasks import inspect_contact
 from aerial_il.suite.tasks.inspect_contact import FORCE_N

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert
-from aerial_il.suite import measured
+from aerial_il.suite.episode import measured
 from aerial_il.suite.props.door import BAR_RADIUS_M, HINGE_TO_LOOP_M, LOOP_M
 from aerial_il.suite.tasks import open_door
 from aerial_il.suite.tasks.open_door import OPEN_RAD, SWING_RAD_S

@@ -6,7 +6,7 @@ import numpy as np
 
 from aerial_il.core.arrays import length, planar_length
 from aerial_il.experts.expert import Expert, pointing_down
-from aerial_il.suite import measured
+from aerial_il.suite.episode import measured
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
 from aerial_il.suite.tasks import pick_place
 from aerial_il.suite.tasks.pick_place import IN_BOWL_M

@@ -63,7 +63,7 @@ class PressButtonExpert(Expert):
 
 
 def lean_on(force: float, robot: Robot) -> float:
-    """How far beyond a surface to send the tool of ``robot`` to press with ``force`` N although its base gives way, m.
+    """Distance beyond a surface to send the tool of ``robot`` to press with ``force`` N although its base gives way, m.
 
     The disturbance observer takes over a share of the weight; the rest is the position loop's, in proportion.
     """

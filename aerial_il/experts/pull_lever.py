@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert
-from aerial_il.suite import measured
+from aerial_il.suite.episode import measured
 from aerial_il.suite.props.lever import BAR_RADIUS_M, LEVER_M
 from aerial_il.suite.tasks import pull_lever
 from aerial_il.suite.tasks.pull_lever import PULLED_RAD, SWING_RAD_S

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert
-from aerial_il.suite import measured
+from aerial_il.suite.episode import measured
 from aerial_il.suite.props.valve import GAP_M, RIM_RADIUS_M, SPOKES, VALVE_OPEN_RAD
 from aerial_il.suite.tasks import rotate_valve
 from aerial_il.suite.tasks.rotate_valve import TURN_RAD_S

@@ -7,7 +7,7 @@ import numpy as np
 from aerial_il.core.arrays import length
 from aerial_il.core.kernels import kernel
 from aerial_il.experts.expert import Expert, pointing_down
-from aerial_il.suite import measured
+from aerial_il.suite.episode import measured
 from aerial_il.suite.tasks import track
 from aerial_il.suite.tasks.track import CAUGHT_M, LOST_M
 
@@ -19,7 +19,7 @@ LEVEL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # rot6d of a tool that looks ahead
 
 @kernel
 def _led_target(world):
-    """Where the target will be when the command has been flown, world frame, m."""
+    """Position of the target when the command has been flown, world frame, m."""
     return track.target_ahead(world, LEAD_S)
 
 

@@ -1,4 +1,4 @@
-"""What a robot can do, computed from its nominal model: power, balance, workspace, load of its servos."""
+"""Figures of a robot, computed from its nominal model: power, balance, workspace, load of its servos."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def stances(robot: Robot) -> tuple[Stance, ...]:
 
 @cache
 def workspace(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """Where the tool can be: joint positions (N, J) rad and tool positions (N, 3) m in the base frame.
+    """Workspace of the tool: joint positions (N, J) rad and tool positions (N, 3) m in the base frame.
 
     Random postures within the joint limits, less those that bring the tool into the body: of a hanging arm those above
     the base's underside, of a standing one those below its floor.

@@ -112,7 +112,7 @@ class Robot:
 
     @property
     def first_joint(self) -> tuple[int, int]:
-        """Where the arm's joints begin in a scene's qpos and qvel: after the base's free joint, if it has one."""
+        """Index of the arm's first joint in a scene's qpos and qvel: after the base's free joint, if it has one."""
         return (0, 0) if self.fixed else (7, 6)
 
     @cached_property
@@ -189,7 +189,7 @@ class Robot:
 
     @cached_property
     def hang(self) -> float:
-        """How far the tool hangs below the base's origin when it points straight down, m."""
+        """Distance of the tool below the base's origin when it points straight down, m."""
         return -float(self.tool_at(self.rest_down)[0][2])
 
     @cached_property

@@ -11,14 +11,14 @@ from aerial_il.control.vehicle import Gains
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
-from aerial_il.suite.assessment import Judgement
 from aerial_il.suite.engine import ENGINE
-from aerial_il.suite.physics_model import physics_model
-from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
+from aerial_il.suite.episode.assessment import Assessment
+from aerial_il.suite.episode.simulation import Simulation
+from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
+from aerial_il.suite.physics.physics_model import physics_model
+from aerial_il.suite.rendering import CAMERAS, CameraRequest, FrameRenderer
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.scene import PHYSICS_DT_S
-from aerial_il.suite.simulation import Simulation
-from aerial_il.suite.worlds import STATE, Worlds
+from aerial_il.suite.timing import PHYSICS_DT_S
 
 
 class BatchEnvironment:
@@ -30,7 +30,7 @@ class BatchEnvironment:
         ends_at_success: whether it should. engine: version of what simulates.
 
     Args:
-        scenario: what is flown. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
+        scenario: the environment. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
         refinement: parts in which physics steps are taken, to see what their length does.
     """
 
@@ -52,10 +52,10 @@ class BatchEnvironment:
         self.model = scenario.compile()
         model = physics_model(self.model, scenario.xml)
         model.opt.timestep = PHYSICS_DT_S / refinement
-        worlds = Worlds.many(model, num_envs)
+        worlds = PhysicsBatch.many(model, num_envs)
         self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
         self._shown: mujoco.MjData | None = None  # made when somebody looks
-        self._cameramen: dict[tuple[int, int], Cameraman] = {}
+        self._renderers: dict[tuple[int, int], FrameRenderer] = {}
         height, width = scenario.image_size
         self._images = {
             r.key: np.zeros((num_envs, height, width, *r.channels), r.dtype) for r in scenario.camera_requests
@@ -90,7 +90,7 @@ class BatchEnvironment:
         return self.simulation.steps * self.spec.control_dt_s
 
     def drawn(self, seed: int) -> dict[str, Any]:
-        """What the tier's disturbances are in the episode ``seed``, as plain values."""
+        """Disturbances that the tier draws for the episode ``seed``, as plain values."""
         return {**self.simulation.disturbances.drawn(seed), **self.simulation.seen.drawn(seed)}
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
@@ -116,13 +116,13 @@ class BatchEnvironment:
             actions: (n, Da) in the units of ``spec.action``; clipped to its bounds.
         """
         executed = self.simulation.advance(actions, mask)
-        judgement = self.simulation.judgement
+        assessment = self.simulation.assessment
         return StepResult(
             obs=self._seen(mask),
-            reward=judgement.reward,
-            terminated=judgement.crash | judgement.dropped,
-            truncated=judgement.truncated,
-            info=info_of(judgement, executed),
+            reward=assessment.reward,
+            terminated=assessment.crash | assessment.dropped,
+            truncated=assessment.truncated,
+            info=info_of(assessment, executed),
         )
 
     def observe(self) -> dict[str, np.ndarray]:
@@ -157,8 +157,8 @@ class BatchEnvironment:
 
     def shoot(self, world: int, request: CameraRequest, height: int, width: int) -> np.ndarray:
         """Render one request of one world."""
-        cameraman = self._cameramen.setdefault((height, width), Cameraman(self.model, height, width))
-        return cameraman.shoot(self.data(world), request)
+        renderer = self._renderers.setdefault((height, width), FrameRenderer(self.model, height, width))
+        return renderer.shoot(self.data(world), request)
 
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` of :attr:`model`, with all that eyes see; overwritten by the next call."""
@@ -174,22 +174,22 @@ class BatchEnvironment:
     def close(self) -> None:
         """Free graphics contexts and end threads."""
         self.simulation.close()
-        for cameraman in self._cameramen.values():
-            cameraman.close()
-        self._cameramen.clear()
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
 
 
-def info_of(judgement: Judgement, executed: np.ndarray) -> dict[str, np.ndarray]:
+def info_of(assessment: Assessment, executed: np.ndarray) -> dict[str, np.ndarray]:
     """The measurements of a step by name, each (n, ...)."""
     return {
-        "success": judgement.success,
-        "crash": judgement.crash,
-        "dropped": judgement.dropped,
-        "sparse_reward": judgement.success.astype(float),
-        "subtasks": judgement.subtasks,
-        "ee_error_m": judgement.ee_error,
-        "effort": judgement.effort,
-        "contacts": judgement.contacts,
-        "force_in_band_raw": judgement.force_in_band_raw,
+        "success": assessment.success,
+        "crash": assessment.crash,
+        "dropped": assessment.dropped,
+        "sparse_reward": assessment.success.astype(float),
+        "subtasks": assessment.subtasks,
+        "ee_error_m": assessment.ee_error,
+        "effort": assessment.effort,
+        "contacts": assessment.contacts,
+        "force_in_band_raw": assessment.force_in_band_raw,
         "executed_action": executed,
     }

@@ -11,13 +11,13 @@ from dm_env import specs
 
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.specs import EnvSpec
-from aerial_il.suite.assessment import CRASH, DROPPED, REWARD
 from aerial_il.suite.batch import info_of
-from aerial_il.suite.rendering import CAMERAS, Cameraman, CameraRequest
+from aerial_il.suite.episode.assessment import CRASH, DROPPED, REWARD
+from aerial_il.suite.episode.simulation import Simulation
+from aerial_il.suite.physics.physics_batch import Physics, PhysicsBatch
+from aerial_il.suite.rendering import CAMERAS, CameraRequest, FrameRenderer
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.scene import SUBSTEPS
-from aerial_il.suite.simulation import Simulation
-from aerial_il.suite.worlds import Physics, Worlds
+from aerial_il.suite.timing import SUBSTEPS
 
 
 class SuiteTask(control.Task):
@@ -30,7 +30,7 @@ class SuiteTask(control.Task):
     def __init__(self, simulation: Simulation, first_seed: int) -> None:
         self.simulation, self.next_seed = simulation, first_seed
         self.executed: np.ndarray | None = None
-        self._cameramen: dict[tuple[int, int], Cameraman] = {}
+        self._renderers: dict[tuple[int, int], FrameRenderer] = {}
 
     def initialize_episode(self, physics: Physics) -> None:
         self.simulation.reset(np.array([self.next_seed]))
@@ -58,14 +58,14 @@ class SuiteTask(control.Task):
 
     def shoot(self, physics: Physics, request: CameraRequest, height: int, width: int) -> np.ndarray:
         """Render one image of the world."""
-        cameraman = self._cameramen.setdefault((height, width), Cameraman(physics.model.ptr, height, width))
-        return cameraman.shoot(physics.data.ptr, request)
+        renderer = self._renderers.setdefault((height, width), FrameRenderer(physics.model.ptr, height, width))
+        return renderer.shoot(physics.data.ptr, request)
 
     def close(self) -> None:
         """Free graphics contexts."""
-        for cameraman in self._cameramen.values():
-            cameraman.close()
-        self._cameramen.clear()
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
 
     def get_reward(self, physics: Physics) -> float:
         return self.simulation.verdict(0, REWARD)
@@ -81,13 +81,13 @@ class AerialEnvironment(control.Environment):
     Each ``reset`` starts the next seed; ``reset(seed=…)`` chooses one.
 
     Args:
-        scenario: what is flown. seed: seed of the first episode. gains: controller tuning.
+        scenario: the environment. seed: seed of the first episode. gains: controller tuning.
     """
 
     def __init__(self, scenario: Scenario, seed: int = 0, gains: Gains | None = None) -> None:
         self.scenario = scenario
         physics = Physics.from_mujoco(scenario.compile())
-        self.simulation = Simulation(scenario, Worlds.of(physics), gains)
+        self.simulation = Simulation(scenario, PhysicsBatch.of(physics), gains)
         physics.fly = self.simulation.fly
         self._suite_task = SuiteTask(self.simulation, seed)
         super().__init__(physics, self._suite_task, time_limit=scenario.task.time_limit_s, n_sub_steps=SUBSTEPS)
@@ -111,7 +111,7 @@ class AerialEnvironment(control.Environment):
         """Measurements of the last step by name, as in the batch's ``StepResult.info``, without the world axis."""
         task = self._suite_task
         executed = np.zeros((1, self.spec.action.size)) if task.executed is None else task.executed
-        return {name: value[0] for name, value in info_of(self.simulation.judgement, executed).items()}
+        return {name: value[0] for name, value in info_of(self.simulation.assessment, executed).items()}
 
     def reset(self, seed: int | None = None) -> dm_env.TimeStep:
         """Start the next episode, or the one of ``seed``."""

@@ -1,4 +1,4 @@
-"""What every robot knows of itself."""
+"""Observation fields of the robot itself: base, arm and gripper."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.native import doubles
-from aerial_il.suite.world import base_mat, base_pos, gripper_opening, put_rot6d, tool_mat, tool_pos
+from aerial_il.suite.physics.native import doubles
+from aerial_il.suite.physics.world import base_mat, base_pos, gripper_opening, put_rot6d, tool_mat, tool_pos
 
 _XYZ = ("x", "y", "z")
 _ROT6D = ("xx", "xy", "xz", "yx", "yy", "yz")

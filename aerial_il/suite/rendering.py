@@ -72,7 +72,7 @@ class Renderer(mujoco.Renderer):
         super().close()
 
 
-class Cameraman:
+class FrameRenderer:
     """Renders worlds of one model off screen, on the thread that made it.
 
     Args:
@@ -115,10 +115,10 @@ class Cameraman:
             del self.__dict__["_renderer"]
 
 
-_open: WeakSet[Cameraman] = WeakSet()
+_open: WeakSet[FrameRenderer] = WeakSet()
 
 
 @cache
 def _close_all_at_exit() -> None:
     """Free what is still open when Python exits: called after MuJoCo set up its graphics, it runs before that ends."""
-    atexit.register(lambda: [cameraman.close() for cameraman in list(_open)])
+    atexit.register(lambda: [renderer.close() for renderer in list(_open)])

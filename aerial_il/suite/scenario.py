@@ -1,4 +1,4 @@
-"""What is flown: one cell, tier, action level and flight law, some cameras, checked before anything is built."""
+"""Scenarios: a cell with a tier, an action level, a flight law and cameras, checked before anything is built."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
 from aerial_il.suite.observations import robot_fields
+from aerial_il.suite.physics.physics_batch import STATE
+from aerial_il.suite.physics.wind import WORK_HEIGHT_M, Air, air_about, mean_share
 from aerial_il.suite.rendering import CameraRequest, parse_cameras
-from aerial_il.suite.scene import CONTROL_DT_S, build_xml
+from aerial_il.suite.scene import build_xml
 from aerial_il.suite.tasks.task import Task
 from aerial_il.suite.tiers import Tier
-from aerial_il.suite.wind import WORK_HEIGHT_M, Air, air_about, mean_share
-from aerial_il.suite.worlds import STATE
+from aerial_il.suite.timing import CONTROL_DT_S
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is flown: one cell, one tier, one action level, some cameras, one flight law.
+    """A cell with a tier, an action level, a flight law and cameras: everything that defines an environment.
 
     Attributes:
         horizon: episodes of so many steps of 20 ms, which success does not end; None for the task's time limit, and

@@ -8,14 +8,12 @@ import numpy as np
 from aerial_il.robots.parts.camera import look_along
 from aerial_il.robots.parts.collision import WORLD
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.contact_sensors import add_contact_sensor
-from aerial_il.suite.memory import MAX_TICKS, USERDATA_SIZE
+from aerial_il.suite.physics.contact_sensors import add_contact_sensor
+from aerial_il.suite.physics.episode_state import USERDATA_SIZE
 from aerial_il.suite.props.contact import HARD
 from aerial_il.suite.tasks.task import Task
+from aerial_il.suite.timing import PHYSICS_DT_S
 
-PHYSICS_DT_S = 0.004
-SUBSTEPS = MAX_TICKS
-CONTROL_DT_S = PHYSICS_DT_S * SUBSTEPS
 # From the accelerations of the step before, the solver's line search takes 11 evaluations a step; from rest it takes 5.
 DISABLED = int(mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_ISLAND)
 ARENA_BYTES = 1 << 21  # ten times what a scene was seen to need; MuJoCo ends the process where it does not suffice

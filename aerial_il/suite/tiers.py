@@ -13,15 +13,15 @@ from functools import cache
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.suite.memory import MAX_LAG
-from aerial_il.suite.sensing import Sensors
+from aerial_il.suite.physics.episode_state import MAX_LAG
+from aerial_il.suite.physics.sensing import Sensors
 
 
 @dataclass(frozen=True)
 class Wind:
     """Mean wind with Dryden turbulence.
 
-    See :mod:`aerial_il.suite.wind`.
+    See :mod:`aerial_il.suite.physics.wind`.
 
     Attributes:
         share: by how much of the vehicle's weight the largest gust changes its drag.
@@ -73,7 +73,7 @@ class Noise:
     """Errors of the state that the flight controller measures.
 
     Attributes:
-        scale: multiple of the standard deviations of :class:`aerial_il.suite.sensing.Sensors`.
+        scale: multiple of the standard deviations of :class:`aerial_il.suite.physics.sensing.Sensors`.
     """
 
     scale: float = 1.0
@@ -130,7 +130,7 @@ class Motors:
 
 @dataclass(frozen=True)
 class Tier:
-    """What an episode is disturbed by; None for a component that is absent.
+    """Disturbances of an episode by component; None for a component that is absent.
 
     Attributes:
         name: canonical name; equal tiers that are put together differently have equal names.

@@ -75,7 +75,7 @@ def batch(robot: str, task: str, tier: str = "calm", level: str = "ee_pose", num
     return aerial_il.load_batch(robot, task, num_envs=num_envs, tier=tier, action=level)
 
 
-def staying(worlds: BatchEnvironment) -> np.ndarray:
+def hold_actions(worlds: BatchEnvironment) -> np.ndarray:
     """``ee_pose`` actions (n, Da) that command the present pose of the tool, gripper open if there is one."""
     obs, size = worlds.observe(), worlds.spec.action.size
     return np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((len(obs["ee_pos"]), 1))], axis=1)[:, :size]

@@ -228,7 +228,7 @@ def test_what_is_no_number_is_refused(tmp_path: Path, name: str) -> None:
         with pytest.raises(TrainingDivergedError):
             train(settings, tmp_path / "reward", env=Broke(8))
     if "env" in settings.needs:
-        with pytest.raises(AerialError, match="(?i)non-finite"):
+        with pytest.raises(AerialError, match=r"(?i)non-finite"):
             train(settings, tmp_path / "blind", env=Blind(8))
 
 
@@ -241,7 +241,7 @@ def test_the_run_of_another_environment_is_refused(tmp_path: Path, name: str) ->
     with pytest.raises(InvalidValueError, match="holds another run"):
         train(settings, tmp_path / "run", env=env, demos=moved)
     if "env" in settings.needs and not settings.rewarded:
-        with pytest.raises(InvalidValueError, match="another environment|the environment is"):
+        with pytest.raises(InvalidValueError, match=r"another environment|the environment is"):
             train(settings, tmp_path / "mixed", env=env)
 
 

@@ -131,7 +131,7 @@ def test_an_unknown_task_cannot_be_declined(register: type) -> None:
 
 
 def test_a_robot_that_declines_everything_is_refused(register: type) -> None:
-    able = [task for task in tasks.names() if tasks.get(task).obstacle(two_joint_hexa({})) is None]
+    able = [task for task in tasks.names() if tasks.get(task).infeasibility(two_joint_hexa({})) is None]
     register.add(two_joint_hexa(dict.fromkeys(able, REASON)))
     with pytest.raises(InvalidValueError, match=f"{NAME} declines every task that it could do"):
         aerial_il.list_cells()

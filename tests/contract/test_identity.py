@@ -8,10 +8,18 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.suite import memory
 from aerial_il.suite.batch import BatchEnvironment, StepResult
-from aerial_il.suite.simulation import STATE_OFFSET
-from tests.contract.registered import CELLS, batch, each_cell_and_level, each_sample, random_actions, single, staying
+from aerial_il.suite.episode.simulation import STATE_OFFSET
+from aerial_il.suite.physics import episode_state
+from tests.contract.registered import (
+    CELLS,
+    batch,
+    each_cell_and_level,
+    each_sample,
+    hold_actions,
+    random_actions,
+    single,
+)
 
 SEEDS = np.array([11, 5, 2**53 - 1])
 
@@ -149,7 +157,7 @@ def test_the_single_environment_counts_on_from_a_restored_step() -> None:
     worlds.reset(7)
     late = worlds.get_state()
     late[:, _index_of_step(worlds)] = worlds.spec.max_steps - 2
-    hover = staying(worlds)
+    hover = hold_actions(worlds)
     worlds.set_state(late)
     env.reset(seed=0)
     env.set_state(late[:1])
@@ -160,4 +168,4 @@ def test_the_single_environment_counts_on_from_a_restored_step() -> None:
 
 def _index_of_step(worlds: BatchEnvironment) -> int:
     """Where a state keeps the control step."""
-    return mujoco.mj_stateSize(worlds.model, STATE_OFFSET) + memory.STEP
+    return mujoco.mj_stateSize(worlds.model, STATE_OFFSET) + episode_state.STEP

@@ -6,7 +6,7 @@ import numpy as np
 
 import aerial_il
 from aerial_il.suite.batch import BatchEnvironment
-from tests.contract.registered import batch, each_cell, each_cell_and_tier, random_actions, staying
+from tests.contract.registered import batch, each_cell, each_cell_and_tier, hold_actions, random_actions
 
 FEWEST_OF_FOUR = {"hard": 3}  # 85 % are asked of the experts there
 
@@ -46,7 +46,7 @@ def test_the_reward_prefers_the_expert(robot: str, task: str) -> None:
         expert.attach(worlds)
         obs, total = worlds.reset(60), 0.0
         expert.reset()
-        start = staying(worlds)
+        start = hold_actions(worlds)
         for _ in range(100):
             result = worlds.step(expert.act(obs) if with_expert else start)
             obs, total = result.obs, total + result.reward.mean()

@@ -141,17 +141,17 @@ def test_episodes_start_in_the_workspace_and_differ(robot: str, task: str, tier:
     assert (obs["ee_pos"] > 0.3 * np.array([-1, -1, 1.0]) - np.array([1.0, 1.0, 0.0])).all()
     assert (obs["ee_pos"] < WORKSPACE_HIGH).all()
     assert np.ptp(obs["ee_pos"], axis=0).min() > 0.05
-    judgement = worlds.simulation.judge()
-    assert not judgement.success.any()
-    assert not judgement.crash.any()
-    assert not judgement.contacts.any()
+    assessment = worlds.simulation.reassess()
+    assert not assessment.success.any()
+    assert not assessment.crash.any()
+    assert not assessment.contacts.any()
 
 
 def test_a_robot_that_cannot_says_which_can(monkeypatch: pytest.MonkeyPatch) -> None:
-    def obstacle(_: PickPlace, robot: object) -> str | None:
+    def infeasibility(_: PickPlace, robot: object) -> str | None:
         return "its gripper is too small" if getattr(robot, "name", "") == "ua_quad_arm4" else None
 
-    monkeypatch.setattr(PickPlace, "obstacle_to", obstacle)
+    monkeypatch.setattr(PickPlace, "own_infeasibility", infeasibility)
     tasks.cells.cache_clear()
     try:
         assert ("ua_quad_arm4", "pick_place") not in aerial_il.list_cells()

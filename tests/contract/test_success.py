@@ -1,7 +1,7 @@
 """Success is what the instruction says, judged a second time from raw positions.
 
 Each task's worlds are put into 10,000 random states: where the object belongs, and where it does not. A predicate
-written here, from the instruction, must agree with the task's own judgement in every one of them.
+written here, from the instruction, must agree with the task's own assessment in every one of them.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ import pytest
 
 import aerial_il
 from aerial_il import robots
-from aerial_il.suite import measured, tasks
-from aerial_il.suite import memory as mem
+from aerial_il.suite import tasks
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.episode import measured
+from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.tasks import track
 
 PLACEMENTS, WORLDS = 10_000, 100
@@ -102,7 +103,7 @@ class Stage:
         self.model = self.worlds.model
         self.qpos, self.qvel = self.worlds.bind("qpos"), self.worlds.bind("qvel")
         self.userdata, self.mocap_pos = self.worlds.bind("userdata"), self.worlds.bind("mocap_pos")
-        self.memory = self.userdata[:, mem.TASK]
+        self.memory = self.userdata[:, layout.TASK]
         self.family = np.zeros(WORLDS, int)
 
     def scatter(self, families: Mapping[str, tuple[str, Scatter]], seed: int, rng: np.random.Generator) -> Placed:
@@ -176,7 +177,7 @@ class Placed:
         self._datas = [stage.worlds.data(i) for i in range(WORLDS)]
         self.robot = stage.robot
         self.userdata, self.qvel = stage.userdata.copy(), stage.qvel.copy()
-        self.memory = self.userdata[:, mem.TASK]
+        self.memory = self.userdata[:, layout.TASK]
 
     def pos(self, body: str) -> np.ndarray:
         """(n, 3)."""
@@ -472,8 +473,8 @@ def spoke_over_mark(placed: Placed) -> np.ndarray:
 def button_pressed(placed: Placed) -> np.ndarray:
     """The cap is in, the robot holds it there, and nothing was ever pushed with more than 15 N."""
     out = np.einsum("ni,ni->n", placed.pos("button_cap") - placed.pos("button"), placed.mat("button")[:, :, 2])
-    travel, felt = 0.015 - out, placed.userdata[:, mem.FORCES]
-    gentle, held = felt[:, 3 * mem.MAX_FORCES] <= 15.0, np.linalg.norm(felt[:, :3], axis=1) >= 0.5
+    travel, felt = 0.015 - out, placed.userdata[:, layout.FORCES]
+    gentle, held = felt[:, 3 * layout.MAX_FORCES] <= 15.0, np.linalg.norm(felt[:, :3], axis=1) >= 0.5
     return (travel >= 0.008) & (travel <= 0.021) & gentle & held & placed.untouched
 
 
@@ -482,9 +483,9 @@ def cap(travel: tuple[float, float], force: tuple[float, float], peak: tuple[flo
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         joint_at("button", *travel)(stage, rows, rng)
-        felt = stage.userdata[:, mem.FORCES]
+        felt = stage.userdata[:, layout.FORCES]
         felt[rows, :3] = ball(rng, rows.size, *force)
-        felt[rows, 3 * mem.MAX_FORCES] = rng.uniform(*peak, rows.size)
+        felt[rows, 3 * layout.MAX_FORCES] = rng.uniform(*peak, rows.size)
 
     return place
 
@@ -518,7 +519,7 @@ def probe_on_spot(placed: Placed) -> np.ndarray:
     def along_plate(vectors: np.ndarray) -> np.ndarray:
         return np.linalg.norm(np.cross(vectors, out), axis=1)
 
-    readings = placed.userdata[:, mem.SAMPLES].reshape(-1, mem.MAX_TICKS, 6)[:, :, :3]
+    readings = placed.userdata[:, layout.SAMPLES].reshape(-1, layout.SUBSTEPS, 6)[:, :, :3]
     pressed = -np.einsum("nti,ni->nt", readings, out)
     off_square = np.rad2deg(np.arccos(np.clip(-np.einsum("ni,ni->n", out, ahead), -1.0, 1.0)))
     touching, began = placed.memory[:, 3] > 0.0, placed.memory[:, :3]
@@ -552,11 +553,11 @@ def probe(
         tool = np.einsum("nij,njk->nik", turn, square)
         tip = plate + 0.004 * out + np.einsum("nij,nj->ni", mat, in_plane)
         stage.pose(rows, tip - 0.2 * grip.finger_length * tool[:, :, 0], tool)
-        pressed = rng.uniform(*force, (k, mem.MAX_TICKS))
+        pressed = rng.uniform(*force, (k, layout.SUBSTEPS))
         if spike is not None:
-            pressed[np.arange(k), rng.integers(mem.MAX_TICKS, size=k)] = spike
-        sideways = np.einsum("nij,ntj->nti", mat, rng.normal(0.0, 1.0, (k, mem.MAX_TICKS, 3)) * [1.0, 1.0, 0.0])
-        samples = stage.userdata[:, mem.SAMPLES].reshape(WORLDS, mem.MAX_TICKS, 6)
+            pressed[np.arange(k), rng.integers(layout.SUBSTEPS, size=k)] = spike
+        sideways = np.einsum("nij,ntj->nti", mat, rng.normal(0.0, 1.0, (k, layout.SUBSTEPS, 3)) * [1.0, 1.0, 0.0])
+        samples = stage.userdata[:, layout.SAMPLES].reshape(WORLDS, layout.SUBSTEPS, 6)
         samples[rows, :, :3] = sideways - pressed[:, :, None] * out[:, None]
         stage.memory[rows, :3] = tip + np.einsum("nij,nj->ni", mat, disc(rng, k, *slid))
         stage.memory[rows, 3] = touched

@@ -8,8 +8,8 @@ import pytest
 
 from aerial_il import robots
 from aerial_il.benchmarks.parts.steps import StepFigures, step_figures
+from aerial_il.control import controller_state as layout
 from aerial_il.control import laws, lqr
-from aerial_il.control import memory as mem
 from aerial_il.control.controller import Controller
 from aerial_il.control.hover import hover_body
 from aerial_il.control.laws import Law
@@ -36,7 +36,7 @@ def step(robot: str, law: str, kind: str) -> StepFigures:
     flight = Flight(robot, "base_joint", law=law)
     action = flight.place()
     flight.fly(action, 3.0)
-    entry, k, size = (mem.BASE_POS, 0, 1.0) if kind == "position" else (mem.BASE_YAW, 3, np.deg2rad(30.0))
+    entry, k, size = (layout.BASE_POS, 0, 1.0) if kind == "position" else (layout.BASE_YAW, 3, np.deg2rad(30.0))
     action[k] += size
     flight.controller.memory[entry] = action[k]
     made = []

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerial_il.control import memory as mem
+from aerial_il.control import controller_state as layout
 from aerial_il.control.dynamics import forward_kinematics, tool_pose
 from aerial_il.control.flight import observe_disturbance
 from aerial_il.control.inverse_kinematics import (
@@ -27,14 +27,14 @@ DT, INTERVAL = 0.004, 0.02
 
 def solve(vehicle: Vehicle, target: np.ndarray, rot: np.ndarray, plans: int = 150) -> np.ndarray:
     """Controller memory after following a fixed tool pose from hover for some plans."""
-    memory, record, scratch = np.zeros(mem.MEMORY_SIZE), vehicle.record, make_scratch()
+    memory, record, scratch = np.zeros(layout.CONTROLLER_STATE_SIZE), vehicle.record, make_scratch()
     seat_references(record, scratch, memory, (0.0, 0.0, 1.5), IDENTITY, 0.0, vehicle.rest_down.copy())
-    memory[mem.TOOL_POS : mem.TOOL_POS + 3] = target
-    memory[mem.TOOL_ROT : mem.TOOL_ROT + 9] = rot.ravel()
+    memory[layout.TOOL_POS : layout.TOOL_POS + 3] = target
+    memory[layout.TOOL_ROT : layout.TOOL_ROT + 9] = rot.ravel()
     for _ in range(plans):
         plan_reference(record, scratch, memory, INTERVAL)
         advance_base(memory, INTERVAL)
-        joints = memory[mem.JOINT_REF : mem.JOINT_REF + len(vehicle.link_mass)]
+        joints = memory[layout.JOINT_REF : layout.JOINT_REF + len(vehicle.link_mass)]
         assert (joints >= vehicle.joint_low).all()
         assert (joints <= vehicle.joint_high).all()
     return memory
@@ -43,9 +43,9 @@ def solve(vehicle: Vehicle, target: np.ndarray, rot: np.ndarray, plans: int = 15
 def tool_of(vehicle: Vehicle, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = len(vehicle.link_mass)
     frames = np.empty((count + 1, FRAME_SIZE))
-    pos = tuple(memory[mem.BASE_POS : mem.BASE_POS + 3])
-    joints = memory[mem.JOINT_REF : mem.JOINT_REF + count]
-    forward_kinematics(vehicle.record, pos, mat_from_yaw(memory[mem.BASE_YAW]), joints, 0, frames)
+    pos = tuple(memory[layout.BASE_POS : layout.BASE_POS + 3])
+    joints = memory[layout.JOINT_REF : layout.JOINT_REF + count]
+    forward_kinematics(vehicle.record, pos, mat_from_yaw(memory[layout.BASE_YAW]), joints, 0, frames)
     tool, rot = tool_pose(vehicle.record, frames)
     return np.array(tool), np.reshape(rot, (3, 3))
 
@@ -130,19 +130,23 @@ def test_only_joints_that_leave_their_limits_are_frozen() -> None:
 
 
 def test_the_observer_converges_at_its_bandwidth() -> None:
-    memory, force, torque = np.zeros(mem.MEMORY_SIZE), np.array([1.0, -2.0, 0.5]), np.array([0.1, 0.0, -0.2])
+    memory, force, torque = (
+        np.zeros(layout.CONTROLLER_STATE_SIZE),
+        np.array([1.0, -2.0, 0.5]),
+        np.array([0.1, 0.0, -0.2]),
+    )
     bandwidth, linear, angular = 5.0, np.zeros(3), np.zeros(3)
     for _ in range(round(1.0 / bandwidth / DT)):
         linear, angular = linear + DT * force, angular + DT * torque
         observe_disturbance(memory, tuple(linear), tuple(angular), (0.0,) * 3, (0.0,) * 3, bandwidth, 5.0, 5.0, DT)
     reached = 1.0 - np.exp(-1.0)  # after one time constant
-    np.testing.assert_allclose(memory[mem.FORCE : mem.FORCE + 3], reached * force, rtol=1e-9)
-    np.testing.assert_allclose(memory[mem.TORQUE : mem.TORQUE + 3], reached * torque, rtol=1e-9)
+    np.testing.assert_allclose(memory[layout.FORCE : layout.FORCE + 3], reached * force, rtol=1e-9)
+    np.testing.assert_allclose(memory[layout.TORQUE : layout.TORQUE + 3], reached * torque, rtol=1e-9)
 
 
 def test_the_observer_does_not_claim_more_than_its_limit() -> None:
-    memory, force, linear = np.zeros(mem.MEMORY_SIZE), np.array([3.0, -4.0, 0.0]), np.zeros(3)
+    memory, force, linear = np.zeros(layout.CONTROLLER_STATE_SIZE), np.array([3.0, -4.0, 0.0]), np.zeros(3)
     for _ in range(500):
         linear = linear + DT * force
         observe_disturbance(memory, tuple(linear), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 10.0, 2.0, 1.0, DT)
-    np.testing.assert_allclose(memory[mem.FORCE : mem.FORCE + 3], 2.0 * force / 5.0, rtol=1e-9)
+    np.testing.assert_allclose(memory[layout.FORCE : layout.FORCE + 3], 2.0 * force / 5.0, rtol=1e-9)

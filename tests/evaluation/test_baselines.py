@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il.core.contracts import attach
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import attach
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.rollouts import rollouts
 

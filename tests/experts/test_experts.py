@@ -7,8 +7,8 @@ import pytest
 
 import aerial_il
 from aerial_il import experts
+from aerial_il.core.contracts import Policy, PrivilegedPolicy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.policy import Policy, PrivilegedPolicy
 from aerial_il.experts import insert_peg
 from aerial_il.experts.expert import UNDECIDED, Expert
 from aerial_il.experts.pick_place import CARRY, HOVER, LIFT

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from aerial_il.core import checkpoint
+from aerial_il.core.contracts import attach
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError, UnknownNameError
-from aerial_il.core.policy import attach
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig

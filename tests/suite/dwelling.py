@@ -6,14 +6,14 @@ import numpy as np
 
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.tasks.task import Task
-from tests.contract.registered import staying
+from tests.contract.registered import hold_actions
 
 
 def check_dwell(worlds: BatchEnvironment, task: type[Task], joint: str, angles: np.ndarray) -> None:
     """Put the hinge of three worlds at ``angles`` (3,), rad: solved in the first two, just not in the last."""
     worlds.reset(0)
     angle, _ = worlds.simulation.view.joint(joint)
-    hover = staying(worlds)
+    hover = hold_actions(worlds)
     dwell = round(task.dwell_s / worlds.spec.control_dt_s)
 
     angle[:] = angles

@@ -12,7 +12,8 @@ from aerial_il.robots.parts.gripper import PAD_CONTACT
 from aerial_il.suite.props.contact import GRASPABLE
 from aerial_il.suite.props.cube import CUBE_HALF_M, CUBE_MASS_KG, add_cube
 from aerial_il.suite.props.table import TABLE_HEIGHT_M, add_table
-from aerial_il.suite.scene import PHYSICS_DT_S, set_physics
+from aerial_il.suite.scene import set_physics
+from aerial_il.suite.timing import PHYSICS_DT_S
 
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 SURFACES = {"table": {}, "graspable": GRASPABLE, "pad": PAD_CONTACT}

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il.control import controller_state as layout
 from aerial_il.control import laws
-from aerial_il.control import memory as mem
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from tests.contract.registered import random_actions
@@ -34,7 +34,7 @@ def test_a_stored_state_resumes_and_one_world_equals_a_batch(law: str) -> None:
             batch.step(actions[step])
         ends.append(batch.get_state())
     np.testing.assert_array_equal(*ends)
-    integrals = batch.simulation.view.userdata[:, mem.POSITION_INTEGRAL : mem.ATTITUDE_INTEGRAL + 3]
+    integrals = batch.simulation.view.userdata[:, layout.POSITION_INTEGRAL : layout.ATTITUDE_INTEGRAL + 3]
     assert integrals.any() == (law == "pid"), "the integrators are part of the state"
     batch.close()
     single.close()

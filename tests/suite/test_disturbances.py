@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from aerial_il.collection.collect import collect
-from aerial_il.control.memory import FORCE
+from aerial_il.control.controller_state import FORCE
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.dataset import open_dataset
 from aerial_il.experts import make
-from aerial_il.suite import memory as mem
 from aerial_il.suite import tiers
-from aerial_il.suite.latency import MAX_ACTION, MAX_DELAY, exchange
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.latency import MAX_ACTION, MAX_DELAY, exchange
 from aerial_il.suite.scenario import Scenario
 from tests.contract.registered import batch, single
 
@@ -61,9 +61,9 @@ def test_a_component_alone_changes_the_flight_and_only_its_own_memory(component:
     worlds = batch(ROBOT, TASK, tier, "velocity")
     worlds.reset(SEEDS)
     userdata, model = worlds.simulation.view.userdata, worlds.simulation.worlds.model
-    assert userdata[:, mem.WIND].any() == (component == "wind")
-    assert userdata[:, mem.ERRORS].any() == userdata[:, mem.PAST].any() == (component == "estimation")
-    assert userdata[:, mem.DELAY].any() == userdata[:, mem.QUEUE].any() == (component == "latency")
+    assert userdata[:, layout.WIND].any() == (component == "wind")
+    assert userdata[:, layout.ERRORS].any() == userdata[:, layout.PAST].any() == (component == "estimation")
+    assert userdata[:, layout.DELAY].any() == userdata[:, layout.QUEUE].any() == (component == "latency")
     own = [worlds.simulation.worlds.own_model(i) for i in range(3)]
     for name, owner in (("body_mass", "payload"), ("geom_friction", "friction"), ("actuator_gainprm", "motors")):
         changed = [not np.array_equal(getattr(m, name), getattr(model, name)) for m in own]
@@ -79,7 +79,12 @@ def test_leaving_a_component_out_leaves_the_others_draws_alone(component: str) -
     states = [batch(ROBOT, TASK, t) for t in ("hard", f"hard-{component}")]
     for worlds in states:
         worlds.reset(SEEDS)
-    for part, owner in ((mem.WIND, "wind"), (mem.NOISE, "noise"), (mem.DELAY, "latency"), (mem.ERRORS, "estimation")):
+    for part, owner in (
+        (layout.WIND, "wind"),
+        (layout.NOISE, "noise"),
+        (layout.DELAY, "latency"),
+        (layout.ERRORS, "estimation"),
+    ):
         if owner != component:
             a, b = (worlds.simulation.view.userdata[:, part] for worlds in states)
             np.testing.assert_array_equal(a, b)
@@ -88,7 +93,7 @@ def test_leaving_a_component_out_leaves_the_others_draws_alone(component: str) -
 def test_without_noise_the_estimate_is_the_truth() -> None:
     worlds = batch(ROBOT, TASK, "calm-noise", "velocity")
     flown("calm-noise")
-    assert not worlds.simulation.view.userdata[:, mem.NOISE].any()
+    assert not worlds.simulation.view.userdata[:, layout.NOISE].any()
 
 
 def test_late_actions_fly_as_the_same_actions_sent_later() -> None:
@@ -99,7 +104,7 @@ def test_late_actions_fly_as_the_same_actions_sent_later() -> None:
     stay = np.zeros((3, worlds.spec.action.size))
     stay[:, -1] = 1.0
     worlds.reset(SEEDS)
-    delays = worlds.simulation.view.userdata[:, mem.DELAY].astype(int)
+    delays = worlds.simulation.view.userdata[:, layout.DELAY].astype(int)
     assert set(delays) == {1, 2}, "these seeds show both"
     late = []
     for action in actions:

@@ -17,7 +17,7 @@ from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import PEG_RADIUS_M
-from tests.contract.registered import batch, staying
+from tests.contract.registered import batch, hold_actions
 
 ROBOT = "fa_hexa_arm4"
 LOOSE = (("pick_place", "cube", CUBE_HALF_M), ("insert_peg", "peg", PEG_RADIUS_M))
@@ -39,7 +39,7 @@ def test_what_falls_off_the_table_ends_the_episode(task: str, name: str, radius:
     worlds.reset(0)
     put(worlds, name, (0.0, 0.9, 0.6), world=1)
     put(worlds, name, (0.1, 0.0, TABLE_HEIGHT_M + radius), world=2)
-    stay, first = staying(worlds), None
+    stay, first = hold_actions(worlds), None
     for step in range(40):
         result = worlds.step(stay)
         if result.info["dropped"].any():
@@ -55,7 +55,7 @@ def test_what_was_lost_stays_lost(task: str, name: str, radius: float) -> None:
     worlds = batch(ROBOT, task)
     worlds.reset(0)
     put(worlds, name, (0.0, 0.9, radius))
-    stay = staying(worlds)
+    stay = hold_actions(worlds)
     assert worlds.step(stay).info["dropped"][0]
     put(worlds, name, (0.1, 0.0, TABLE_HEIGHT_M + radius))
     assert worlds.step(stay).info["dropped"][0]
@@ -68,7 +68,7 @@ def test_an_object_under_the_table_is_lost(task: str, name: str, radius: float) 
     worlds = batch(ROBOT, task)
     worlds.reset(0)
     put(worlds, name, (0.2, 0.2, radius))
-    assert worlds.step(staying(worlds)).info["dropped"].tolist() == [True, False, False]
+    assert worlds.step(hold_actions(worlds)).info["dropped"].tolist() == [True, False, False]
 
 
 def test_an_arm_that_cannot_fly_loses_what_lies_too_far_off() -> None:
@@ -76,7 +76,7 @@ def test_an_arm_that_cannot_fly_loses_what_lies_too_far_off() -> None:
     worlds.reset(0)
     put(worlds, "cube", (0.38, 0.48, TABLE_HEIGHT_M + CUBE_HALF_M))
     put(worlds, "cube", (0.2, 0.2, TABLE_HEIGHT_M + CUBE_HALF_M), world=1)
-    stay = staying(worlds)
+    stay = hold_actions(worlds)
     for _ in range(10):
         result = worlds.step(stay)
     far = worlds.simulation.view.site_pos("cube") - worlds.simulation.view.base_pos

@@ -12,14 +12,15 @@ import pytest
 import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import mat_from_rot6d
-from aerial_il.suite import memory, tasks, tiers
+from aerial_il.suite import tasks, tiers
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.episode.simulation import STATE_OFFSET
+from aerial_il.suite.physics import episode_state
+from aerial_il.suite.physics.world import Names
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.simulation import STATE_OFFSET
 from aerial_il.suite.tasks.track import Track
 from aerial_il.suite.tiers import Estimation, Tier
-from aerial_il.suite.world import Names
-from tests.contract.registered import SAMPLE, random_actions, staying
+from tests.contract.registered import SAMPLE, hold_actions, random_actions
 
 ROBOT, STEPS = "fa_hexa_arm4", 150
 DECLARED = Estimation()
@@ -44,7 +45,7 @@ def load(monkeypatch: pytest.MonkeyPatch) -> Load:
 def hovering(worlds: BatchEnvironment, steps: int, field: str, truth: Callable[[], np.ndarray]) -> np.ndarray:
     """(steps, n, k) errors of an observed field while the robot keeps its place."""
     worlds.reset(100)
-    action, errors = staying(worlds), []
+    action, errors = hold_actions(worlds), []
     for _ in range(steps):
         errors.append(worlds.step(action).obs[field] - truth())
     return np.array(errors)
@@ -107,13 +108,13 @@ def test_what_is_drawn_tells_the_biases(load: Load) -> None:
             np.testing.assert_allclose(error, told, atol=1e-12)
 
 
-@pytest.mark.parametrize("lag", range(memory.MAX_LAG + 1))
+@pytest.mark.parametrize("lag", range(episode_state.MAX_LAG + 1))
 def test_objects_are_seen_as_many_steps_late_as_declared(load: Load, lag: int) -> None:
     worlds = load("open_door", replace(NO_ERROR, lag=lag))
     view, seen, true = worlds.simulation.view, [], []
     seen.append(worlds.reset(0))
     view.joint("door")[1][:] = 1.0  # rad/s: somebody has pushed it
-    action = staying(worlds)
+    action = hold_actions(worlds)
     for _ in range(12):
         true.append((view.joint("door")[0].copy(), view.site_pos("loop").copy()))
         seen.append(worlds.step(action).obs)
@@ -134,7 +135,7 @@ def test_base_and_tool_move_as_one_and_as_the_controller_estimates_them(robot: s
     if robot == "z1":
         np.testing.assert_array_equal(obs["ee_pos"], view.tool_pos, err_msg="where a fixed base stands is known")
         return
-    noise = worlds.simulation.view.userdata[:, memory.NOISE]
+    noise = worlds.simulation.view.userdata[:, episode_state.NOISE]
     np.testing.assert_allclose(obs["base_pos"], view.base_pos + sensors.position * noise[:, :3], atol=1e-12)
     np.testing.assert_allclose(obs["base_vel"], view.base_vel + sensors.velocity * noise[:, 3:6], atol=1e-12)
     np.testing.assert_allclose(obs["base_angvel"], view.base_angvel + sensors.rate * noise[:, 9:], atol=1e-12)
@@ -168,7 +169,7 @@ def test_what_the_user_tells_is_exact(task: str) -> None:
     robot = "quad" if task == "hover" else ROBOT
     worlds = aerial_il.load_batch(robot, task, num_envs=8, tier="hard")
     worlds.reset(0)
-    obs = worlds.step(staying(worlds)).obs
+    obs = worlds.step(hold_actions(worlds)).obs
     view = worlds.simulation.view
     np.testing.assert_array_equal(obs["target_pos"], view.mocap_pos[:, view.mocap_id("target")])
     own = "base" if task == "hover" else "ee"
@@ -210,7 +211,7 @@ def test_reward_success_and_expert_stay_with_the_truth(task: str) -> None:
             np.testing.assert_array_equal(here.info[name], there.info[name], err_msg=name)
         obs = [here.obs, there.obs]
     first = mujoco.mj_stateSize(seen.model, STATE_OFFSET)
-    of_sight = first + np.r_[memory.ERRORS, memory.PAST]
+    of_sight = first + np.r_[episode_state.ERRORS, episode_state.PAST]
     states = [np.delete(worlds.get_state(), of_sight, axis=1) for worlds in (seen, true)]
     np.testing.assert_array_equal(states[0], states[1])
 
@@ -282,11 +283,11 @@ def test_a_task_must_say_what_its_mocap_bodies_are(monkeypatch: pytest.MonkeyPat
 
 
 def test_more_objects_than_the_memory_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "MAX_OBJECTS", 1)
+    monkeypatch.setattr(episode_state, "MAX_OBJECTS", 1)
     with pytest.raises(InvalidValueError, match="pick_place shows 2 objects; at most 1"):
         aerial_il.load_batch(ROBOT, "pick_place", num_envs=1, tier="gusts")
     monkeypatch.undo()
-    monkeypatch.setattr(memory, "PAST_SIZE", 6)
+    monkeypatch.setattr(episode_state, "PAST_SIZE", 6)
     with pytest.raises(InvalidValueError, match="takes 7 numbers; at most 6"):
         aerial_il.load_batch(ROBOT, "pick_place", num_envs=1, tier="gusts")
 
@@ -296,7 +297,7 @@ def test_more_objects_than_the_memory_holds_are_refused(monkeypatch: pytest.Monk
     [
         ({"position_bias": -0.001}, "position_bias is -0.001"),
         ({"time": 0.0}, "time is 0.0"),
-        ({"lag": memory.MAX_LAG + 1}, f"at most {memory.MAX_LAG}"),
+        ({"lag": episode_state.MAX_LAG + 1}, f"at most {episode_state.MAX_LAG}"),
     ],
 )
 def test_wrong_errors_are_refused(wrong: dict[str, float], says: str) -> None:

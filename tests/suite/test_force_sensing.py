@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from aerial_il.suite import memory
-from aerial_il.suite.force_sensing import BANDWIDTH_HZ, keep_sample, sense_forces
+from aerial_il.suite.physics import episode_state
+from aerial_il.suite.physics.force_sensing import BANDWIDTH_HZ, keep_sample, sense_forces
 
 DT_S = 0.004
 
 
 def respond(signal: np.ndarray) -> np.ndarray:
     """Readings (T,) of a force along x whose course is ``signal`` (T,)."""
-    forces, found = np.zeros(4 * memory.MAX_FORCES), []
+    forces, found = np.zeros(4 * episode_state.MAX_FORCES), []
     for value in signal:
         sense_forces(np.array([value, 0.0, 0.0]), np.zeros(1, np.int64), forces, DT_S)
         found.append(forces[0])
@@ -36,14 +36,14 @@ def test_slow_forces_pass_and_fast_ones_do_not(hertz: float) -> None:
 
 
 def test_the_largest_is_remembered_and_each_reading_of_a_control_step_kept() -> None:
-    forces, userdata = np.zeros(4 * memory.MAX_FORCES), np.zeros(memory.USERDATA_SIZE)
+    forces, userdata = np.zeros(4 * episode_state.MAX_FORCES), np.zeros(episode_state.USERDATA_SIZE)
     readings = []
     for tick, value in enumerate((0.0, 40.0, 0.0, 0.0, 0.0)):
         raw = np.array([0.0, value, 0.0])
         sense_forces(raw, np.zeros(1, np.int64), forces, DT_S)
         keep_sample(raw, np.zeros(1, np.int64), forces, userdata, tick)
         readings.append(forces[1])
-    assert forces[3 * memory.MAX_FORCES] == max(readings) == readings[1]
-    samples = userdata[memory.SAMPLES].reshape(memory.MAX_TICKS, 6)
+    assert forces[3 * episode_state.MAX_FORCES] == max(readings) == readings[1]
+    samples = userdata[episode_state.SAMPLES].reshape(episode_state.SUBSTEPS, 6)
     np.testing.assert_array_equal(samples[:, 1], readings)
     np.testing.assert_array_equal(samples[:, 4], [0.0, 40.0, 0.0, 0.0, 0.0])

@@ -17,9 +17,9 @@ from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics
 
 import aerial_il
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.suite.gymnasium_env import SingleEnv
-from aerial_il.suite.gymnasium_ids import gymnasium_id
-from aerial_il.suite.gymnasium_vector import BatchEnv
+from aerial_il.suite.faces.gymnasium_env import SingleEnv
+from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
+from aerial_il.suite.faces.gymnasium_vector import VectorEnvironment
 from tests.contract.registered import CELLS, each_sample, levels, random_actions
 
 ROBOT, TASK = "ua_quad_arm4", "pick_place"
@@ -27,9 +27,9 @@ ID = gymnasium_id(ROBOT, TASK)
 KNOWN_WARNINGS = ("-infinity", "is infinity", "symmetric and normalized")  # SI units; states have no bounds
 
 
-def make_vector(num_envs: int = 3, **options: object) -> BatchEnv:
+def make_vector(num_envs: int = 3, **options: object) -> VectorEnvironment:
     env = gymnasium.make_vec(ID, num_envs=num_envs, vectorization_mode="vector_entry_point", **options)
-    assert isinstance(env, BatchEnv)
+    assert isinstance(env, VectorEnvironment)
     return env
 
 
@@ -142,17 +142,17 @@ def test_names_and_modes_are_checked() -> None:
     with pytest.raises(UnknownNameError, match="camera"):
         SingleEnv(ROBOT, TASK, render_camera="moon")
     with pytest.raises(InvalidValueError, match="render_mode"):
-        BatchEnv(ROBOT, TASK, render_mode="human")
+        VectorEnvironment(ROBOT, TASK, render_mode="human")
 
 
 @pytest.fixture(scope="module")
-def vector() -> Iterator[BatchEnv]:
+def vector() -> Iterator[VectorEnvironment]:
     env = make_vector(tier="gusts", max_episode_steps=6)
     yield env
     env.close()
 
 
-def test_the_vector_environment_has_batched_spaces(vector: BatchEnv) -> None:
+def test_the_vector_environment_has_batched_spaces(vector: VectorEnvironment) -> None:
     assert isinstance(vector, VectorEnv)
     assert vector.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     assert vector.action_space.shape == (3, 10)
@@ -169,7 +169,7 @@ def test_the_vector_environment_has_batched_spaces(vector: BatchEnv) -> None:
     assert info["_ee_error_m"].all()
 
 
-def test_it_answers_as_gymnasiums_own_vector_of_single_environments(vector: BatchEnv) -> None:
+def test_it_answers_as_gymnasiums_own_vector_of_single_environments(vector: VectorEnvironment) -> None:
     ours = vector
     singles = SyncVectorEnv([lambda: gymnasium.make(ID, tier="gusts", max_episode_steps=6)] * 3)
     assert singles.single_action_space == ours.single_action_space
@@ -189,7 +189,7 @@ def test_it_answers_as_gymnasiums_own_vector_of_single_environments(vector: Batc
     singles.close()
 
 
-def test_an_ended_world_starts_again_at_the_next_step(vector: BatchEnv) -> None:
+def test_an_ended_world_starts_again_at_the_next_step(vector: VectorEnvironment) -> None:
     vector.reset(seed=20)
     _, info = vector.reset(seed=[20, 21, 50], options={"reset_mask": np.array([False, False, True])})
     assert info["seed"].tolist() == [20, 21, 50]
@@ -208,7 +208,7 @@ def test_an_ended_world_starts_again_at_the_next_step(vector: BatchEnv) -> None:
     np.testing.assert_array_equal(obs["cube_pos"][1], fresh["cube_pos"])
 
 
-def test_vector_wrappers_work(vector: BatchEnv) -> None:
+def test_vector_wrappers_work(vector: VectorEnvironment) -> None:
     env = RecordEpisodeStatistics(DictInfoToList(vector).env)
     env.reset(seed=0)
     for _ in range(6):
@@ -216,7 +216,7 @@ def test_vector_wrappers_work(vector: BatchEnv) -> None:
     assert info["episode"]["l"].tolist() == [6, 6, 6]
 
 
-def test_seeds_come_as_one_number_or_as_many_as_worlds(vector: BatchEnv) -> None:
+def test_seeds_come_as_one_number_or_as_many_as_worlds(vector: VectorEnvironment) -> None:
     assert vector.reset(seed=np.int64(4))[1]["seed"].tolist() == [4, 5, 6]
     assert vector.reset(seed=[9, 1, 5])[1]["seed"].tolist() == [9, 1, 5]
     with pytest.raises(InvalidValueError, match="one integer or one per world"):

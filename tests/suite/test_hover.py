@@ -7,8 +7,8 @@ import pytest
 
 import aerial_il
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.suite import measured
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.episode import measured
 from aerial_il.suite.tasks import hover
 from tests.contract.registered import batch
 
@@ -64,7 +64,7 @@ def test_attitude_is_heading_and_tilt(yaw_deg: float, lean_deg: float, settled: 
     put_at_target(worlds, yaw_deg, lean_deg)
     angle = np.degrees(np.arccos(attitude_cosine(worlds.simulation.view)))
     np.testing.assert_allclose(angle, np.hypot(yaw_deg, lean_deg), atol=0.01)
-    assert (worlds.simulation.judge().subtasks[:, 3] == settled).all()
+    assert (worlds.simulation.reassess().subtasks[:, 3] == settled).all()
 
 
 def test_in_wind_the_trimmed_attitude_leans_against_it() -> None:

@@ -8,8 +8,9 @@ import pytest
 import aerial_il
 from aerial_il.experts.expert import Expert
 from aerial_il.experts.inspect_contact import in_touch, normal, normal_force, slip, squareness
-from aerial_il.suite import measured, memory
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.episode import measured
+from aerial_il.suite.physics import episode_state
 from aerial_il.suite.props.plate import MASS_KG, PRELOAD_N, STIFFNESS
 from aerial_il.suite.tasks.inspect_contact import (
     FORCE_N,
@@ -52,7 +53,7 @@ def test_the_measured_force_is_that_of_the_spring(pressing: tuple[BatchEnvironme
 def test_success_needs_all_three_seconds(pressing: tuple[BatchEnvironment, Expert]) -> None:
     worlds, expert = pressing
     dwell = round(InspectContact.dwell_s / worlds.spec.control_dt_s)
-    held, success = worlds.simulation.view.userdata[:, memory.DWELL].copy(), np.zeros(3, bool)
+    held, success = worlds.simulation.view.userdata[:, episode_state.DWELL].copy(), np.zeros(3, bool)
     for _ in range(dwell + 100):
         result = worlds.step(expert.act({}))
         held = np.where(result.info["subtasks"].all(axis=1), held + 1, 0)
@@ -66,11 +67,11 @@ def test_a_reading_out_of_the_band_spoils_it_although_the_last_one_is_in(
 ) -> None:
     worlds, _ = pressing
     view = worlds.simulation.view
-    samples = view.userdata[:, memory.SAMPLES].reshape(3, memory.MAX_TICKS, 6)
+    samples = view.userdata[:, episode_state.SAMPLES].reshape(3, episode_state.SUBSTEPS, 6)
     samples[:, :, :3] = -FORCE_N * normal(view)[:, None]
-    assert worlds.simulation.judge().subtasks[:, 3].all()
+    assert worlds.simulation.reassess().subtasks[:, 3].all()
     samples[1, 2, :3] *= 1.5
-    assert worlds.simulation.judge().subtasks[:, 3].tolist() == [True, False, True]
+    assert worlds.simulation.reassess().subtasks[:, 3].tolist() == [True, False, True]
 
 
 def test_the_raw_share_is_that_of_the_solver_since_contact_began(pressing: tuple[BatchEnvironment, Expert]) -> None:
@@ -83,12 +84,12 @@ def test_the_raw_share_is_that_of_the_solver_since_contact_began(pressing: tuple
         if step >= 10:
             action[1, :3] -= 0.05 * normal(view)[1]  # pressed too hard
         simulation.receive(action)
-        for _ in range(memory.MAX_TICKS):
+        for _ in range(episode_state.SUBSTEPS):
             simulation.fly(1)
             raw = simulation.worlds.bind("sensordata")[:, address : address + 3]
             inside.append(np.abs(-(raw * normal(view)).sum(axis=1) - FORCE_N) <= FORCE_TOLERANCE_N)
         simulation.settle()
-    share = simulation.judge().force_in_band_raw
+    share = simulation.reassess().force_in_band_raw
     assert in_touch(view).all()
     np.testing.assert_allclose(share, np.mean(inside, axis=0))
     assert 0.0 < share[1] < share[0]

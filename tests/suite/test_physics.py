@@ -10,12 +10,12 @@ from aerial_il import robots
 from aerial_il.control.allocation import wrench_matrix
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.rotations import IDENTITY
-from aerial_il.suite import memory
-from aerial_il.suite.aerodynamics import GROUND_EFFECT, air_wrench, ground_effect
 from aerial_il.suite.environment import AerialEnvironment
+from aerial_il.suite.physics import episode_state
+from aerial_il.suite.physics.aerodynamics import GROUND_EFFECT, air_wrench, ground_effect
+from aerial_il.suite.physics.wind import PRESSURE, VELOCITY, WIND_SIZE
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.wind import PRESSURE, VELOCITY, WIND_SIZE
-from tests.contract.registered import CELLS, batch, single, staying
+from tests.contract.registered import CELLS, batch, hold_actions, single
 
 DT = 0.004
 STEP_S = 0.02
@@ -46,7 +46,7 @@ def test_hovering_takes_the_weight(robot: str) -> None:
     vehicle = worlds.simulation.robot.vehicle
     weight = worlds.model.body_subtreemass[worlds.model.body("base").id] * GRAVITY
     assert weight == pytest.approx(vehicle.mass * GRAVITY)
-    stay = staying(worlds)
+    stay = hold_actions(worlds)
     lift = []
     for k in range(150):
         worlds.step(stay)
@@ -207,4 +207,4 @@ def test_calm_air_is_still() -> None:
     env = single("ua_quad_arm4", "reach", "calm")
     env.reset(seed=1)
     env.step(env.spec.action.clip(np.zeros(env.spec.action.size)))
-    assert not env.simulation.view.userdata[0, memory.WIND].any()
+    assert not env.simulation.view.userdata[0, episode_state.WIND].any()

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.suite import memory
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.episode.simulation import STATE_OFFSET
+from aerial_il.suite.physics import episode_state
 from aerial_il.suite.props.button import CAP_HEIGHT_M, FULL_FORCE_N, PRELOAD_N, TRAVEL_M
 from aerial_il.suite.props.place import place
-from aerial_il.suite.simulation import STATE_OFFSET
 from aerial_il.suite.tasks.press_button import BY_TOOL, PEAK_FORCE_N
-from tests.contract.registered import batch, staying
+from tests.contract.registered import batch, hold_actions
 
 CELL = ("ua_quad_arm4", "press_button")
 
@@ -42,7 +42,7 @@ def test_one_hard_blow_spoils_the_episode() -> None:
     worlds = batch(*CELL)
     worlds.reset(0)
     states = worlds.get_state()
-    peak = mujoco.mj_stateSize(worlds.model, STATE_OFFSET) + memory.FORCES.start + 3 * memory.MAX_FORCES
+    peak = mujoco.mj_stateSize(worlds.model, STATE_OFFSET) + episode_state.FORCES.start + 3 * episode_state.MAX_FORCES
     states[1, peak] = PEAK_FORCE_N + 0.1
     obs = worlds.set_state(states)
     assert obs["peak_force"][1, 0] > PEAK_FORCE_N
@@ -65,7 +65,7 @@ def sink_onto_the_button(worlds: BatchEnvironment, part: str, steps: int = 40) -
         place(view, i, "button", underside - [0.0, 0.0, CAP_HEIGHT_M + 0.004])
         place(view, i, "button_stand", underside - [0.0, 0.0, 0.2])
     worlds.set_state(worlds.get_state())
-    action, felt = staying(worlds), []
+    action, felt = hold_actions(worlds), []
     for _ in range(steps):
         action[:, 2] -= 0.0005
         worlds.step(action)
@@ -98,8 +98,8 @@ def test_a_link_on_the_button_is_felt_and_does_not_count(part: str) -> None:
     assert by_link_alone.any()
     assert (felt.max(axis=0) > 2.0).all(), "it does press"
     assert (view.peak_force() >= 0.8 * felt.max(axis=0)).all(), "and the judge feels it, whoever it is"
-    assert (worlds.simulation.judge().contacts[by_link_alone] > 0.0).all()
-    assert not worlds.simulation.judge().success[by_link_alone].any()
+    assert (worlds.simulation.reassess().contacts[by_link_alone] > 0.0).all()
+    assert not worlds.simulation.reassess().success[by_link_alone].any()
 
 
 def test_the_spring_pushes_back_as_stated() -> None:

@@ -12,7 +12,7 @@ import aerial_il
 from aerial_il import robots
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.robots.figures import stances
-from aerial_il.suite import rotor_effects as effects
+from aerial_il.suite.physics import rotor_effects as effects
 
 PAGE = Path(__file__).parents[2] / "docs" / "physics.md"
 NAMES = [name for name in robots.names() if effects.has_rotors(robots.get(name))]

@@ -9,7 +9,7 @@ import pytest
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tiers
-from aerial_il.suite.sensing import Sensors
+from aerial_il.suite.physics.sensing import Sensors
 
 
 def test_the_tiers_grow_rougher() -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from aerial_il.suite import tiers
+from aerial_il.suite.episode.variation import FRICTION_FIELDS, MOTOR_FIELDS, PAYLOAD_FIELDS, Varied
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.variation import FRICTION_FIELDS, MOTOR_FIELDS, PAYLOAD_FIELDS, Varied
 
 ROBOT, TASK = "fa_hexa_arm4", "pick_place"
 SEEDS = range(400)

@@ -6,12 +6,11 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from aerial_il.algorithms.interactive.rounds import Collect, InteractiveProblem, Rounds
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.core.policy import Policy
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
@@ -27,7 +26,7 @@ class InteractiveAlgorithm(InteractiveSettings, ABC):
         policy: PolicyConfig,
         *,
         run: str | os.PathLike[str],
-        env: Any,
+        env: BatchEnv,
         expert: Policy,
         collect: Collect,
         seed: int = 0,

@@ -6,12 +6,12 @@ Every step is recorded as it was: the action that was executed, the expert's whe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from aerial_il.algorithms.interactive.disagreement import ActionScale
-from aerial_il.core.policy import Observation, Policy, SeededPolicy, attach
+from aerial_il.core.contracts import BatchEnv, Observation, Policy, SeededPolicy, attach, phase_names_of, phase_of
 
 IGNORED = 1.0  # distance of action and advice, in deviations of demonstrated actions, that counts as ignoring it
 IGNORED_STEPS = 50  # in a row after which the expert is reset
@@ -90,14 +90,14 @@ class Mixture:
 
     @property
     def phase_names(self) -> tuple[str, ...]:
-        return tuple(getattr(self.expert, "phase_names", ()))
+        return phase_names_of(self.expert)
 
     @property
     def phase(self) -> np.ndarray:
         """(n,) the expert's phases, -1 for one without."""
-        return np.asarray(getattr(self.expert, "phase", np.full(len(self.is_intervention), -1)))
+        return phase_of(self.expert, len(self.is_intervention))
 
-    def attach(self, env: Any) -> None:
+    def attach(self, env: BatchEnv) -> None:
         attach(self.learner, env)
         attach(self.expert, env)
         self.is_intervention, self._ignored = np.zeros(env.num_envs, bool), np.zeros(env.num_envs, int)

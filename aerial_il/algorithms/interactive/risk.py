@@ -13,8 +13,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Observation
 from aerial_il.core.seeding import named_rng, torch_rng
 from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode

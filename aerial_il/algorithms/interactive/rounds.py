@@ -28,9 +28,9 @@ from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sync_folder
-from aerial_il.core.policy import Policy
 from aerial_il.core.provenance import provenance
 from aerial_il.core.settings import plain
 from aerial_il.core.specs import EnvSpec, ObservationSpec
@@ -55,7 +55,7 @@ class Collect(Protocol):
 
     def __call__(
         self,
-        env: Any,
+        env: BatchEnv,
         policy: Policy,
         seeds: Iterable[int],
         out: str | os.PathLike[str],
@@ -79,7 +79,7 @@ class InteractiveProblem:
     settings: InteractiveSettings
     policy: PolicyConfig
     seed: int
-    env: Any
+    env: BatchEnv
     expert: Policy
     collect: Collect
     progress: bool

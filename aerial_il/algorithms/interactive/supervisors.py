@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Observation
 
 
 class Supervisor(Protocol):

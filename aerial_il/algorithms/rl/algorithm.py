@@ -6,12 +6,13 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from aerial_il.algorithms.rl.interface import check_policy, plain_interface
 from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.settings import make_tuples
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -60,7 +61,7 @@ class OnlineAlgorithm(ABC):
         dataset: Iterable[Episode] | None,
         policy: PolicyConfig,
         *,
-        env: Any,
+        env: BatchEnv,
         run: str | os.PathLike[str],
         seed: int = 0,
         evaluate: Evaluate | None = None,
@@ -93,7 +94,7 @@ class OnlineAlgorithm(ABC):
         """Collect and learn until the run has no steps left; return the trained policy."""
 
     def problem(
-        self, dataset: Iterable[Episode] | None, policy: SquashedGaussianConfig, env: Any, seed: int
+        self, dataset: Iterable[Episode] | None, policy: SquashedGaussianConfig, env: BatchEnv, seed: int
     ) -> Problem:
         """Return what is learned on: here the environment and its reward alone."""
         interface = plain_interface(Layout.of(env.spec, policy), policy)

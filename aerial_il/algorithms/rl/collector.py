@@ -7,11 +7,12 @@ environment can save its state.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
 from aerial_il.policies.parts.layout import Layout
 
@@ -51,9 +52,9 @@ class Collector:
         steps: environment steps of all worlds together.
     """
 
-    def __init__(self, env: Any, layout: Layout, *, seed: int) -> None:
+    def __init__(self, env: BatchEnv, layout: Layout, *, seed: int) -> None:
         self.env, self.layout, self.n = env, layout, env.num_envs
-        self._ends_at_success = bool(getattr(env, "ends_at_success", True))
+        self._ends_at_success = env.ends_at_success
         self._seeds = FIRST_SEED * (1 + seed) + np.arange(self.n, dtype=np.int64)
         self._next = int(self._seeds[-1]) + 1
         self._ages, self._returns = np.zeros(self.n, np.int64), np.zeros(self.n)

@@ -12,6 +12,7 @@ from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import action_bounds, encode, encode_actions
 from aerial_il.algorithms.rl.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.supervised.training_set import read_demos
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
@@ -103,7 +104,7 @@ def check_same(recorded: EnvSpec, spec: EnvSpec) -> None:
         raise InvalidValueError(f"The demonstrations come from another environment: {'; '.join(differing)}.")
 
 
-def random_transitions(env: Any, layout: Layout, count: int, *, seed: int) -> Transitions:
+def random_transitions(env: BatchEnv, layout: Layout, count: int, *, seed: int) -> Transitions:
     """Collect ``count`` transitions or a few more with actions drawn uniformly within their bounds."""
     collector, rng, (low, high) = Collector(env, layout, seed=seed), named_rng(seed, "control"), action_bounds(layout)
     steps = [collector.step(rng.uniform(low, high, (collector.n, len(low)))) for _ in range(-(-count // collector.n))]

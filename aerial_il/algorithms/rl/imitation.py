@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.demonstrations import Labels, check_same, random_transitions, read_transitions
 from aerial_il.algorithms.rl.interface import Bounds, fit_interface
 from aerial_il.algorithms.rl.online_run import Problem
 from aerial_il.algorithms.run.checks import require_choice, require_positive
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
@@ -50,7 +51,7 @@ class Imitation(OnlineAlgorithm):
         require_choice(self, "control", Control)
 
     def problem(
-        self, dataset: Iterable[Episode] | None, policy: SquashedGaussianConfig, env: Any, seed: int
+        self, dataset: Iterable[Episode] | None, policy: SquashedGaussianConfig, env: BatchEnv, seed: int
     ) -> Problem:
         """Read the demonstrations; in the control run ``random_actions`` the environment is flown in their place."""
         layout, demos, record = read_transitions(

@@ -21,6 +21,7 @@ from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
 from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import TrainingDivergedError
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import named_rng, torch_rng
@@ -64,7 +65,7 @@ class Problem:
     algorithm: str
     seed: int
     policy: SquashedGaussianConfig
-    env: Any
+    env: BatchEnv
     interface: Interface
     demos: Transitions | None = None
     dataset: Mapping[str, Any] | None = None

@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 
 from aerial_il.benchmarks.parts.stopwatch import Arm
-from aerial_il.suite.gymnasium_ids import gymnasium_id
+from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
 
 HAS_SB3 = importlib.util.find_spec("stable_baselines3") is not None
 

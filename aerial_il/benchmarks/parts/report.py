@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, Protocol
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.provenance import provenance
-from aerial_il.suite.crew import available_cores
+from aerial_il.suite.physics.thread_pool import available_cores
 
 Row = dict[str, Any]
 Details = dict[str, Any]

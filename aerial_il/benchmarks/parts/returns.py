@@ -6,7 +6,7 @@ import numpy as np
 
 import aerial_il
 from aerial_il.benchmarks.parts.report import Row
-from aerial_il.core.policy import Policy, attach
+from aerial_il.core.contracts import Policy, attach
 from aerial_il.evaluation.baselines import Random
 from aerial_il.suite.batch import BatchEnvironment
 

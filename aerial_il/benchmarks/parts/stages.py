@@ -20,8 +20,8 @@ from aerial_il.algorithms.run.folder import METRICS, PROVENANCE, read_metrics
 from aerial_il.benchmarks.parts.demonstrations import Source, collections, first, gather
 from aerial_il.benchmarks.parts.ground import ground, learning_code
 from aerial_il.benchmarks.parts.record import Record
+from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Policy
 from aerial_il.core.settings import plain
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import LOG

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from aerial_il.control import memory
+from aerial_il.control import controller_state
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.scenario import Scenario
@@ -88,7 +88,7 @@ def fly_steps(
 
 def jump(env: BatchEnvironment, action: np.ndarray, kind: StepKind) -> None:
     """Move the reference itself, and the command with it: the controller would only let it travel there."""
-    entry, start = (memory.BASE_POS, START[0]) if kind == "position" else (memory.BASE_YAW, 0.0)
+    entry, start = (controller_state.BASE_POS, START[0]) if kind == "position" else (controller_state.BASE_YAW, 0.0)
     action[:, 0 if kind == "position" else 3] = start + SIZES[kind]
     env.simulation.view.userdata[:, entry] = start + SIZES[kind]
 

@@ -11,8 +11,8 @@ from mujoco import batch as mujoco_batch
 
 from aerial_il import experts
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.suite.scene import SUBSTEPS
-from aerial_il.suite.worlds import STATE
+from aerial_il.suite.physics.physics_batch import STATE
+from aerial_il.suite.timing import SUBSTEPS
 
 INPUTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
 

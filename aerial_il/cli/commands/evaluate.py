@@ -13,10 +13,11 @@ Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from aerial_il.cli.configuration.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
 from aerial_il.cli.configuration.quoting import command_line
+from aerial_il.core.contracts import BatchEnv
 
 if TYPE_CHECKING:
     from aerial_il.cli.flights.pilots import Pilot
@@ -78,7 +79,7 @@ def run(config: Config) -> None:
         print(f"Return {result.return_line()}")
 
 
-def _judged(config: Config, pilot: Pilot, env: Any, seeds: range) -> EvaluationResult:
+def _judged(config: Config, pilot: Pilot, env: BatchEnv, seeds: range) -> EvaluationResult:
     """Fly what is not flown yet, and write what comes of it."""
     from aerial_il.cli.flights import results
     from aerial_il.evaluation.destination import finished, subject_of

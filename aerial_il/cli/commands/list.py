@@ -128,7 +128,7 @@ def _declined_row(robot: str, task: str) -> dict[str, Any]:
     from aerial_il import robots
     from aerial_il.suite import tasks
 
-    return {"robot": robot, "task": task, "reason": tasks.get(task).obstacle(robots.get(robot))}
+    return {"robot": robot, "task": task, "reason": tasks.get(task).infeasibility(robots.get(robot))}
 
 
 def _tier_row(tier: Any) -> dict[str, Any]:

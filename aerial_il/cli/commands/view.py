@@ -16,6 +16,7 @@ from typing import Any
 
 from aerial_il.cli.configuration.keys import Located, Named, TierName, at_least, check_choices, group, key, path
 from aerial_il.cli.configuration.quoting import command_line
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 
 VIEWS = "runs/views"
@@ -125,7 +126,7 @@ def _show_recording(config: Config, viewer: str, file: Path) -> None:
             env.close()
 
 
-def _present(config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: Any, again: str) -> None:
+def _present(config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: BatchEnv, again: str) -> None:
     """Write what shows one flight without a window, or hand it to rerun."""
     from aerial_il.evaluation.films.video import end_of
     from aerial_il.evaluation.outcome import subtask_flags

@@ -22,8 +22,8 @@ from aerial_il.cli.flights.environments import (
     key_of,
     reference_of,
 )
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Policy
 from aerial_il.core.rendering import require_rendering
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
@@ -165,7 +165,7 @@ def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
     return tuple(name.removesuffix("_rgb") for name in layout.images), (height, width)
 
 
-def record(env: Any, policy: Policy, seed: int, file: Path, *, name: str) -> Episode:
+def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -> Episode:
     """Fly one episode, keep its recording as ``file`` and return it.
 
     Args:

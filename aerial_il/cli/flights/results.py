@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 import aerial_il
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.evaluation.curves import DatasetSummary
 from aerial_il.evaluation.films.video import Clip, Footage, film
 from aerial_il.evaluation.pages.report import write_report
@@ -16,7 +16,7 @@ VIDEOS = "videos"
 PAGE = "report.html"
 
 
-def save(result: EvaluationResult, out: str | os.PathLike[str], *, env: Any, videos: int) -> None:
+def save(result: EvaluationResult, out: str | os.PathLike[str], *, env: BatchEnv, videos: int) -> None:
     """Write evaluation.json, films of ``videos`` successes and failures each, and the page; say where they lie."""
     folder = Path(out)
     print(f"Result: {result.save(folder)}")

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class RolloutEvaluator:
         rates = {f"success/{result.task}": result.success["rate"] for result in flown} if len(flown) > 1 else {}
         return _summary([episode for result in flown for episode in result.episodes]) | rates
 
-    def _fly(self, env: Any, policy: ChunkPolicy, step: int) -> EvaluationResult:
+    def _fly(self, env: BatchEnv, policy: ChunkPolicy, step: int) -> EvaluationResult:
         from aerial_il.evaluation.rollouts import evaluate
 
         seeds = range(self.seed, self.seed + self._share(len(self._envs)))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aerial_il.cli.flights.environments import EnvironmentReference
-    from aerial_il.core.policy import Policy
+    from aerial_il.core.contracts import Policy
     from aerial_il.core.specs import EnvSpec
 
 WORLDS = 64

@@ -12,8 +12,8 @@ from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import can_render
+from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.rendering import Renderer
-from aerial_il.suite.worlds import STATE
 
 SUPERSAMPLING = 2  # every pixel is the mean of 2 x 2
 ELEVATION_DEG = -20.0

@@ -132,7 +132,7 @@ def cards() -> list[Card]:
 def matrix() -> list[tuple[str, list[tuple[str, str]]]]:
     """Return rows: a task with each robot and why it cannot do it, empty where it can."""
     return [
-        (task, [(robot, tasks.get(task).obstacle(robots.get(robot)) or "") for robot in robots.names()])
+        (task, [(robot, tasks.get(task).infeasibility(robots.get(robot)) or "") for robot in robots.names()])
         for task in tasks.names()
     ]
 

@@ -150,7 +150,7 @@ def _tasks(robot: Robot) -> list[str]:
 
 def _refused(robot: Robot) -> str:
     """List the tasks that it cannot do, and why."""
-    reasons = {name: tasks.get(name).obstacle(robot) for name in tasks.names()}
+    reasons = {name: tasks.get(name).infeasibility(robot) for name in tasks.names()}
     return "\n".join(f"- not `{name}`: {reason}" for name, reason in reasons.items() if reason)
 
 

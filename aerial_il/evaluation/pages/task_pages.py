@@ -42,7 +42,7 @@ def overview(found: list[Task]) -> str:
 def page(task: Task) -> str:
     """Return a task's page."""
     fields = [(f"`{f.name}`", f"{f.size}", f.unit or "–", ", ".join(f.labels)) for f in task.fields()]
-    refused = [(name, task.obstacle(robots.get(name))) for name in robots.names()]
+    refused = [(name, task.infeasibility(robots.get(name))) for name in robots.names()]
     parts = [
         f"# {task.name}",
         f"> {task.instruction}",

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
+from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
-from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser

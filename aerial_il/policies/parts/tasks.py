@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.policy import Observation
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
 

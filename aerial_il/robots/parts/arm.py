@@ -90,7 +90,7 @@ class Arm:
 
     @property
     def tip(self) -> Vector:
-        """Where the gripper sits in the last link's frame, m."""
+        """Seat of the gripper in the last link's frame, m."""
         return self.links[-1].tip if self.links else self.mount
 
     def add_to(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> mujoco.MjsBody:

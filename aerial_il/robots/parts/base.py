@@ -1,4 +1,4 @@
-"""What carries the arm: a rigid body, moved by thrusts that act at sites of their own."""
+"""Flying bases that carry the arm: a rigid body, moved by thrusts that act at sites of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who touches whom: robots collide with the world but not with themselves; objects collide with everything.
+"""Collision groups: robots collide with the world but not with themselves; objects collide with everything.
 
 The parts of a fixture (a door and its frame) touch robots and objects, but not each other: joints hold them together.
 What marks the end of an object (see :func:`aerial_il.suite.props.peg.add_peg`) touches what objects lie on, no more.

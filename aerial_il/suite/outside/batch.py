@@ -102,7 +102,7 @@ class OutsideBatch(BatchEnvBase):
 
     @property
     def model_xml(self) -> str:
-        """What a recording keeps in place of a scene, which belongs to the environment and is not ours to copy."""
+        """Note that a recording keeps in place of a scene, which belongs to the environment and is not ours to copy."""
         return f"<!-- {self.spec.robot}:{self.spec.task} brings its own scene. -->\n"
 
     @property
@@ -163,7 +163,7 @@ class OutsideBatch(BatchEnvBase):
         return StepResult(self.observe(), reward, terminated, truncated, self._info(info, terminated))
 
     def observe(self) -> dict[str, np.ndarray]:
-        """What all worlds last showed, ``name -> (n, ...)``."""
+        """Last observations of all worlds, ``name -> (n, ...)``."""
         return {name: values.copy() for name, values in self._obs.items()}
 
     def get_state(self) -> np.ndarray:

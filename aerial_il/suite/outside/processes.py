@@ -27,8 +27,8 @@ import numpy as np
 
 from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.suite.crew import available_cores
 from aerial_il.suite.outside.batch import OutsideBatch, seeds_of
+from aerial_il.suite.physics.thread_pool import available_cores
 
 LEAST_WORLDS = 8  # in a process: fewer do not pay for its start and its messages
 WATCH_S = 0.002  # that a process looks for what it is told before it sleeps
@@ -94,7 +94,7 @@ class SharedBatch(BatchEnvBase):
         return self._all("step", np.asarray(actions, float), mask)
 
     def observe(self) -> dict[str, np.ndarray]:
-        """What all worlds last showed, ``name -> (n, ...)``."""
+        """Last observations of all worlds, ``name -> (n, ...)``."""
         return self._all("observe")
 
     def get_state(self) -> np.ndarray:

@@ -15,7 +15,7 @@ FORMS = "KEY:N (info[KEY] was true in more than N steps), return:R (at least R) 
 
 @dataclass(frozen=True)
 class SuccessRule:
-    """What must have happened since the start of an episode.
+    """Success condition of an episode from outside.
 
     Attributes:
         text: the rule in words, e.g. ``success:25``. key: the entry of ``info``, ``return`` or ``survived``.

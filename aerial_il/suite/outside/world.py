@@ -1,4 +1,4 @@
-"""What one world of an environment from outside must offer to be flown in a batch."""
+"""Contract of one world of an environment from outside, to be stepped in a batch."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from aerial_il.core.specs import ActionSpec, ObservationSpec
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a world answers.
+    """Answer of one world.
 
     Attributes:
         obs: ``name -> (*shape)``. reward: as the environment gives it. terminated: it ended by itself.

@@ -1,4 +1,4 @@
-"""How the surfaces of props behave in contact."""
+"""Contact parameters of the surfaces of props."""
 
 from __future__ import annotations
 

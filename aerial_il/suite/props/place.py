@@ -1,4 +1,4 @@
-"""Where things stand at the start of an episode."""
+"""Random places of things at the start of an episode."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aerial_il.suite.view import View
+from aerial_il.suite.physics.view import View
 
 
 def place(view: View, world: int, body: str, pos: np.ndarray, *, yaw: float = 0.0, pitch: float = 0.0) -> None:

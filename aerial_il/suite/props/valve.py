@@ -37,7 +37,7 @@ def add_valve(spec: mujoco.MjSpec) -> None:
 
 
 def _add_mark(mount: mujoco.MjsBody) -> None:
-    """Where the yellow spoke is when the valve is open: a pointer below the wheel."""
+    """Pointer below the wheel, where the yellow spoke is when the valve is open."""
     c, s = np.cos(VALVE_OPEN_RAD), np.sin(VALVE_OPEN_RAD)
     capsule, reach = mujoco.mjtGeom.mjGEOM_CAPSULE, WHEEL_RADIUS_M + 0.05
     ends = [0.03 * c, 0.03 * s, -0.03, reach * c, reach * s, -0.03]

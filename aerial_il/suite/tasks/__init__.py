@@ -49,7 +49,7 @@ def cells() -> tuple[tuple[str, str], ...]:
     """
     for robot in robots.names():
         check_declines(robots.get(robot))
-    return tuple((r, t) for r in robots.names() for t in names() if get(t).obstacle(robots.get(r)) is None)
+    return tuple((r, t) for r in robots.names() for t in names() if get(t).infeasibility(robots.get(r)) is None)
 
 
 def check_declines(robot: Robot) -> None:
@@ -65,7 +65,7 @@ def check_declines(robot: Robot) -> None:
         if task not in names():
             raise UnknownNameError(f"task among those that {robot.name} declines:", task, names())
     rest = replace(robot, declines={})
-    able = {task for task in names() if get(task).obstacle(rest) is None}
+    able = {task for task in names() if get(task).infeasibility(rest) is None}
     if superfluous := sorted(robot.declines.keys() - able):
         raise InvalidValueError(f"{robot.name} declines {superfluous[0]}, which its rules decline; remove the line.")
     if able and not able - robot.declines.keys():
@@ -79,8 +79,8 @@ def check_cell(robot: str, task: str) -> None:
         UnknownNameError: no such robot or task.
         CellError: the robot cannot do the task; the message says why and which robots can.
     """
-    obstacle = get(task).obstacle(robots.get(robot))
+    infeasibility = get(task).infeasibility(robots.get(robot))
     check_declines(robots.get(robot))
-    if obstacle is not None:
+    if infeasibility is not None:
         able = ", ".join(r for r, t in cells() if t == task)
-        raise CellError(f"{robot} cannot do {task}: {obstacle}. Robots that can: {able}.")
+        raise CellError(f"{robot} cannot do {task}: {infeasibility}. Robots that can: {able}.")

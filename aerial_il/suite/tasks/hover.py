@@ -12,11 +12,11 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import closeness, norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, air_force, base_mat, base_pos, site_mat, site_pos, untouched
 from aerial_il.suite.props.marker import add_marker
 from aerial_il.suite.props.place import place
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, air_force, base_mat, base_pos, site_mat, site_pos, untouched
 
 SETTLED_M, SETTLED_RAD = 0.05, math.radians(3.0)
 SETTLED_COS, UPRIGHT_COS = math.cos(SETTLED_RAD), math.cos(math.radians(10.0))
@@ -46,7 +46,7 @@ class Hover(Task):
     names = Names(sites=("target",))
     told = ("target",)
 
-    def obstacle_to(self, robot: Robot) -> str | None:
+    def own_infeasibility(self, robot: Robot) -> str | None:
         if robot.num_joints:
             return "its arm leaves the base's place open; hovering is judged by the base alone"
         return None

@@ -10,14 +10,14 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, clip, closeness, column, norm, planar_norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.abilities import obstacle_to_holding_upright
-from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, add_contact_sensor, add_force_sensor
+from aerial_il.suite.feasibility import infeasible_upright_hold
+from aerial_il.suite.physics.contact_sensors import CONTACT_ALONE, GRIPPER, add_contact_sensor, add_force_sensor
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, force, site_mat, site_pos, tool_pos, touching, untouched
 from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M, add_peg, add_socket
 from aerial_il.suite.props.place import place, two_places
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, force, site_mat, site_pos, tool_pos, touching, untouched
 
 INSERTED_M = 0.030  # of the peg's full width below the chamfer; its round nose reaches a radius deeper
 CLEARANCE_M = 0.002  # bore less peg, in diameter
@@ -61,11 +61,11 @@ class InsertPeg(Task):
         ("wrist_force", CONTACT_ALONE),
     )
 
-    def obstacle_to(self, robot: Robot) -> str | None:
+    def own_infeasibility(self, robot: Robot) -> str | None:
         opening, needed = 2.0 * robot.gripper.stroke, 2.0 * PEG_RADIUS_M + ROOM_FOR_ERRORS_M
         if opening < needed:
             return f"its gripper opens {100 * opening:.1f} cm, the peg needs {100 * needed:.1f} cm"
-        return obstacle_to_holding_upright(robot)
+        return infeasible_upright_hold(robot)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_table(spec)

@@ -12,14 +12,10 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, column, dot, norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.abilities import obstacle_to_pressing
-from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, ROBOT, add_force_sensor
-from aerial_il.suite.memory import MAX_TICKS
-from aerial_il.suite.props.place import place
-from aerial_il.suite.props.plate import SPOT_RADIUS_M, TRAVEL_M, add_plate
-from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import (
+from aerial_il.suite.feasibility import infeasible_pressing
+from aerial_il.suite.physics.contact_sensors import CONTACT_ALONE, GRIPPER, ROBOT, add_force_sensor
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import (
     Names,
     force,
     force_sample,
@@ -28,11 +24,15 @@ from aerial_il.suite.world import (
     raw_force_sample,
     site_mat,
     site_pos,
-    task_memory,
+    task_state,
     tip_pos,
     tool_mat,
     untouched,
 )
+from aerial_il.suite.props.place import place
+from aerial_il.suite.props.plate import SPOT_RADIUS_M, TRAVEL_M, add_plate
+from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
+from aerial_il.suite.timing import SUBSTEPS
 
 FORCE_N, FORCE_TOLERANCE_N = 5.0, 2.0
 SQUARE_COS = math.cos(math.radians(5.0))
@@ -78,8 +78,8 @@ class InspectContact(Task):
         ("slip", "counted from where the fingertips truly were when contact began"),
     )
 
-    def obstacle_to(self, robot: Robot) -> str | None:
-        return obstacle_to_pressing(robot, FORCE_N)
+    def own_infeasibility(self, robot: Robot) -> str | None:
+        return infeasible_pressing(robot, FORCE_N)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_plate(spec)
@@ -118,15 +118,15 @@ def observe(world, found):
 
 @kernel
 def remember(world):
-    memory, felt = task_memory(world), normal_force(world) >= TOUCH_N
+    memory, felt = task_state(world), normal_force(world) >= TOUCH_N
     begun = felt and not in_touch(world)
     if begun:
         put(memory, CONTACT, tip_pos(world))
     if begun or not felt:
         memory[PRESSED] = memory[IN_BAND] = 0.0
     if felt:
-        memory[PRESSED] += MAX_TICKS
-        for tick in range(MAX_TICKS):
+        memory[PRESSED] += SUBSTEPS
+        for tick in range(SUBSTEPS):
             memory[IN_BAND] += in_band(along_normal(world, raw_force_sample(world, tick)))
     memory[TOUCHED] = 1.0 if felt else 0.0
 
@@ -139,7 +139,7 @@ def solved(world):
 
 @kernel
 def force_in_band_raw(world):
-    memory = task_memory(world)
+    memory = task_state(world)
     return memory[IN_BAND] / memory[PRESSED] if memory[PRESSED] > 0.0 else math.nan
 
 
@@ -167,9 +167,9 @@ def over_spot(world):
 def at_force(world):
     """Whether the force has been the one asked for at every physics step of the last control step."""
     inside = 0
-    for tick in range(MAX_TICKS):
+    for tick in range(SUBSTEPS):
         inside += in_band(along_normal(world, force_sample(world, tick)))
-    return inside == MAX_TICKS
+    return inside == SUBSTEPS
 
 
 @kernel
@@ -198,7 +198,7 @@ def normal_force(world):
 
 @kernel
 def along_normal(world, vector):
-    """How hard a force on the plate, world frame, N, presses it along its normal."""
+    """Component of a force on the plate, world frame, N, that presses it along its normal, N."""
     return -dot(normal(world), vector)
 
 
@@ -218,15 +218,15 @@ def tangential(world, vector):
 @kernel
 def in_touch(world):
     """Whether the tool is in contact with the plate."""
-    return task_memory(world)[TOUCHED] > 0.0
+    return task_state(world)[TOUCHED] > 0.0
 
 
 @kernel
 def slip(world):
-    """How far the fingertips have slid over the plate since contact began, world frame, m; zero without contact."""
+    """Distance the fingertips have slid over the plate since contact began, world frame, m; zero without contact."""
     if not in_touch(world):
         return (0.0, 0.0, 0.0)
-    return tangential(world, sub(tip_pos(world), vec(task_memory(world), CONTACT)))
+    return tangential(world, sub(tip_pos(world), vec(task_state(world), CONTACT)))
 
 
 TASK = InspectContact(

@@ -10,7 +10,9 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, norm, planar_norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.abilities import obstacle_to_pulling
+from aerial_il.suite.feasibility import infeasible_pulling
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 from aerial_il.suite.props.door import (
     BAR_HALF_M,
     DOOR_DAMPING,
@@ -22,8 +24,6 @@ from aerial_il.suite.props.door import (
 )
 from aerial_il.suite.props.place import place
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 
 OPEN_RAD = np.deg2rad(60.0)
 STOP_GIVE_RAD = 0.1
@@ -51,9 +51,9 @@ class OpenDoor(Task):
     subtasks = ("over_handle", "hooked", "half_open", "open")
     names = Names(sites=("loop", "door"), joints=("door",))
 
-    def obstacle_to(self, robot: Robot) -> str | None:
+    def own_infeasibility(self, robot: Robot) -> str | None:
         torque = DOOR_FRICTION_NM + DOOR_DAMPING * SWING_RAD_S
-        return obstacle_to_pulling(robot, torque / HINGE_TO_LOOP_M)
+        return infeasible_pulling(robot, torque / HINGE_TO_LOOP_M)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_door(spec)

@@ -13,12 +13,12 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, norm, planar_norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.contact_sensors import add_contact_sensor, add_touch_sensor
+from aerial_il.suite.physics.contact_sensors import add_contact_sensor, add_touch_sensor
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, base_pos, free_vel, site_mat, site_pos, tool_pos, touching, untouched
 from aerial_il.suite.props import CUBE_HALF_M, FALLEN_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
 from aerial_il.suite.props.place import two_places
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start, pointing_down
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, base_pos, free_vel, site_mat, site_pos, tool_pos, touching, untouched
 
 IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
 LOW_IN_BOWL_M, HIGH_IN_BOWL_M = 0.02, 0.05  # over the bowl's underside; 0.028 lying in it, 0.055 lying on its rim
@@ -53,7 +53,7 @@ class PickPlace(Task):
 
     needs_flight = False
 
-    def obstacle_to(self, robot: Robot) -> str | None:
+    def own_infeasibility(self, robot: Robot) -> str | None:
         opening = 2.0 * robot.gripper.stroke
         if opening < 2.4 * CUBE_HALF_M:
             return f"its gripper opens {100 * opening:.1f} cm, the cube needs {240 * CUBE_HALF_M:.1f} cm"

@@ -10,13 +10,23 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.abilities import obstacle_to_gentleness
-from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, ROBOT, add_force_sensor
+from aerial_il.suite.feasibility import infeasible_gentleness
+from aerial_il.suite.physics.contact_sensors import CONTACT_ALONE, GRIPPER, ROBOT, add_force_sensor
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import (
+    Names,
+    force,
+    joint_pos,
+    peak_force,
+    put_rot6d,
+    site_mat,
+    site_pos,
+    tip_pos,
+    untouched,
+)
 from aerial_il.suite.props.button import HOUSING_HALF_M, TRAVEL_M, add_button
 from aerial_il.suite.props.place import place
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, force, joint_pos, peak_force, put_rot6d, site_mat, site_pos, tip_pos, untouched
 
 PRESSED_M, DEEPEST_M = 0.008, TRAVEL_M + 0.001
 LEAST_FORCE_N = 0.5  # of the robot on the button; the spring gives 1.3 N where it counts as pressed
@@ -55,8 +65,8 @@ class PressButton(Task):
         ("peak_force", "of all parts of the robot, and without the noise of a sensor"),
     )
 
-    def obstacle_to(self, robot: Robot) -> str | None:
-        return obstacle_to_gentleness(robot, PEAK_FORCE_N)
+    def own_infeasibility(self, robot: Robot) -> str | None:
+        return infeasible_gentleness(robot, PEAK_FORCE_N)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_button(spec)

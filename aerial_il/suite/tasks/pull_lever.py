@@ -10,7 +10,9 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, column, norm, planar_norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.abilities import obstacle_to_pulling
+from aerial_il.suite.feasibility import infeasible_pulling
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 from aerial_il.suite.props.lever import (
     BAR_HALF_M,
     LEVER_DAMPING,
@@ -22,8 +24,6 @@ from aerial_il.suite.props.lever import (
 )
 from aerial_il.suite.props.place import place
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 
 PULLED_RAD = np.deg2rad(55.0)
 SWING_RAD_S = 0.8  # a sensible speed to pull it over
@@ -53,9 +53,9 @@ class PullLever(Task):
     subtasks = ("behind_bar", "hooked", "half_way", "pulled")
     names = Names(sites=("bar", "lever"), joints=("lever",))
 
-    def obstacle_to(self, robot: Robot) -> str | None:
+    def own_infeasibility(self, robot: Robot) -> str | None:
         torque = LEVER_FRICTION_NM + LEVER_SPRING_NM_RAD * PULLED_RAD + LEVER_DAMPING * SWING_RAD_S
-        return obstacle_to_pulling(robot, torque / LEVER_M)
+        return infeasible_pulling(robot, torque / LEVER_M)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_lever(spec, PULLED_RAD)
@@ -124,7 +124,7 @@ def hooked(world):
 
 @kernel
 def behind_bar(world):
-    """Where the fingertips are ready to pull: behind the middle of the bar, world frame, m."""
+    """Point where the fingertips are ready to pull: behind the middle of the bar, world frame, m."""
     return sub(site_pos(world, BAR), scale(BEHIND_M, column(site_mat(world, PIVOT), 0)))
 
 

@@ -10,13 +10,13 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, column, norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.abilities import obstacle_to_pulling
-from aerial_il.suite.contact_sensors import CONTACT_ALONE, GRIPPER, add_force_sensor
+from aerial_il.suite.feasibility import infeasible_pulling
+from aerial_il.suite.physics.contact_sensors import CONTACT_ALONE, GRIPPER, add_force_sensor
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, force, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.slider import FRICTION_N, RAIL_M, add_slider
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, force, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 
 DONE_SHARE = 0.9  # of the rail
 STOP_GIVE_M = 0.01  # beyond the stop a carriage is off its rail
@@ -44,8 +44,8 @@ class PushSlider(Task):
     force_sensors = ("tool_force",)
     privileged = (("tool_force", CONTACT_ALONE),)
 
-    def obstacle_to(self, robot: Robot) -> str | None:
-        return obstacle_to_pulling(robot, FRICTION_N)
+    def own_infeasibility(self, robot: Robot) -> str | None:
+        return infeasible_pulling(robot, FRICTION_N)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_slider(spec)
@@ -109,7 +109,7 @@ def at_end(world):
 
 @kernel
 def ready_point(world):
-    """Where the fingertips are ready to push: behind the handle's middle, world frame, m."""
+    """Point where the fingertips are ready to push: behind the handle's middle, world frame, m."""
     return sub(site_pos(world, SLIDER), scale(BEHIND_M, column(site_mat(world, SLIDER), 0)))
 
 

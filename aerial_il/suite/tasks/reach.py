@@ -12,10 +12,10 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import closeness, norm, rotation_cosine, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, put_rot6d, site_mat, site_pos, tool_mat, tool_pos, untouched
 from aerial_il.suite.props.marker import add_marker
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, put_rot6d, site_mat, site_pos, tool_mat, tool_pos, untouched
 
 POSITION_TOLERANCE_M = 0.02
 ANGLE_TOLERANCE_RAD = math.radians(10.0)
@@ -41,7 +41,7 @@ class Reach(Task):
 
     needs_flight = False
 
-    def obstacle_to(self, robot: Robot) -> str | None:
+    def own_infeasibility(self, robot: Robot) -> str | None:
         return None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -12,7 +12,9 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, closeness, norm, planar_norm, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.abilities import obstacle_to_pulling
+from aerial_il.suite.feasibility import infeasible_pulling
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, joint_pos, joint_vel, site_pos, tip_pos, tool_pos, untouched
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.valve import (
     GAP_M,
@@ -25,8 +27,6 @@ from aerial_il.suite.props.valve import (
     add_valve,
 )
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, joint_pos, joint_vel, site_pos, tip_pos, tool_pos, untouched
 
 NEAR_M = 0.05
 STOP_GIVE_RAD = 0.1
@@ -54,8 +54,8 @@ class RotateValve(Task):
     subtasks = ("over_gap", "between_spokes", "half_way", "open")
     names = Names(sites=("valve", "gap"), joints=("valve",))
 
-    def obstacle_to(self, robot: Robot) -> str | None:
-        return obstacle_to_pulling(robot, (VALVE_FRICTION_NM + VALVE_DAMPING * TURN_RAD_S) / GAP_M)
+    def own_infeasibility(self, robot: Robot) -> str | None:
+        return infeasible_pulling(robot, (VALVE_FRICTION_NM + VALVE_DAMPING * TURN_RAD_S) / GAP_M)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_valve(spec)

@@ -1,4 +1,4 @@
-"""What a task is: props, an episode's random start, observations, rewards and a definition of success.
+"""Base class of tasks: props, random starts, observations, rewards and a definition of success.
 
 A task is written once, for one world: scene and random start in Python, what is asked in every step as compiled
 functions that the threads call which fly the worlds. It keeps no state of its own between steps: everything an episode
@@ -18,10 +18,10 @@ import numpy as np
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.world import Names
+from aerial_il.suite.physics.world import Names
 
 if TYPE_CHECKING:
-    from aerial_il.suite.view import View
+    from aerial_il.suite.physics.view import View
 
 Grade = Literal["easy", "medium", "hard"]
 FREE_HANG_M = 0.6
@@ -29,17 +29,17 @@ FREE_HANG_M = 0.6
 
 @dataclass(frozen=True)
 class TaskKernels:
-    """What is asked of a task in every step: functions compiled by ``kernel``, of one world at this instant.
+    """Compiled functions of a task that are called in every step, each of one world at this instant.
 
-    ``world`` is read by the functions of :mod:`aerial_il.suite.world`, in which the k-th site, joint … is the k-th of
-    the task's names.
+    ``world`` is read by the functions of :mod:`aerial_il.suite.physics.world`, in which the k-th site, joint … is the
+    k-th of the task's names.
 
     Attributes:
         observe: ``(world, found)`` writes what is to be known of objects and goals, in the order of the task's fields.
         solved: ``world -> bool``, the success condition holds.
         progress: ``(world, flags)`` writes ones and zeros for :attr:`Task.subtasks`.
         reward: ``world -> float``, dense, in [0, 1].
-        remember: ``(world)`` notes in ``task_memory(world)`` what success depends on beyond this instant; called once
+        remember: ``(world)`` notes in ``task_state(world)`` what success depends on beyond this instant; called once
             per control step, before the others.
         lost: ``world -> bool``, the object is out of reach for good: the episode ends as a failure, ``dropped``.
         force_in_band_raw: ``world -> float``, share of the time in contact in which the unfiltered force was as asked;
@@ -94,17 +94,17 @@ class Task(ABC):
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels
 
-    def obstacle(self, robot: Robot) -> str | None:
+    def infeasibility(self, robot: Robot) -> str | None:
         """Say why ``robot`` cannot do this task, by the task's rules or in its own file, or None if it can."""
         if self.needs_arm and not robot.num_joints:
             return "it has no arm"
         if self.needs_flight and robot.fixed:
             return "its base is fixed, and the task is not on its table"
-        return self.obstacle_to(robot) or robot.declines.get(self.name)
+        return self.own_infeasibility(robot) or robot.declines.get(self.name)
 
     @abstractmethod
-    def obstacle_to(self, robot: Robot) -> str | None:
-        """Say what of :meth:`obstacle` is peculiar to this task."""
+    def own_infeasibility(self, robot: Robot) -> str | None:
+        """Say what of :meth:`infeasibility` is peculiar to this task."""
 
     @abstractmethod
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:

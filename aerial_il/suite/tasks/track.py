@@ -17,11 +17,11 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, closeness, column, norm, scale, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import Names, mocap_pos, site_mat, task_state, tool_pos, untouched
 from aerial_il.suite.props.marker import add_marker
-from aerial_il.suite.scene import CONTROL_DT_S
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
-from aerial_il.suite.view import View
-from aerial_il.suite.world import Names, mocap_pos, site_mat, task_memory, tool_pos, untouched
+from aerial_il.suite.timing import CONTROL_DT_S
 
 RMSE_M, LOST_M = 0.03, 0.08  # root mean square and largest distance of the tool from the target over a lap
 CAUGHT_M = 0.03  # a lap begins once the tool is this close
@@ -54,7 +54,7 @@ class Track(Task):
 
     needs_arm = False
 
-    def obstacle_to(self, robot: Robot) -> str | None:
+    def own_infeasibility(self, robot: Robot) -> str | None:
         return None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
@@ -90,7 +90,7 @@ class Track(Task):
 
 @kernel
 def observe(world, found):
-    target, tool, memory = target_pos(world), tool_pos(world), task_memory(world)
+    target, tool, memory = target_pos(world), tool_pos(world), task_state(world)
     put(found, 0, target)
     put(found, 3, scale(1.0 / CONTROL_DT_S, sub(target_ahead(world, CONTROL_DT_S), target)))
     put(found, 6, sub(target, tool))
@@ -103,7 +103,7 @@ def observe(world, found):
 @kernel
 def remember(world):
     """Move the target on by a control step; count for how long, and how closely, the tool has followed."""
-    memory = task_memory(world)
+    memory = task_state(world)
     put(mocap_pos(world, TARGET), 0, target_ahead(world, CONTROL_DT_S))
     memory[PHASE] += CONTROL_DT_S * memory[RATE]
     distance = norm(sub(target_pos(world), tool_pos(world)))
@@ -118,7 +118,7 @@ def remember(world):
 
 @kernel
 def solved(world):
-    complete = task_memory(world)[LAP] >= FULL_LAP and lap_rmse(world) <= RMSE_M
+    complete = task_state(world)[LAP] >= FULL_LAP and lap_rmse(world) <= RMSE_M
     there = norm(sub(target_pos(world), tool_pos(world))) <= LOST_M
     return complete and there and untouched(world)
 
@@ -139,14 +139,14 @@ def reward(world):
 
 @kernel
 def target_pos(world):
-    """Where the target is now, world frame, m; its site is drawn where it was one control step ago."""
+    """Position of the target now, world frame, m; its site is drawn where it was one control step ago."""
     return vec(mocap_pos(world, TARGET), 0)
 
 
 @kernel
 def target_ahead(world, seconds):
-    """Where the target will be in ``seconds``, world frame, m."""
-    memory, axes = task_memory(world), site_mat(world, TARGET)
+    """Position of the target in ``seconds``, world frame, m."""
+    memory, axes = task_state(world), site_mat(world, TARGET)
     now, harmonic = memory[PHASE], memory[HARMONIC]
     then = now + seconds * memory[RATE]
     across = memory[WIDTH] * (math.cos(then) - math.cos(now))
@@ -157,15 +157,15 @@ def target_ahead(world, seconds):
 @kernel
 def lap_rmse(world):
     """Root mean square distance of the tool from the target since the lap began, m; 0 before."""
-    memory = task_memory(world)
+    memory = task_state(world)
     steps = memory[LAP] / max(CONTROL_DT_S * abs(memory[RATE]), 1e-9)
     return math.sqrt(memory[SQUARES] / max(steps, 1.0))
 
 
 @kernel
 def lap_share(world):
-    """How much of a lap has been followed without a break, from 0 to 1."""
-    return min(task_memory(world)[LAP] / FULL_LAP, 1.0)
+    """Share of a lap that has been followed without a break, from 0 to 1."""
+    return min(task_state(world)[LAP] / FULL_LAP, 1.0)
 
 
 TASK = Track(TaskKernels(observe=observe, solved=solved, progress=progress, reward=reward, remember=remember))

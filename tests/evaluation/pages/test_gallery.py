@@ -51,7 +51,9 @@ def test_no_cell_is_shown_twice_while_others_are_unseen() -> None:
 def test_the_matrix_says_what_stands_in_the_way() -> None:
     cells = set(aerial_il.list_cells())
     for task, row in gallery.matrix():
-        assert {(robot, task) for robot, obstacle in row if not obstacle} == {c for c in cells if c[1] == task}
+        assert {(robot, task) for robot, infeasibility in row if not infeasibility} == {
+            c for c in cells if c[1] == task
+        }
 
 
 @pytest.mark.render

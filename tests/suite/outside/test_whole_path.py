@@ -11,7 +11,7 @@ import pytest
 import aerial_il
 from aerial_il.cli.main import main
 from aerial_il.collection.collect import collect
-from aerial_il.core.policy import Observation
+from aerial_il.core.contracts import Observation
 
 QUIET = "progress=false"
 

@@ -1,4 +1,4 @@
-"""What real rotors do that the simulated ones do not, computed from a robot's parameters; see ``docs/physics.md``.
+"""Effects of real rotors that the simulated ones lack, computed from a robot's parameters; see ``docs/physics.md``.
 
 A rotor of radius R that lifts T turns at ``Ω = 2π sqrt(T / (c_T ρ (2R)⁴))``; its polar inertia is that of slender rods,
 ``J = m R² / 3``. Static thrust coefficients of small propellers lie around 0.1 (Brandt and Selig, "Propeller

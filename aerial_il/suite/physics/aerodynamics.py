@@ -1,4 +1,4 @@
-"""What the air does to a vehicle: rotor lag, ground effect, drag against the wind."""
+"""Aerodynamics of a vehicle: rotor lag, ground effect, drag against the wind."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 from aerial_il.control.dynamics import row, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, cross, norm, rotate, rotate_back, scale, sub
-from aerial_il.suite.wind import VELOCITY, centre_of_pressure
+from aerial_il.suite.physics.wind import VELOCITY, centre_of_pressure
 
 GROUND_EFFECT = 0.171  # coefficient fitted to flight data (AM-Bench 2026)
 
 
 @kernel
 def falling_share(tau_up, tau_down, dt):
-    """How much farther a first-order lag of ``tau_down`` gets in one step than one of ``tau_up``; all in s."""
+    """Ratio of the steps that first-order lags of ``tau_down`` and ``tau_up`` take; all in s."""
     return (1.0 - math.exp(-dt / tau_down)) / (1.0 - math.exp(-dt / tau_up))
 
 

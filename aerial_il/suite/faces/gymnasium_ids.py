@@ -16,8 +16,8 @@ from typing import Any
 from aerial_il import robots
 from aerial_il.suite import tasks
 
-SINGLE = "aerial_il.suite.gymnasium_env:SingleEnv"
-VECTOR = "aerial_il.suite.gymnasium_vector:BatchEnv"
+SINGLE = "aerial_il.suite.faces.gymnasium_env:SingleEnv"
+VECTOR = "aerial_il.suite.faces.gymnasium_vector:VectorEnvironment"
 
 
 def gymnasium_id(robot: str, task: str) -> str:

@@ -1,4 +1,4 @@
-"""What a force sensor reports of a contact: the net force, low-passed, and the largest value of an episode.
+"""Force sensors of contacts: the net force, low-passed, and the largest value of an episode.
 
 The measurement is taken at every physics step and kept in the episode's own memory, so that it belongs to the state
 that is stored and restored.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from aerial_il.core.kernels import kernel
-from aerial_il.suite.memory import MAX_FORCES, SAMPLES
+from aerial_il.suite.physics.episode_state import MAX_FORCES, SAMPLES
 
 # First order. Sensors for the wrist of a robot filter so: OptoForce (now OnRobot) HEX offers 500, 150, 50, 15, 5 and
 # 1.5 Hz, of which its ROS driver (shadow-robot/optoforce, optoforce.launch) takes 15 Hz; Robotiq's FT 300-S sends 100

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.kernels import address_of, kernel
-from aerial_il.suite.native import doubles
-from aerial_il.suite.view import View
-from aerial_il.suite.world import (
+from aerial_il.suite.physics.native import doubles
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import (
     RETURNS_NUMBER,
     RETURNS_VECTOR,
     WRITES_ROW,
@@ -22,7 +22,7 @@ from aerial_il.suite.world import (
 
 
 def number(compiled: Callable[..., Any]) -> Callable[[View], np.ndarray]:
-    """Return the function ``view -> (n,)`` of a kernel ``world -> number``; see :mod:`aerial_il.suite.world`."""
+    """Return the function ``view -> (n,)`` of a kernel ``world -> number``; see ``physics.world``."""
     return lambda view: _measure(_numbers, address_of(compiled, RETURNS_NUMBER), view, np.empty(view.n))
 
 

@@ -1,4 +1,4 @@
-"""What a task asks of a robot's body."""
+"""Feasibility rules that tasks share: forces and dexterity that a robot's body must have."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GENTLE_SHARE = 0.7  # of a largest force that its wander may use up
 LEANING_SHARE = 0.3  # of its weight it leans on something with, and still flies
 
 
-def obstacle_to_pulling(robot: Robot, force: float) -> str | None:
+def infeasible_pulling(robot: Robot, force: float) -> str | None:
     """Say why ``robot`` cannot pull sideways with ``force`` N, or None if it can."""
     strength = STEADY_SHARE * robot.vehicle.mass * GRAVITY
     if strength < force:
@@ -21,7 +21,7 @@ def obstacle_to_pulling(robot: Robot, force: float) -> str | None:
     return None
 
 
-def obstacle_to_pressing(robot: Robot, force: float) -> str | None:
+def infeasible_pressing(robot: Robot, force: float) -> str | None:
     """Say why ``robot`` cannot press with ``force`` N, or None if it can."""
     strength = LEANING_SHARE * robot.vehicle.mass * GRAVITY
     if strength < force:
@@ -29,7 +29,7 @@ def obstacle_to_pressing(robot: Robot, force: float) -> str | None:
     return None
 
 
-def obstacle_to_gentleness(robot: Robot, force: float) -> str | None:
+def infeasible_gentleness(robot: Robot, force: float) -> str | None:
     """Say why ``robot`` cannot keep a contact below ``force`` N, or None if it can.
 
     A hovering base pushes back by its position gain times its mass for every metre that it is held off its reference.
@@ -43,7 +43,7 @@ def obstacle_to_gentleness(robot: Robot, force: float) -> str | None:
     return None
 
 
-def obstacle_to_holding_upright(robot: Robot) -> str | None:
+def infeasible_upright_hold(robot: Robot) -> str | None:
     """Say why ``robot`` cannot keep upright what it holds while its base leans, or None if it can."""
     axes = robot.vehicle.link_axis
     if robot.actuation == "under" and np.linalg.matrix_rank(axes) < 2:

@@ -14,9 +14,9 @@ from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.robots.robot import Robot
-from aerial_il.suite import memory as mem
-from aerial_il.suite.world import ARRAYS, WORLD, Names
-from aerial_il.suite.worlds import Worlds
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.physics_batch import PhysicsBatch
+from aerial_il.suite.physics.world import ARRAYS, WORLD, Names
 
 OBJECTS = {
     "site": mujoco.mjtObj.mjOBJ_SITE,
@@ -33,10 +33,10 @@ class View:
         worlds: the simulator. robot: what flies in it. names: what the task reads in compiled code.
 
     Attributes:
-        records: (n,) :data:`aerial_il.suite.world.WORLD`, what compiled code of the task is called with.
+        records: (n,) :data:`aerial_il.suite.physics.world.WORLD`, what compiled code of the task is called with.
     """
 
-    def __init__(self, worlds: Worlds, robot: Robot, names: Names) -> None:
+    def __init__(self, worlds: PhysicsBatch, robot: Robot, names: Names) -> None:
         self.worlds, self.robot, self.model = worlds, robot, worlds.model
         self.n = worlds.n
         self.qpos, self.qvel = worlds.bind("qpos"), worlds.bind("qvel")
@@ -109,17 +109,17 @@ class View:
 
     def force(self, k: int = 0) -> np.ndarray:
         """(n, 3) net contact force that the task's force sensor number ``k`` measures, world, N."""
-        start = mem.FORCES.start + 3 * k
+        start = layout.FORCES.start + 3 * k
         return self.userdata[:, start : start + 3]
 
     def peak_force(self, k: int = 0) -> np.ndarray:
         """(n,) largest magnitude of that force since the start of the episode, N."""
-        return self.userdata[:, mem.FORCES.start + 3 * mem.MAX_FORCES + k]
+        return self.userdata[:, layout.FORCES.start + 3 * layout.MAX_FORCES + k]
 
     @property
     def memory(self) -> np.ndarray:
         """(n, 8) numbers that the task may write in ``TaskKernels.remember``; zero at the start of an episode."""
-        return self.userdata[:, mem.TASK]
+        return self.userdata[:, layout.TASK]
 
     def joint(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """(n,) position (rad or m) and (n,) velocity of a hinge or slide joint; live views."""
@@ -140,7 +140,7 @@ class View:
         return self._cached(self._mocap, body)
 
     def _cached(self, find: Callable[[str], int], name: str) -> int:
-        """What ``find`` says of a name; looking names up in the model takes longer than what is done with them."""
+        """Answer of ``find`` to a name, kept: looking names up in the model takes longer than their use."""
         key = (find.__name__, name)
         if key not in self._ids:
             self._ids[key] = find(name)
@@ -174,7 +174,7 @@ class View:
         return found
 
     def _records(self, names: Names) -> np.ndarray:
-        """What compiled code finds the worlds by; see :mod:`aerial_il.suite.world`."""
+        """Records by which compiled code finds the worlds; see :mod:`aerial_il.suite.physics.world`."""
         records, robot = np.zeros(self.n, WORLD), self.robot
         for name in ARRAYS:
             array = self.worlds.bind(name)

@@ -21,13 +21,13 @@ from aerial_il.control.vehicle import MAX_JOINTS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
-from aerial_il.suite import memory as mem
-from aerial_il.suite.native import doubles
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.native import doubles
 
 MAX_NAMES = 8  # of each kind that a task may use
-FORCES_START, PEAKS_START = mem.FORCES.start, mem.FORCES.start + 3 * mem.MAX_FORCES
-SAMPLES_START = mem.SAMPLES.start
-TASK_START, TASK_SIZE = mem.TASK.start, mem.TASK.stop - mem.TASK.start
+FORCES_START, PEAKS_START = layout.FORCES.start, layout.FORCES.start + 3 * layout.MAX_FORCES
+SAMPLES_START = layout.SAMPLES.start
+TASK_START, TASK_SIZE = layout.TASK.start, layout.TASK.stop - layout.TASK.start
 ARRAYS = ("qpos", "qvel", "act", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "userdata", "qfrc_applied")
 
 WORLD = np.dtype(
@@ -48,7 +48,7 @@ NUMBER, VECTOR, ROW = types.float64, types.UniTuple(types.float64, 3), types.Arr
 
 @dataclass(frozen=True)
 class Names:
-    """What a task reads, in the order in which its compiled functions number it.
+    """Names that a task reads, in the order in which its compiled functions number them.
 
     Attributes:
         sites, joints, contacts, mocaps: names of sites, of joints, of contact sensors and of mocap bodies.
@@ -240,7 +240,7 @@ def peak_force(world, k):
 
 @kernel
 def force_sample(world, tick):
-    """What the task's first force sensor measured after physics step ``tick`` of the last control step, world, N."""
+    """Force that the task's first sensor measured after physics step ``tick`` of the last control step, world, N."""
     return _point(world.userdata + 8 * SAMPLES_START, 2 * tick)
 
 
@@ -258,7 +258,7 @@ def gripper_opening(world):
 
 
 @kernel
-def task_memory(world):
+def task_state(world):
     """(8,) numbers that the task may write once per control step; zero at the start of an episode."""
     return doubles(world.userdata + 8 * TASK_START, TASK_SIZE)
 

@@ -1,4 +1,4 @@
-"""Where what is seen of n worlds is kept, and which of it belongs to which object."""
+"""Perceived state of n worlds: where it is kept, and which of it belongs to which object."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from aerial_il.control.vehicle import alone, record_of
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.suite import memory as mem
-from aerial_il.suite.estimation import (
+from aerial_il.suite.episode.estimation import (
     EXACT,
     FRAME,
     HINGE,
@@ -23,24 +22,25 @@ from aerial_il.suite.estimation import (
     Perception,
     begin_sight,
 )
-from aerial_il.suite.noise import gaussian
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.noise import gaussian
+from aerial_il.suite.physics.view import View
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.view import View
 
 KINDS = {mujoco.mjtJoint.mjJNT_HINGE: HINGE, mujoco.mjtJoint.mjJNT_SLIDE: SLIDE}
 POSE_SIZE, JOINT_SIZE = 7, 2  # numbers that are remembered of a site and of a joint that move
 
 
-class Seen:
-    """What policies see of n worlds: the truth, or an estimate where the scenario's tier has one.
+class Perceived:
+    """State of n worlds as policies see it: the truth, or an estimate where the scenario's tier has one.
 
     An object is what hangs from one body of the scene: its sites and joints share one error.
 
     Args:
-        scenario: what is flown. view: the worlds.
+        scenario: the environment. view: the worlds.
 
     Attributes:
-        records: (n,) :data:`aerial_il.suite.world.WORLD`, which observations are read off.
+        records: (n,) :data:`aerial_il.suite.physics.world.WORLD`, which observations are read off.
         perception: how they are filled. objects: names of the bodies that are seen, in the order of their errors.
 
     Raises:
@@ -71,7 +71,7 @@ class Seen:
 
     def resume(self, mask: np.ndarray) -> None:
         """The same for those in ``mask`` whose state remembers nothing seen: one of a tier in which all is exact."""
-        self.begin(mask & ~self.view.userdata[:, mem.PAST].any(axis=1))
+        self.begin(mask & ~self.view.userdata[:, layout.PAST].any(axis=1))
 
     def drawn(self, seed: int) -> dict[str, Any]:
         """Biases of what is seen in the episode ``seed``, as plain values; empty where the truth is shown."""
@@ -91,8 +91,10 @@ class Seen:
         sites = [int(model.site(name).bodyid[0]) for name in names.sites]
         told = [name in self._task.told for name in names.sites]
         self._roots = _unique(model.body_rootid[body] for body, exact in zip(sites, told, strict=True) if not exact)
-        if len(self._roots) > mem.MAX_OBJECTS:
-            raise InvalidValueError(f"{self._task.name} shows {len(self._roots)} objects; at most {mem.MAX_OBJECTS}.")
+        if len(self._roots) > layout.MAX_OBJECTS:
+            raise InvalidValueError(
+                f"{self._task.name} shows {len(self._roots)} objects; at most {layout.MAX_OBJECTS}."
+            )
         for k, body in enumerate(sites):
             sight["site_objects"][0, k] = EXACT if told[k] else self._roots.index(model.body_rootid[body])
             sight["site_slots"][0, k] = self._slot(POSE_SIZE) if self._moves(body) else STILL
@@ -117,9 +119,9 @@ class Seen:
     def _slot(self, size: int) -> int:
         """Take ``size`` numbers of the memory for what moves."""
         first, self._places = self._places, self._places + size
-        if self._places > mem.PAST_SIZE:
+        if self._places > layout.PAST_SIZE:
             raise InvalidValueError(
-                f"What moves of {self._task.name}'s objects takes {self._places} numbers; at most {mem.PAST_SIZE}."
+                f"What moves of {self._task.name}'s objects takes {self._places} numbers; at most {layout.PAST_SIZE}."
             )
         return first
 
@@ -148,7 +150,7 @@ class Seen:
             "site_xpos": 3 * sites,
             "site_xmat": 9 * sites,
             "mocap_pos": 3 * max(1, len(names.mocaps)),
-            "userdata": mem.USERDATA_SIZE,
+            "userdata": layout.USERDATA_SIZE,
             "qfrc_applied": max(3, view.model.nv),
         }
         self._buffers = {name: np.full((view.n, size), np.nan) for name, size in sizes.items()}

@@ -16,7 +16,7 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
-class Crew:
+class ThreadPool:
     """Threads that share the worlds of one simulation, the caller's own among them.
 
     Args:
@@ -28,13 +28,13 @@ class Crew:
         self._drawn = np.zeros(1, np.int64)
         self._counter = self._drawn.ctypes.data
         self._helpers = hands - 1
-        self._pool = ThreadPoolExecutor(self._helpers, "aerial_il-crew") if self._helpers else None
+        self._pool = ThreadPoolExecutor(self._helpers, "aerial_il-worlds") if self._helpers else None
 
     def run(self, work: Callable[[int], None]) -> None:
         """Call ``work(counter)`` on every thread; each world it takes is the next number drawn from ``counter``.
 
         Drawing one world at a time keeps all threads busy to the end, however unequal worlds and cores are. ``counter``
-        is the address of an ``int64``, see :func:`aerial_il.suite.native.draw`.
+        is the address of an ``int64``, see :func:`aerial_il.suite.physics.native.draw`.
         """
         self._drawn[0] = 0
         counter = self._counter

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.control.actions import hover_action
+from aerial_il.suite.physics.view import View
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.view import View
 
 
-def stay_action(scenario: Scenario, view: View, world: int) -> np.ndarray:
+def hold_action(scenario: Scenario, view: View, world: int) -> np.ndarray:
     """Return the action (Da,) that holds the present pose of ``world``, read off its state."""
     base = view.base_mat[world]
     return hover_action(

@@ -16,20 +16,20 @@ from aerial_il.control.vehicle import Gains, alone, record_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.kernels import entry_of
 from aerial_il.core.seeding import episode_rng
-from aerial_il.suite import memory as mem
-from aerial_il.suite.assessment import Judgement, assess_all, judgement_of, make_found, rules_of
-from aerial_il.suite.crew import Crew
-from aerial_il.suite.disturbances import Disturbances
-from aerial_il.suite.flight_loop import Flight, fly, limit_actions
+from aerial_il.suite.episode.assessment import Assessment, assess_all, assessment_of, make_found, rules_of
+from aerial_il.suite.episode.disturbances import Disturbances
+from aerial_il.suite.episode.flight_loop import Flight, fly, limit_actions
+from aerial_il.suite.episode.perception import Perceived
 from aerial_il.suite.observations import robot_fields
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
+from aerial_il.suite.physics.thread_pool import ThreadPool
+from aerial_il.suite.physics.view import View
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.scene import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
-from aerial_il.suite.seen import Seen
-from aerial_il.suite.view import View
-from aerial_il.suite.worlds import STATE, Worlds
+from aerial_il.suite.timing import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
 
 LARGEST_SEED = 2**53
-FLIGHT = slice(mem.SEED, mem.STEP + 1)  # what identifies a moment: seed first, step last
+FLIGHT = slice(layout.SEED, layout.STEP + 1)  # what identifies a moment: seed first, step last
 STATE_OFFSET = int(STATE) & (int(mujoco.mjtState.mjSTATE_USERDATA) - 1)  # parts of a state that precede userdata
 
 
@@ -44,7 +44,7 @@ class Simulation:
     """Fly n worlds of one scenario.
 
     Args:
-        scenario: what is flown. worlds: the simulator. gains: controller tuning, None for the scenario's flight law.
+        scenario: the environment. worlds: the simulator. gains: controller tuning, None for the scenario's flight law.
         num_threads: threads for the controllers, 0 for all cores.
         refinement: parts of each physics step in which ``worlds`` are stepped, see :class:`Flight`.
     """
@@ -52,7 +52,7 @@ class Simulation:
     def __init__(
         self,
         scenario: Scenario,
-        worlds: Worlds,
+        worlds: PhysicsBatch,
         gains: Gains | None = None,
         num_threads: int = 0,
         *,
@@ -78,7 +78,7 @@ class Simulation:
             substeps=SUBSTEPS,
             refinement=refinement,
         )
-        self.seen, observation = Seen(scenario, self.view), self.spec.observation
+        self.seen, observation = Perceived(scenario, self.view), self.spec.observation
         own = sum(field.size for field in robot_fields(self.robot))
         self._rules = rules_of(scenario, own, self.seen.perception)
         self._found = make_found(
@@ -86,7 +86,7 @@ class Simulation:
         )
         self._parts = observation.parts(observation.state_names)
         self._columns = {name: (slice(None), part) for name, part in self._parts.items()}
-        self._crew, self._own = Crew(worlds.n, num_threads), _Own()
+        self._threads, self._own = ThreadPool(worlds.n, num_threads), _Own()
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._fresh = self._everyone, False
         self._actions = self._arriving = np.zeros((worlds.n, self.spec.action.size))
@@ -111,7 +111,7 @@ class Simulation:
         self.worlds.clear(mask)
         for i in np.flatnonzero(mask):
             seed = int(seeds[i])
-            self._userdata[i, mem.SEED] = seed
+            self._userdata[i, layout.SEED] = seed
             self.disturbances.start(int(i), seed)
             self.task.start(self.view, int(i), episode_rng(self.spec.robot, self.spec.task, "start", seed))
         self.disturbances.vary(self.seeds, mask)
@@ -150,7 +150,7 @@ class Simulation:
 
     def fly(self, steps: int) -> None:
         """Second part: some physics steps of the moving worlds, each with its tick of the controllers."""
-        self._crew.run(partial(self._fly, self._entry_of_fly, steps))
+        self._threads.run(partial(self._fly, self._entry_of_fly, steps))
         self._fresh = False
 
     def _fly(self, entry: Callable[..., Any], steps: int, counter: int) -> None:
@@ -207,7 +207,7 @@ class Simulation:
 
     def assess(self, mask: np.ndarray | None = None) -> None:
         """Read off anew what the worlds in ``mask`` (n,) bool show and how they stand; a flight does so by itself."""
-        self._crew.run(partial(self._entry_of_assess, self._rules, self._found, self._select(mask)))
+        self._threads.run(partial(self._entry_of_assess, self._rules, self._found, self._select(mask)))
 
     @cached_property
     def _entry_of_assess(self) -> Callable[..., Any]:
@@ -224,15 +224,15 @@ class Simulation:
         flat = self._found.observations.copy()
         return {name: flat[columns] for name, columns in self._columns.items()}
 
-    def judge(self) -> Judgement:
+    def reassess(self) -> Assessment:
         """Rewards, flags and measurements of all worlds at this instant."""
         self.assess()
-        return self.judgement
+        return self.assessment
 
     @property
-    def judgement(self) -> Judgement:
+    def assessment(self) -> Assessment:
         """The same as of the last flight, reset or :meth:`assess`."""
-        return judgement_of(self._found)
+        return assessment_of(self._found)
 
     def observation(self, world: int) -> Iterator[tuple[str, np.ndarray]]:
         """Names and values of what one world showed then."""
@@ -240,22 +240,22 @@ class Simulation:
         return ((name, row[part]) for name, part in self._parts.items())
 
     def verdict(self, world: int, kind: int) -> float:
-        """One number of its judgement, see :mod:`aerial_il.suite.assessment`."""
+        """One number of its assessment, see :mod:`aerial_il.suite.episode.assessment`."""
         return float(self._found.verdicts[world, kind])
 
     def close(self) -> None:
         """End the controllers' threads."""
-        self._crew.close()
+        self._threads.close()
 
     @property
     def steps(self) -> np.ndarray:
         """(n,) control steps since the start of each episode."""
-        return self._userdata[:, mem.STEP].astype(int)
+        return self._userdata[:, layout.STEP].astype(int)
 
     @property
     def seeds(self) -> np.ndarray:
         """(n,) seeds of the episodes."""
-        return self._userdata[:, mem.SEED].astype(int)
+        return self._userdata[:, layout.SEED].astype(int)
 
     @property
     def ctrl(self) -> np.ndarray:

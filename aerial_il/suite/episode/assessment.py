@@ -1,4 +1,4 @@
-"""What n worlds show and how they stand, read off by the threads that fly them: observations, rewards, flags."""
+"""Observations, rewards and flags of n worlds, read off by the threads that fly them."""
 
 from __future__ import annotations
 
@@ -8,19 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from aerial_il.control.actions import ActionLevel
+from aerial_il.control.controller_state import TARGET_POS
 from aerial_il.control.dynamics import put, vec
-from aerial_il.control.memory import TARGET_POS
 from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.rotations import norm, sub
-from aerial_il.suite import memory as mem
-from aerial_il.suite.estimation import Perception, perceive
-from aerial_il.suite.native import doubles, draw, row_at
+from aerial_il.suite.episode.estimation import Perception, perceive
 from aerial_il.suite.observations import observe_robot
-from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.scene import CONTROL_DT_S
-from aerial_il.suite.tasks.task import Task
-from aerial_il.suite.view import View
-from aerial_il.suite.world import (
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.native import doubles, draw, row_at
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.world import (
     RETURNS_NOTHING,
     RETURNS_NUMBER,
     WRITES_ROW,
@@ -31,16 +28,19 @@ from aerial_il.suite.world import (
     tool_pos,
     unwanted_contacts,
 )
+from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.tasks.task import Task
+from aerial_il.suite.timing import CONTROL_DT_S
 
-DWELL, CRASHED, LOST = mem.DWELL, mem.CRASHED, mem.DROPPED
-STEP, USERDATA_SIZE = mem.STEP, mem.USERDATA_SIZE
+DWELL, CRASHED, LOST = layout.DWELL, layout.CRASHED, layout.DROPPED
+STEP, USERDATA_SIZE = layout.STEP, layout.USERDATA_SIZE
 EE_POSE, EE_DELTA = int(ActionLevel.EE_POSE), int(ActionLevel.EE_DELTA)
 REWARD, SUCCESS, CRASH, DROPPED, TRUNCATED, EE_ERROR, EFFORT, CONTACTS, FORCE_IN_BAND_RAW = range(9)
 NUM_VERDICTS = 9
 
 
-class Judgement(NamedTuple):
-    """How n worlds stand after a step. Each array is (n,), ``subtasks`` is (n, K).
+class Assessment(NamedTuple):
+    """Rewards, flags and measurements of n worlds after a step. Each array is (n,), ``subtasks`` is (n, K).
 
     Attributes:
         reward: dense, in [0, 1]. success: the condition has held for its dwell. crash: the base struck something,
@@ -64,7 +64,7 @@ class Judgement(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What is asked of every world.
+    """Rules by which every world is assessed.
 
     Attributes:
         observe, solved, progress, reward, remember, lost, force_in_band_raw: addresses of the task's compiled
@@ -90,7 +90,7 @@ class Rules(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Where the answers go, a row per world.
+    """Buffers for observations and assessments, a row per world.
 
     Attributes:
         records: address of the worlds' records. record_size: bytes of each.
@@ -148,11 +148,11 @@ def make_found(view: View, seen: np.ndarray, observation_size: int, num_subtasks
     )
 
 
-def judgement_of(found: Found) -> Judgement:
+def assessment_of(found: Found) -> Assessment:
     """Copy the verdicts."""
     verdicts = found.verdicts.copy()
     flags = verdicts.astype(bool)
-    return Judgement(
+    return Assessment(
         reward=verdicts[:, REWARD],
         success=flags[:, SUCCESS],
         crash=flags[:, CRASH],

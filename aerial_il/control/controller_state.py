@@ -1,4 +1,4 @@
-"""Where the flight controller keeps what it remembers between ticks: one row of numbers per vehicle.
+"""Layout of the flight controller's state between ticks: one row of numbers per vehicle.
 
 Keeping it outside of any object lets a simulator store it with its own state, so that a snapshot of the one is a
 snapshot of both.
@@ -19,4 +19,4 @@ CLOSED = 61  # low-passed gripper command: 1 closed, 0 open
 TOOL_ACC = 62  # acceleration of the end-effector reference until the next action
 POSITION_INTEGRAL, ATTITUDE_INTEGRAL = 65, 68  # PID: accelerations it has added so far (m/s², world; rad/s²)
 TARGET_ROT = 71  # last commanded orientation, world from tool; kept at the level ee_delta
-MEMORY_SIZE = 80
+CONTROLLER_STATE_SIZE = 80

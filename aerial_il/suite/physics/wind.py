@@ -17,7 +17,7 @@ from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.arrays import length
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip
-from aerial_il.suite.noise import gaussian
+from aerial_il.suite.physics.noise import gaussian
 
 FOOT = 0.3048  # m
 REFERENCE_HEIGHT_M = 20.0 * FOOT  # where the standard states the mean wind
@@ -101,7 +101,7 @@ def advance_wind(air, state, height, seed, tick, dt):
 
 @kernel
 def centre_of_pressure(air, state):
-    """Where the air's force acts, relative to the base origin, m."""
+    """Point of attack of the air's force, relative to the base origin, m."""
     spread, low, high = air.pressure_spread, -LARGEST_GUST, LARGEST_GUST
     x, y, z = state[PRESSURE], state[PRESSURE + 1], state[PRESSURE + 2]
     return (spread * clip(x, low, high), spread * clip(y, low, high), spread * clip(z, low, high))

@@ -1,7 +1,7 @@
-"""What a policy is shown in the place of the truth: poses as a robot estimates them, with bias, noise and delay.
+"""Estimates that a policy is shown in place of the truth: poses with the bias, noise and delay of a real robot.
 
 Two estimates make up an observation. The robot knows itself by the state estimate that its controller flies on
-(:mod:`aerial_il.suite.sensing`): one error of the base's pose moves base and tool as one, since encoders are exact.
+(``suite.physics.sensing``): one error of the base's pose moves base and tool as one, since encoders are exact.
 It sees objects, each with a pose error that moves all of the object as one, and later than they are. A constant error
 of the robot's own position is the same as a shift of all that it sees, for it flies, is commanded and counts in the
 frame of its estimate: it is therefore an error of what is seen (``frame_bias``). What a user tells, such as a pose to
@@ -21,11 +21,11 @@ import numpy as np
 from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, mat_from_quat, mat_from_rotvec, matmul, rotate, scale, sub
-from aerial_il.suite import memory as mem
-from aerial_il.suite.native import doubles, mju_copy, mju_mat2quat
-from aerial_il.suite.noise import gaussian
-from aerial_il.suite.sensing import measure
-from aerial_il.suite.world import (
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.native import doubles, mju_copy, mju_mat2quat
+from aerial_il.suite.physics.noise import gaussian
+from aerial_il.suite.physics.sensing import measure
+from aerial_il.suite.physics.world import (
     MAX_NAMES,
     base_mat,
     base_pos,
@@ -52,23 +52,23 @@ SIGHT = np.dtype(
         *((name, np.float64) for name in ("time", "force_bias", "force_noise")),
         *((name, np.int64) for name in ("lag", "num_objects", "num_sites", "num_joints", "num_mocaps", "num_forces")),
         *((name, np.int64) for name in ("own_qpos", "own_qvel")),  # numbers of the robot, which come first
-        ("centres", np.int64, (mem.MAX_OBJECTS,)),  # the site of each object about which its error turns it
+        ("centres", np.int64, (layout.MAX_OBJECTS,)),  # the site of each object about which its error turns it
         *((name, np.int64, (MAX_NAMES,)) for name in ("site_objects", "site_slots", "mocap_objects")),
         *((name, np.int64, (MAX_NAMES,)) for name in ("joint_kinds", "joint_objects", "joint_slots")),
     ],
     align=True,
 )
-ERRORS_START, PAST_START, PAST_SIZE = mem.ERRORS.start, mem.PAST.start, mem.PAST_SIZE
-FORCES_START, OWN_MEMORY_STOP = mem.FORCES.start, mem.TASK.stop
-NOISE_START, NOISE_STOP = mem.NOISE.start, mem.NOISE.stop
-SEED, TICK, STEP, USERDATA_SIZE = mem.SEED, mem.TICK, mem.STEP, mem.USERDATA_SIZE
+ERRORS_START, PAST_START, PAST_SIZE = layout.ERRORS.start, layout.PAST.start, layout.PAST_SIZE
+FORCES_START, OWN_MEMORY_STOP = layout.FORCES.start, layout.TASK.stop
+NOISE_START, NOISE_STOP = layout.NOISE.start, layout.NOISE.stop
+SEED, TICK, STEP, USERDATA_SIZE = layout.SEED, layout.TICK, layout.STEP, layout.USERDATA_SIZE
 FRAME, OBJECT, KICK = 32, 36, 48  # first channels of random numbers: of the frame, of objects, of their noise
 FORCE_BIAS, FORCE_NOISE = 80, 84
 ABOUT_Z, ALONG_Z = 5, 2  # of an object's six errors, those that a hinge and a slide share
 
 
 class Perception(NamedTuple):
-    """How all worlds are seen.
+    """Perception settings, the same for all worlds.
 
     Attributes:
         active: 0 where the truth is shown; then the rest does not matter.
@@ -137,7 +137,7 @@ def perceive(perception, world, seen):
 
 @kernel
 def _past(sight, userdata):
-    """Where the oldest of what is remembered is: what is shown next, and where what is seen now will go."""
+    """Slot of the oldest observation kept: it is shown next, and the present one takes its place."""
     return PAST_START + int(userdata[STEP]) % sight.lag * PAST_SIZE
 
 

@@ -10,20 +10,20 @@ import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import episode_rng
-from aerial_il.suite import memory as mem
-from aerial_il.suite.latency import MAX_ACTION, MAX_DELAY, exchange
+from aerial_il.suite.episode.hold_action import hold_action
+from aerial_il.suite.episode.variation import Varied
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.latency import MAX_ACTION, MAX_DELAY, exchange
+from aerial_il.suite.physics.view import View
+from aerial_il.suite.physics.wind import DIRECTION, start_wind
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.staying import stay_action
-from aerial_il.suite.variation import Varied
-from aerial_il.suite.view import View
-from aerial_il.suite.wind import DIRECTION, start_wind
 
 
 class Disturbances:
     """Disturb n worlds as the scenario's tier says.
 
     Args:
-        scenario: what is flown. view: the worlds, their models still nominal.
+        scenario: the environment. view: the worlds, their models still nominal.
     """
 
     def __init__(self, scenario: Scenario, view: View) -> None:
@@ -34,26 +34,28 @@ class Disturbances:
         self._varied = Varied(worlds.model, scenario.robot, scenario.task_name, self.tier)
         self._model_seeds = np.full(worlds.n, -1, np.int64)  # whose parameters each model holds; no part of the state
         self._workspace = mujoco.MjData(worlds.model) if self._varied.fields else None
-        self._queues, self._delays = view.userdata[:, mem.QUEUE], view.userdata[:, mem.DELAY]
+        self._queues, self._delays = view.userdata[:, layout.QUEUE], view.userdata[:, layout.DELAY]
         self._due = np.zeros((worlds.n, size))
 
     def start(self, world: int, seed: int) -> None:
         """Draw what one world's episode starts with; its state has been cleared."""
         userdata = self.view.userdata[world]
         if self.tier.noise:
-            userdata[mem.NOISE] = self._rng("noise", seed).standard_normal(12)
+            userdata[layout.NOISE] = self._rng("noise", seed).standard_normal(12)
         if self.tier.wind:
-            userdata[mem.WIND] = start_wind(self._rng("wind", seed))
+            userdata[layout.WIND] = start_wind(self._rng("wind", seed))
         if self.tier.estimation:
-            userdata[mem.ERRORS] = self._rng("estimation", seed).standard_normal(mem.ERRORS.stop - mem.ERRORS.start)
-        userdata[mem.DELAY] = self._draw_delay(seed)
+            userdata[layout.ERRORS] = self._rng("estimation", seed).standard_normal(
+                layout.ERRORS.stop - layout.ERRORS.start
+            )
+        userdata[layout.DELAY] = self._draw_delay(seed)
 
     def hold(self, mask: np.ndarray) -> None:
         """Let the first actions find the worlds in ``mask`` (n,) told to stay where they are."""
         if not self.tier.latency:
             return
         for i in np.flatnonzero(mask):
-            stay = stay_action(self.scenario, self.view, int(i))
+            stay = hold_action(self.scenario, self.view, int(i))
             for slot in range(MAX_DELAY):
                 self._queues[i, slot * MAX_ACTION : slot * MAX_ACTION + stay.size] = stay
 
@@ -77,7 +79,7 @@ class Disturbances:
         return self._due
 
     def drawn(self, seed: int) -> dict[str, Any]:
-        """What the components are in the episode ``seed``, as plain values."""
+        """Disturbances drawn for the episode ``seed``, as plain values."""
         found = {name: value for name, value in asdict(self._varied.draw(seed)).items() if name in self._drawn_names}
         if self.tier.wind:
             found["wind_direction_rad"] = float(start_wind(self._rng("wind", seed))[DIRECTION])

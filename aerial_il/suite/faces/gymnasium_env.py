@@ -16,7 +16,7 @@ from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
 from aerial_il.suite.environment import AerialEnvironment
 from aerial_il.suite.rendering import CameraRequest
 from aerial_il.suite.scenario import Scenario
-from aerial_il.suite.scene import CONTROL_DT_S
+from aerial_il.suite.timing import CONTROL_DT_S
 
 OF_AN_EVENT = ("ee_error_m", "force_in_band_raw")  # NaN where nothing has been commanded or touched yet
 METADATA = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_DT_S)}

@@ -1,8 +1,8 @@
-"""What the flight controller measures instead of the truth: a state estimate with slowly wandering errors.
+"""State estimate that the flight controller flies on in place of the truth, with slowly wandering errors.
 
 The controller flies on the estimate, as on a vehicle that is tracked by cameras or by visual-inertial odometry. Rewards
-and success stay true; observations show the estimate where :mod:`aerial_il.suite.estimation` is at work. Joint encoders
-and rotor speeds are taken as exact.
+and success stay true; observations show the estimate where :mod:`aerial_il.suite.episode.estimation` is at work. Joint
+encoders and rotor speeds are taken as exact.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
-from aerial_il.suite.noise import gaussian
+from aerial_il.suite.physics.noise import gaussian
 
 FIRST_CHANNEL = 16  # of the random numbers; gusts use those below
 

@@ -11,11 +11,11 @@ from gymnasium.vector.utils import batch_space
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.batch import BatchEnvironment, info_of
-from aerial_il.suite.gymnasium_env import METADATA, action_space, check_rendering, observation_space
+from aerial_il.suite.faces.gymnasium_env import METADATA, action_space, check_rendering, observation_space
 from aerial_il.suite.scenario import Scenario
 
 
-class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
+class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
     """n worlds of a cell: ``gymnasium.make_vec(id, num_envs=64, vectorization_mode="vector_entry_point")``.
 
     A world whose episode ended starts the next one at the following step, whose action it ignores and whose reward is 0
@@ -79,7 +79,7 @@ class BatchEnv(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
         if seed is not None:
             self._next_seeds = np.where(mask, self._spread(seed), self._next_seeds)
         observation, executed = self._start(mask), np.zeros((self.num_envs, self.aerial.spec.action.size))
-        return observation, self._with_masks(info_of(self.aerial.simulation.judgement, executed), mask)
+        return observation, self._with_masks(info_of(self.aerial.simulation.assessment, executed), mask)
 
     def step(
         self, actions: np.ndarray

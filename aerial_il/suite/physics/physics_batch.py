@@ -17,7 +17,7 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 
 from aerial_il.core.kernels import kernel
-from aerial_il.suite.native import doubles, mj_get_state, mj_reset_data, mj_set_state, mj_step1, mju_copy
+from aerial_il.suite.physics.native import doubles, mj_get_state, mj_reset_data, mj_set_state, mj_step1, mju_copy
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 SIGNATURE = int(STATE)
@@ -29,8 +29,8 @@ NUM_STATE_FIELDS = len(STATE_FIELDS)
 INFO, COUNT = 0, 1  # columns of a table of warnings
 
 
-class Memory(NamedTuple):
-    """Where compiled code finds the worlds.
+class PhysicsPointers(NamedTuple):
+    """Addresses by which compiled code finds the worlds.
 
     Attributes:
         models, datas: (n,) addresses of MuJoCo's structures.
@@ -113,7 +113,7 @@ def _first_warned(warnings, active):
     return active.size
 
 
-class Worlds:
+class PhysicsBatch:
     """State of n worlds of one scene.
 
     Args:
@@ -132,14 +132,14 @@ class Worlds:
         self.clear()
 
     @staticmethod
-    def many(model: mujoco.MjModel, n: int) -> Worlds:
+    def many(model: mujoco.MjModel, n: int) -> PhysicsBatch:
         """Return n new worlds."""
-        return Worlds(model, [mujoco.MjData(model) for _ in range(n)])
+        return PhysicsBatch(model, [mujoco.MjData(model) for _ in range(n)])
 
     @staticmethod
-    def of(physics: Physics) -> Worlds:
+    def of(physics: Physics) -> PhysicsBatch:
         """Return the world of a :class:`Physics`."""
-        return Worlds(physics.model.ptr, [physics.data.ptr])
+        return PhysicsBatch(physics.model.ptr, [physics.data.ptr])
 
     def bind(self, name: str) -> np.ndarray:
         """Live (n, ...) array of an ``MjData`` field of doubles; what is written to a state field counts."""
@@ -185,7 +185,7 @@ class Worlds:
         return _first_warned(self._warnings, active)
 
     def warning(self, world: int) -> str:
-        """What it warned about."""
+        """Text of MuJoCo's warning about a world."""
         table = self._warnings[world]
         kind = int(np.flatnonzero(table[:, COUNT])[0])
         return mujoco.mju_warningText(kind, int(table[kind, INFO]))
@@ -199,9 +199,9 @@ class Worlds:
         fields = [getattr(data, name) for data in self._datas]
         return fields[0][None] if self.n == 1 else np.stack(fields)
 
-    def _memory(self) -> Memory:
+    def _memory(self) -> PhysicsPointers:
         rows = list(self._arrays.items())
-        return Memory(
+        return PhysicsPointers(
             models=np.array([model._address for model in self._models], np.int64),
             datas=np.array([data._address for data in self._datas], np.int64),
             inside=np.array([[_address(getattr(data, name)) for data in self._datas] for name, _ in rows], np.int64),

@@ -8,20 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from aerial_il.control.controller import gripper_opening, receive_action, tick
+from aerial_il.control.controller_state import CONTROLLER_STATE_SIZE
 from aerial_il.control.dynamics import put, vec
-from aerial_il.control.memory import MEMORY_SIZE
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import mat_from_quat, norm
-from aerial_il.suite import memory as mem
-from aerial_il.suite.aerodynamics import air_wrench, falling_share, lagged_command
-from aerial_il.suite.assessment import assess, settle
-from aerial_il.suite.estimation import advance_sight
-from aerial_il.suite.force_sensing import keep_sample, sense_forces
-from aerial_il.suite.native import draw, mj_step1, mj_step2, row_at
-from aerial_il.suite.sensing import advance_noise, measure, vehicle_state
-from aerial_il.suite.wind import advance_wind
-from aerial_il.suite.world import record_at
-from aerial_il.suite.worlds import (
+from aerial_il.suite.episode.assessment import assess, settle
+from aerial_il.suite.episode.estimation import advance_sight
+from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.aerodynamics import air_wrench, falling_share, lagged_command
+from aerial_il.suite.physics.force_sensing import keep_sample, sense_forces
+from aerial_il.suite.physics.native import draw, mj_step1, mj_step2, row_at
+from aerial_il.suite.physics.physics_batch import (
     ACT,
     CTRL,
     QFRC,
@@ -35,17 +32,20 @@ from aerial_il.suite.worlds import (
     pull_all,
     push_state,
 )
+from aerial_il.suite.physics.sensing import advance_noise, measure, vehicle_state
+from aerial_il.suite.physics.wind import advance_wind
+from aerial_il.suite.physics.world import record_at
 
-NOISE_START, NOISE_STOP = mem.NOISE.start, mem.NOISE.stop
-WIND_START, WIND_STOP = mem.WIND.start, mem.WIND.stop
-FORCES_START, FORCES_STOP = mem.FORCES.start, mem.FORCES.stop
-SEED, TICK, STEP, CRASHED = mem.SEED, mem.TICK, mem.STEP, mem.CRASHED
+NOISE_START, NOISE_STOP = layout.NOISE.start, layout.NOISE.stop
+WIND_START, WIND_STOP = layout.WIND.start, layout.WIND.stop
+FORCES_START, FORCES_STOP = layout.FORCES.start, layout.FORCES.stop
+SEED, TICK, STEP, CRASHED = layout.SEED, layout.TICK, layout.STEP, layout.CRASHED
 TILTED_OVER = 0.17  # cosine of 80°
 FENCE_M = 4.0  # a base farther than this from the origin has flown away
 
 
 class Flight(NamedTuple):
-    """What stays the same in all worlds and steps.
+    """Constants of a flight, the same in all worlds and steps.
 
     Attributes:
         vehicle: (1,) the nominal model's record, see ``alone``.
@@ -77,7 +77,7 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
 
     Args:
         flight: see :class:`Flight`. rules, found: what is asked after a control step, and where answers go.
-        workspace: (1,) working memory, see ``SCRATCH``. worlds: addresses, see ``worlds.Memory``.
+        workspace: (1,) working memory, see ``SCRATCH``. worlds: addresses, see ``worlds.PhysicsPointers``.
         sent: (n, Da) actions as they were sent. actions: (n, Da) that arrive. active: (n,) bool, others stand still.
         fresh: the actions are new. steps: physics steps.
         counter: address of the number of worlds that are taken already; threads that share it share the work.
@@ -97,7 +97,11 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
         push_state(worlds, i)
         qpos, qvel, act = inside(worlds, QPOS, i), inside(worlds, QVEL, i), inside(worlds, ACT, i)
         ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), inside(worlds, USERDATA, i)
-        memory, noise, wind = userdata[:MEMORY_SIZE], userdata[NOISE_START:NOISE_STOP], userdata[WIND_START:WIND_STOP]
+        memory, noise, wind = (
+            userdata[:CONTROLLER_STATE_SIZE],
+            userdata[NOISE_START:NOISE_STOP],
+            userdata[WIND_START:WIND_STOP],
+        )
         forces, sensordata = userdata[FORCES_START:FORCES_STOP], inside(worlds, SENSORDATA, i)
         action, servo = row_at(actions, i), ctrl[rotors:]
         vehicle_state(vehicle, qpos, qvel, pos, vel)

@@ -23,7 +23,7 @@ MOTOR_FIELDS = ("actuator_gainprm",)
 
 @dataclass(frozen=True)
 class Variation:
-    """How one episode's model differs from the nominal one.
+    """Differences of one episode's model from the nominal one.
 
     Attributes:
         object_mass: factor of the mass of each object that can move, in the order of the model.
@@ -64,7 +64,7 @@ class Varied:
         return tuple(name for component, fields in parts if component for name in fields)
 
     def draw(self, seed: int) -> Variation:
-        """What the episode ``seed`` has; each component draws from a stream of its own."""
+        """Return the draw of the episode ``seed``; each component has a stream of its own."""
         drawn: dict[str, Any] = {}
         if payload := self.tier.payload:
             rng = self._rng("payload", seed)

@@ -1,0 +1,1 @@
+"""The environments as Gymnasium's single and vector ones."""
