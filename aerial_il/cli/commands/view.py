@@ -126,16 +126,19 @@ def _show_recording(config: Config, viewer: str, file: Path) -> None:
             env.close()
 
 
-def _present(config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: BatchEnv, again: str) -> None:
+def _present(
+    config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: BatchEnv | None, again: str
+) -> None:
     """Write what shows one flight without a window, or hand it to rerun."""
     from aerial_il.evaluation.films.video import end_of
     from aerial_il.evaluation.outcome import subtask_flags
+    from aerial_il.suite.batch import BatchEnvironment
 
     print(f"{episode.spec.task} on {episode.spec.robot}: {end_of(episode)} after {episode.sim_time[-1]:.2f} s.")
     if viewer == "rerun":
         _rerun(file, out)
         return
-    flags = None if env is None else subtask_flags(env, episode)
+    flags = subtask_flags(env, episode) if isinstance(env, BatchEnvironment) else None
     if viewer == "film":
         _film(config, episode, out, flags)
     else:
