@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.contracts import BatchEnvBase
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
@@ -29,7 +30,7 @@ SPEC = EnvSpec(
 )
 
 
-class Drift:
+class Drift(BatchEnvBase):
     """n masses."""
 
     spec = SPEC

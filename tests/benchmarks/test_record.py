@@ -41,7 +41,7 @@ def test_words_about_code_do_not_count_and_what_it_does_counts(tmp_path: Path) -
     assert coded('def f(x):\n    """Only words."""\n') != coded("def f(x):\n    return None\n")
 
 
-class PhysicsBatch:
+class Flown:
     """Two worlds whose episodes end after some steps; the observation, reward and success can be altered a little."""
 
     def __init__(self, **altered: float) -> None:
@@ -63,9 +63,9 @@ class PhysicsBatch:
 
 @pytest.mark.parametrize("altered", [{"obs": 1e-12}, {"reward": 1e-12}, {"success": 1.0}])
 def test_the_ground_is_another_when_anything_that_is_seen_earned_or_achieved_is(altered: dict[str, float]) -> None:
-    expert = SimpleNamespace(act=lambda obs: obs["x"], reset=lambda: None)
-    assert ground._flown(PhysicsBatch(), expert) == ground._flown(PhysicsBatch(), expert)
-    assert ground._flown(PhysicsBatch(**altered), expert) != ground._flown(PhysicsBatch(), expert)
+    expert = SimpleNamespace(act=lambda obs: obs["x"], reset=lambda: None, attach=lambda env: None)
+    assert ground._flown(Flown(), expert) == ground._flown(Flown(), expert)
+    assert ground._flown(Flown(**altered), expert) != ground._flown(Flown(), expert)
 
 
 def test_cells_and_tiers_stand_on_ground_of_their_own() -> None:
