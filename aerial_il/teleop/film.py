@@ -1,0 +1,105 @@
+"""Pictures of the flight, made by a thread of its own from copies of the state: late pictures are dropped, never ticks."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+
+import mujoco
+import numpy as np
+from PIL import Image
+
+from aerial_il.suite.rendering import Cameraman, CameraRequest
+from aerial_il.suite.worlds import STATE
+
+QUALITY = 72  # of the JPEGs
+MAX_RATE = 30.0  # pictures per second
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One moment as JPEGs.
+
+    Attributes:
+        number: counts the moments that were rendered. input_seq: last message that had its effect by then.
+        taken: s, on ``time.perf_counter``. images: one for each camera.
+    """
+
+    number: int
+    input_seq: int
+    taken: float
+    images: tuple[bytes, ...]
+
+
+class Film:
+    """Renders the latest state it was shown.
+
+    Args:
+        model: compiled scene. cameras: their names. size: (height, width). deliver: gets each shot, on the film's
+            thread. max_rate: shots per second at most.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        cameras: Sequence[str],
+        size: tuple[int, int],
+        deliver: Callable[[Shot], None],
+        max_rate: float = MAX_RATE,
+    ) -> None:
+        self._model, self._requests = model, [CameraRequest(name) for name in cameras]
+        self._size, self._deliver, self._least = size, deliver, 1.0 / max_rate
+        self._wake, self._ended = threading.Condition(), False
+        self._shown: tuple[np.ndarray, int, float] | None = None
+        self._thread = threading.Thread(target=self._run, name="film", daemon=True)
+        self.error: BaseException | None = None
+
+    def start(self) -> None:
+        """Begin to render."""
+        self._thread.start()
+
+    def show(self, state: np.ndarray, input_seq: int) -> None:
+        """Hand over a copy of the state (S,) to be rendered; one that was not rendered yet is forgotten."""
+        with self._wake:
+            self._shown = (state, input_seq, time.perf_counter())
+            self._wake.notify()
+
+    def close(self) -> None:
+        """End the thread, which frees its graphics context."""
+        with self._wake:
+            self._ended = True
+            self._wake.notify()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        data, camera, number = mujoco.MjData(self._model), Cameraman(self._model, *self._size), 0
+        try:
+            while (taken := self._next()) is not None:
+                state, input_seq, when = taken
+                mujoco.mj_setState(self._model, data, state, STATE)
+                mujoco.mj_forward(self._model, data)
+                images = tuple(_jpeg(camera.shoot(data, request)) for request in self._requests)
+                number += 1
+                self._deliver(Shot(number, input_seq, when, images))
+                time.sleep(max(0.0, when + self._least - time.perf_counter()))
+        except BaseException as error:
+            self.error = error
+            raise
+        finally:
+            camera.close()
+
+    def _next(self) -> tuple[np.ndarray, int, float] | None:
+        with self._wake:
+            self._wake.wait_for(lambda: self._shown is not None or self._ended)
+            shown, self._shown = self._shown, None
+            return None if self._ended else shown
+
+
+def _jpeg(image: np.ndarray) -> bytes:
+    target = BytesIO()
+    Image.fromarray(image).save(target, "JPEG", quality=QUALITY)
+    return target.getvalue()
