@@ -20,6 +20,7 @@ from aerial_il.teleop.pilot import Pilot
 from aerial_il.teleop.session import FLYING, HOLDS_EPISODE, Event, State, after
 
 COUNTDOWN_TICKS = 100  # 2 s
+ABANDONED_TICKS = 50  # with a dead man this long, a recording pauses by itself
 SUCCESS_TICKS = 25  # success holds for half a second before it is believed
 TIME_SCALES = (1.0, 0.5, 0.25)
 
@@ -32,6 +33,7 @@ class Status:
     tick: int
     seed: int
     mode: str
+    modes: tuple[str, ...]
     precise: bool
     dead: bool
     opening: float
@@ -74,6 +76,7 @@ class Cockpit:
         self._flags = np.zeros(len(env.spec.subtasks), bool)
         self._counts = logbook.counts()
         self._mode: str | None = None
+        self._abandoned = 0
         self._reset()
 
     def tick(self, frame: DeviceFrame) -> None:
@@ -141,6 +144,7 @@ class Cockpit:
             tick=self.tick_count,
             seed=self.logbook.seed,
             mode=self._pilot.mode,
+            modes=self._pilot.modes,
             precise=self._pilot.precise,
             dead=self._pilot.dead,
             opening=round(self._pilot.opening, 3),
@@ -175,6 +179,7 @@ class Cockpit:
         recording = self.state is State.RECORDING
         action = self._pilot.act(frame, self._row())
         self._mode = self._pilot.mode
+        self._abandoned = self._abandoned + 1 if self._pilot.dead else 0
         if recording:
             self.logbook.observe(self._obs)
         result = self.env.step(action[None])
@@ -189,6 +194,8 @@ class Cockpit:
             self.happen(Event.ENDED)
         elif recording and self._held >= SUCCESS_TICKS:
             self.happen(Event.SUCCEEDED)
+        elif recording and self._abandoned >= ABANDONED_TICKS:
+            self.happen(Event.LOST)
 
     def _start_over(self, error: AerialError) -> None:
         """Begin anew after the disk or the physics has failed; an open episode stays for ``aerial-il recover``."""

@@ -12,11 +12,14 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from aerial_il.suite.rendering import Cameraman, CameraRequest
+from aerial_il.core.errors import UnknownNameError
+from aerial_il.suite.rendering import CAMERAS, Renderer
 from aerial_il.suite.worlds import STATE
+from aerial_il.teleop.chase import Chase
 
 QUALITY = 72  # of the JPEGs
 MAX_RATE = 30.0  # pictures per second
+CHASE = "chase"  # besides the cameras of the scene
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,10 @@ class Film:
         deliver: Callable[[Shot], None],
         max_rate: float = MAX_RATE,
     ) -> None:
-        self._model, self._requests = model, [CameraRequest(name) for name in cameras]
-        self._size, self._deliver, self._least = size, deliver, 1.0 / max_rate
+        if unknown := set(cameras) - {CHASE, *CAMERAS}:
+            raise UnknownNameError("camera", min(unknown), (CHASE, *CAMERAS))
+        self._model, self._cameras, self._size = model, tuple(cameras), size
+        self._deliver, self._least = deliver, 1.0 / max_rate
         self._wake, self._ended = threading.Condition(), False
         self._shown: tuple[np.ndarray, int, float] | None = None
         self._thread = threading.Thread(target=self._run, name="film", daemon=True)
@@ -76,27 +81,38 @@ class Film:
             self._thread.join()
 
     def _run(self) -> None:
-        data, camera, number = mujoco.MjData(self._model), Cameraman(self._model, *self._size), 0
+        data, number = mujoco.MjData(self._model), 0
+        renderer, chase = Renderer(self._model, *self._size), Chase(self._model)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = False
         try:
             while (taken := self._next()) is not None:
-                state, input_seq, when = taken
+                begun, (state, input_seq, when) = time.perf_counter(), taken
                 mujoco.mj_setState(self._model, data, state, STATE)
                 mujoco.mj_forward(self._model, data)
-                images = tuple(_jpeg(camera.shoot(data, request)) for request in self._requests)
+                images = tuple(_jpeg(_picture(renderer, chase, data, name)) for name in self._cameras)
                 number += 1
                 self._deliver(Shot(number, input_seq, when, images))
-                time.sleep(max(0.0, when + self._least - time.perf_counter()))
+                time.sleep(max(0.0, begun + self._least - time.perf_counter()))
         except BaseException as error:
             self.error = error
             raise
         finally:
-            camera.close()
+            renderer.close()
 
     def _next(self) -> tuple[np.ndarray, int, float] | None:
         with self._wake:
             self._wake.wait_for(lambda: self._shown is not None or self._ended)
             shown, self._shown = self._shown, None
             return None if self._ended else shown
+
+
+def _picture(renderer: Renderer, chase: Chase, data: mujoco.MjData, camera: str) -> np.ndarray:
+    """Return one picture (H, W, 3) of ``data``."""
+    renderer.update_scene(data, camera=chase.aim(data) if camera == CHASE else camera)
+    if camera == CHASE:
+        chase.draw_plumb_line(renderer.scene, data)
+    return renderer.render()
 
 
 def _jpeg(image: np.ndarray) -> bytes:

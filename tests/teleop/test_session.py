@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,7 +23,7 @@ def walk(events: list[Event], state: State = State.IDLE) -> list[State]:
 @given(EVENTS)
 def test_what_is_saved_was_reviewed_first(events: list[Event]) -> None:
     states = walk(events)
-    assert all(a is State.REVIEW for a, b in zip(states, states[1:], strict=False) if b is State.SAVED and a is not b)
+    assert all(a is State.REVIEW for a, b in pairwise(states) if b is State.SAVED and a is not b)
 
 
 @given(EVENTS)
@@ -35,7 +37,7 @@ def test_an_episode_ends_only_by_a_decision_of_a_person(events: list[Event]) -> 
 @given(EVENTS)
 def test_nothing_is_recorded_without_a_countdown(events: list[Event]) -> None:
     states = walk(events)
-    for a, b in zip(states, states[1:], strict=False):
+    for a, b in pairwise(states):
         assert not (b is State.RECORDING and a not in (State.COUNTDOWN, State.PAUSED, State.RECORDING))
 
 
