@@ -53,7 +53,7 @@ class Chase:
         if line is None or disc is None:
             return
         mujoco.mjv_connector(line, mujoco.mjtGeom.mjGEOM_CYLINDER, LINE_M, tool, foot)
-        mujoco.mjv_connector(disc, mujoco.mjtGeom.mjGEOM_CYLINDER, DISC_M, foot, foot + [0.0, 0.0, GROUND_M])
+        mujoco.mjv_connector(disc, mujoco.mjtGeom.mjGEOM_CYLINDER, DISC_M, foot, foot + np.array([0.0, 0.0, GROUND_M]))
 
 
 def _next_geom(scene: mujoco.MjvScene, rgba: tuple[float, ...]) -> mujoco.MjvGeom | None:

@@ -87,11 +87,10 @@ def run(config: Config) -> None:
             fly(env, cockpit, bindings, site, operator=operator, opened=lambda server: _tell(server, config.open))
         )
     except KeyboardInterrupt:
-        counts = logbook.counts()
-        print(
-            f"\n{config.out}: {counts['demos']} demonstrations, {counts['failures']} failures, {counts['trash']} in the trash."
-        )
-        if counts["demos"]:
+        kept = logbook.counts()
+        told = f"{kept['demos']} demonstrations, {kept['failures']} failures, {kept['trash']} in the trash"
+        print(f"\n{config.out}: {told}.")
+        if kept["demos"]:
             print(f"Next: {command_line(['validate', words.path('path', config.out)])}")
     finally:
         env.close()

@@ -73,7 +73,7 @@ function used(device, control) {
   const command = page.keys.get(control);
   if (command === "help") showHelp();
   else if (command === "camera") swap();
-  else if (control) sendInput();
+  else if (control && device !== "gamepad") sendInput(); // a gamepad is read when input is sent anyway
 }
 
 function focus(focused) {

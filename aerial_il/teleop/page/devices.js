@@ -51,9 +51,10 @@ export class Gamepad {
     const value = (i) => clip(pad.buttons[i]?.value ?? 0);
     this.sticks = { left_x, left_y, right_x, right_y, left_trigger: value(6), right_trigger: value(7) };
     const now = new Set(PAD_BUTTONS.filter((_, i) => pad.buttons[i]?.pressed).map((name) => `pad:${name}`));
-    for (const name of now) if (!this.down.has(name)) { this.presses.add(name); this.changed("gamepad", name); }
-    if (Object.values(this.sticks).some((a) => Math.abs(a) > 0.3)) this.changed("gamepad", null);
+    const fresh = [...now].filter((name) => !this.down.has(name));
     this.down = now;
+    for (const name of fresh) { this.presses.add(name); this.changed("gamepad", name); }
+    if (Object.values(this.sticks).some((a) => Math.abs(a) > 0.3)) this.changed("gamepad", null);
     return false;
   }
   held() { return [...this.down]; }
