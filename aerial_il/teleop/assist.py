@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from aerial_il.control.actions import WORKSPACE_HIGH, WORKSPACE_LOW
 from aerial_il.teleop.command import Command, Vec3
 
@@ -58,7 +60,7 @@ def eased(command: Command, tilt: float) -> Command:
     return replace(command, linear=(share * forward, share * left, up), yaw_rate=share * command.yaw_rate)
 
 
-def tilt_of(rot6d: Sequence[float]) -> float:
+def tilt_of(rot6d: Sequence[float] | np.ndarray) -> float:
     """Return the angle in rad between a body's z axis and the vertical, from its rot6d."""
     x0, x1, _, y0, y1, _ = rot6d
     return math.acos(max(-1.0, min(1.0, x0 * y1 - x1 * y0)))

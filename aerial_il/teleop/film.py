@@ -1,4 +1,4 @@
-"""Pictures of the flight, made by a thread of its own from copies of the state: late pictures are dropped, never ticks."""
+"""Pictures of the flight, made by a thread of its own from copies of the state: late ones are dropped, never ticks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from aerial_il.suite.rendering import CAMERAS, Renderer
 from aerial_il.suite.worlds import STATE
 from aerial_il.teleop.chase import Chase
 
-QUALITY = 72  # of the JPEGs
+THRIFT = ((1, 72), (1, 45), (2, 60), (2, 35))  # pixels left out, and quality of the JPEGs, from wide to narrow links
 MAX_RATE = 30.0  # pictures per second
 CHASE = "chase"  # besides the cameras of the scene
 
@@ -61,6 +61,7 @@ class Film:
         self._shown: tuple[np.ndarray, int, float] | None = None
         self._thread = threading.Thread(target=self._run, name="film", daemon=True)
         self.error: BaseException | None = None
+        self.thrift = 0  # which of ``THRIFT``; set by who knows the link
 
     def start(self) -> None:
         """Begin to render."""
@@ -90,7 +91,7 @@ class Film:
                 begun, (state, input_seq, when) = time.perf_counter(), taken
                 mujoco.mj_setState(self._model, data, state, STATE)
                 mujoco.mj_forward(self._model, data)
-                images = tuple(_jpeg(_picture(renderer, chase, data, name)) for name in self._cameras)
+                images = tuple(_jpeg(_picture(renderer, chase, data, name), self.thrift) for name in self._cameras)
                 number += 1
                 self._deliver(Shot(number, input_seq, when, images))
                 time.sleep(max(0.0, begun + self._least - time.perf_counter()))
@@ -115,7 +116,8 @@ def _picture(renderer: Renderer, chase: Chase, data: mujoco.MjData, camera: str)
     return renderer.render()
 
 
-def _jpeg(image: np.ndarray) -> bytes:
+def _jpeg(image: np.ndarray, thrift: int) -> bytes:
+    step, quality = THRIFT[thrift]
     target = BytesIO()
-    Image.fromarray(image).save(target, "JPEG", quality=QUALITY)
+    Image.fromarray(image).reduce(step).save(target, "JPEG", quality=quality)
     return target.getvalue()

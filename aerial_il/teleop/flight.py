@@ -51,7 +51,7 @@ async def fly(
     await server.start()
     film = Film(env.model, CAMERAS, site.size, server.deliver)
     flight = Loop(cockpit, inbox, film.show, server.report)
-    server.flight = flight
+    server.flight, server.film = flight, film
     try:
         film.start()
         flight.start()

@@ -1,4 +1,4 @@
-"""Messages of a person's devices on their way to the next tick: what arrives in between is kept until it is consumed."""
+"""Messages of devices on their way to the next tick: what arrives in between is kept until it is consumed."""
 
 from __future__ import annotations
 

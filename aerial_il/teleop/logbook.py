@@ -1,4 +1,4 @@
-"""The episodes of a session on disk: one file for each take, discarded ones in the trash, all counted by what is there."""
+"""The episodes of a session on disk: a file for each take, discarded ones in the trash, counted by what is there."""
 
 from __future__ import annotations
 

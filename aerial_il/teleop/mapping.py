@@ -9,9 +9,9 @@ from typing import Any
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop.frame import AXES, NUM_CONTROLS, DeviceFrame, names_of
 
-MOTIONS = ("forward", "lateral", "up", "yaw", "grip")  # signed, in [-1, 1]
-HELD = ("precision", "take_over")
-PRESSED = ("mode", "record", "save", "discard", "undo", "label", "pause", "camera", "help")
+MOTIONS: tuple[str, ...] = ("forward", "lateral", "up", "yaw", "grip")  # signed, in [-1, 1]
+HELD: tuple[str, ...] = ("precision", "take_over")
+PRESSED: tuple[str, ...] = ("mode", "record", "save", "discard", "undo", "label", "pause", "camera", "help")
 DIRECTIONS = tuple(f"{motion}{sign}" for motion in MOTIONS for sign in "+-")
 COMMANDS = (*MOTIONS, *DIRECTIONS, *HELD, *PRESSED)
 

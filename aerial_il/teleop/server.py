@@ -1,4 +1,4 @@
-"""The page to fly on: served to this machine alone, with a token; pictures and figures go out, frames of devices come in."""
+"""The page to fly on, for this machine alone and with a token: pictures go out, frames of devices come in."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from aiohttp import WSMsgType, web
 from aerial_il.core.errors import AerialError
 from aerial_il.teleop.clock import Pace
 from aerial_il.teleop.cockpit import Status
-from aerial_il.teleop.film import Shot
+from aerial_il.teleop.film import Film, Shot
 from aerial_il.teleop.inbox import Inbox
 from aerial_il.teleop.loop import Loop
 from aerial_il.teleop.messages import Message, MessageError, read_message
@@ -59,6 +59,7 @@ class Server:
         self.token = token or secrets.token_urlsafe(16)
         self.visitors = Visitors()
         self.flight: Loop | None = None
+        self.film: Film | None = None
         self._latest: dict[str, Any] = {}
         self._shot: Shot | None = None
         self._fresh: dict[Visitor, asyncio.Event] = {}
@@ -86,17 +87,17 @@ class Server:
         app.router.add_get("/", self._index)
         app.router.add_get("/socket", self._socket)
         app.router.add_get("/{name}", self._asset)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
-        await self._runner.setup()
-        site = web.TCPSite(self._runner, self._host, self._port)
+        self._runner = runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await runner.setup()
+        site = web.TCPSite(runner, self._host, self._port)
         try:
             await site.start()
         except OSError as error:
-            await self._runner.cleanup()
+            await runner.cleanup()
             raise PortTakenError(
                 f"port={self._port} on {self._host} is taken by another program. Choose another one, or port=0 for any."
             ) from error
-        self._port = self._runner.addresses[0][1]
+        self._port = runner.addresses[0][1]
 
     async def close(self) -> None:
         """End it, and say good-bye to every page."""
@@ -170,6 +171,8 @@ class Server:
             await visitor.socket.send_str(json.dumps({"type": "pong", "t": message.t, "now": time.perf_counter()}))
         elif message.kind == "ack":
             visitor.saw(message.seq)
+            if self.film is not None and visitor is self.visitors.controller:
+                self.film.thrift = visitor.link.thrift
             self._fresh[visitor].set()
         elif message.kind == "ask":
             if self.visitors.ask(visitor):
@@ -201,8 +204,7 @@ class Server:
             fresh.clear()
             shot = self._shot
             if shot is not None and visitor.ready and shot.number > visitor.sent:
-                visitor.sent = shot.number
-                visitor.on_way.append(shot.number)
+                visitor.expects(shot.number)
                 await visitor.socket.send_bytes(packed(shot))
 
     async def _send_status(self, visitor: Visitor) -> None:

@@ -1,4 +1,4 @@
-"""From sticks and keys to smooth motions in [-1, 1]: dead zone, expo, ramps and a limit of acceleration, all in ticks."""
+"""From sticks and keys to smooth motions in [-1, 1]: dead zone, expo, ramps and limits of acceleration, in ticks."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from itertools import count
 
 from aiohttp import web
 
+from aerial_il.teleop.link import Link
 from aerial_il.teleop.messages import Bucket
 
 MAX_UNSEEN = 2  # pictures on their way to a page; more would only grow older
@@ -18,8 +19,9 @@ class Visitor:
     """One open page.
 
     Attributes:
-        number: which one. socket: its connection. sent, seen: number of the last picture sent, and of the last one it
-            has shown. on_way: pictures sent and not shown yet. dropped: messages that were not believed, by reason.
+        number: which one. socket: its connection. sent: number of the last picture sent. on_way: those that it has not
+            shown yet. bucket: how many messages it may send. dropped: those that were not believed, by reason.
+        link: how wide its link is.
     """
 
     number: int
@@ -28,14 +30,22 @@ class Visitor:
     sent: int = 0
     bucket: Bucket = field(default_factory=Bucket)
     dropped: Counter[str] = field(default_factory=Counter)
+    link: Link = field(default_factory=Link)
 
     @property
     def ready(self) -> bool:
         """Whether another picture may be sent."""
         return len(self.on_way) < MAX_UNSEEN
 
+    def expects(self, number: int) -> None:
+        """Note that picture ``number`` is on its way to it."""
+        self.sent = number
+        self.on_way.append(number)
+        self.link.send(number)
+
     def saw(self, number: int) -> None:
         """Note that it has shown picture ``number``, and so all before it."""
+        self.link.arrive(number)
         self.on_way = [sent for sent in self.on_way if sent > number]
 
 

@@ -27,13 +27,15 @@ class Flown:
 
 
 @asynccontextmanager
-async def flown(out: Path, *, countdown: int = 10, port: int = 0, **settings: Any) -> AsyncIterator[Flown]:
+async def flown(
+    out: Path, *, countdown: int = 10, port: int = 0, size: tuple[int, int] = (180, 240), **settings: Any
+) -> AsyncIterator[Flown]:
     """Fly, on a page, into the folder ``out``."""
     env, bindings = world(**settings), shipped("keyboard", "gamepad", "touch")
     logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
     cockpit = Cockpit(env, bindings, logbook, countdown=countdown)
     there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()
-    site = Site(port=port, size=(180, 240))
+    site = Site(port=port, size=size)
     work = asyncio.create_task(fly(env, cockpit, bindings, site, operator="ada", opened=there.set_result))
     try:
         await asyncio.wait({work, there}, return_when=asyncio.FIRST_COMPLETED)

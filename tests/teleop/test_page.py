@@ -14,6 +14,7 @@ from aerial_il.teleop.refly import refly
 from tests.teleop.chromium import Tab, browser, needs_browser
 from tests.teleop.flown import flown
 from tests.teleop.hands import world
+from tests.teleop.narrow import narrowed
 
 pytestmark = [pytest.mark.browser, pytest.mark.render, needs_browser]
 STATE = "document.body.dataset.state"
@@ -85,9 +86,8 @@ def test_a_gamepad_flies_and_one_that_is_unplugged_hovers(tmp_path: Path) -> Non
             assert await tab.value("document.body.dataset.device") == "gamepad"
             await tab.value("window.mock.connected = false; 1")
             await tab.until("teleop.status.speed === 0")
-            await tab.value(
-                "window.mock.connected = true; window.mock.axes[3] = 0; window.mock.buttons[9] = {pressed: true, value: 1}; 1"
-            )
+            await tab.value("window.mock.connected = true; window.mock.axes[3] = 0; 1")
+            await tab.value("window.mock.buttons[9] = {pressed: true, value: 1}; 1")
             await in_state(tab, "recording")
             assert not tab.errors
 
@@ -128,3 +128,28 @@ def test_keys_with_ctrl_belong_to_the_browser_and_help_takes_none(tmp_path: Path
             assert "turn left" in await tab.value("document.getElementById('help').innerText")
 
     together(work())
+
+
+def test_over_a_narrow_link_pictures_stay_young(tmp_path: Path) -> None:
+    """60 kB/s and 40 ms each way: pictures become smaller, and those that would only grow old are not sent."""
+
+    async def work() -> list[float]:
+        async with (
+            flown(tmp_path, size=(360, 480)) as flight,
+            narrowed(flight.server.port, bytes_per_s=60e3, delay_s=0.04) as port,
+            browser() as opened,
+        ):
+            tab = await opened(f"http://127.0.0.1:{port}/?token={flight.server.token}")
+            await tab.until("window.teleop && teleop.shown && teleop.offset !== null")
+            await asyncio.sleep(4.0)
+            ages = "setInterval(() => ages.push(performance.now() + teleop.offset - 1000 * teleop.shown.taken), 50)"
+            await tab.value(f"window.ages = []; {ages}")
+            await asyncio.sleep(5.0)
+            return await tab.value("ages")
+
+    found = sorted(asyncio.run(asyncio.wait_for(work(), 120.0)))
+    assert len(found) > 50
+    assert found[len(found) // 2] < 500.0
+    print(
+        f"age over a narrow link: median {found[len(found) // 2]:.0f} ms, 95 % {found[int(0.95 * len(found))]:.0f} ms"
+    )

@@ -81,6 +81,10 @@ def run(config: Config) -> None:
     operator = config.operator or getpass.getuser()
     try:
         logbook = Logbook(env, config.out, operator=operator, first_seed=config.seed)
+    except BaseException:
+        env.close()
+        raise
+    try:
         cockpit = Cockpit(env, bindings, logbook, time_scale=float(config.time_scale))
         site = Site(config.host, config.port, (config.size[0], config.size[1]))
         asyncio.run(

@@ -1,6 +1,7 @@
-"""A gamepad in the standard mapping of the Gamepad API (https://www.w3.org/TR/gamepad/#remapping): 17 buttons, 4 axes.
+"""A gamepad in the standard mapping of the Gamepad API (w3.org/TR/gamepad/#remapping): 17 buttons and 4 axes.
 
-Sticks are axes of the frame, with y down as the API has it; analogue triggers are ``left_trigger`` and ``right_trigger``.
+Sticks are axes of the frame, with y down as the API has it; so are the triggers, ``left_trigger`` and
+``right_trigger``.
 """
 
 from __future__ import annotations

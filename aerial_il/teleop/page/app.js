@@ -120,7 +120,7 @@ async function pictures(buffer) {
   }
   const images = await Promise.all(parts.map((part) => createImageBitmap(part)));
   if (!page.shown || number > page.shown.number || page.shown.number - number > 1000) {
-    images.forEach((image, i) => $(`canvas-${i}`).getContext("2d").drawImage(image, 0, 0));
+    images.forEach((image, i) => $(`canvas-${i}`).getContext("2d").drawImage(image, 0, 0, ...page.about.size.toReversed()));
     page.shown = { number, taken, at: performance.now(), input: inputSeq };
     while (page.pressedAt.length && page.pressedAt[0].seq <= inputSeq) {
       page.latencies.push(performance.now() - page.pressedAt.shift().at);
