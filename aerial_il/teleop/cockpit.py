@@ -13,6 +13,7 @@ import numpy as np
 
 from aerial_il.core.errors import AerialError, SimulationDivergedError, StorageError
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.command import Command
 from aerial_il.teleop.frame import DeviceFrame
 from aerial_il.teleop.logbook import Logbook
 from aerial_il.teleop.mapping import Bindings
@@ -22,7 +23,6 @@ from aerial_il.teleop.session import FLYING, HOLDS_EPISODE, Event, State, after
 COUNTDOWN_TICKS = 100  # 2 s
 ABANDONED_TICKS = 50  # with a dead man this long, a recording pauses by itself
 SUCCESS_TICKS = 25  # success holds for half a second before it is believed
-TIME_SCALES = (1.0, 0.5, 0.25)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,6 @@ class Status:
     counts: Mapping[str, int]
     waiting: int
     time_scale: float
-    motions: Mapping[str, float]
 
 
 class Cockpit:
@@ -138,7 +137,7 @@ class Cockpit:
 
     def status(self) -> Status:
         """Return what there is to show."""
-        names, motions = self.env.spec.subtasks, self._pilot.command
+        names, command = self.env.spec.subtasks, self._pilot.command if self.is_flying else Command()
         return Status(
             state=self.state.value,
             tick=self.tick_count,
@@ -154,13 +153,12 @@ class Cockpit:
             sim_time=float(self.env.sim_time[0]),
             countdown=self._countdown,
             steps=self._steps,
-            speed=round(float(np.linalg.norm(motions.linear)), 3),
+            speed=round(float(np.linalg.norm(command.linear)), 3),
             input_seq=self.input_seq,
             message=self.message,
             counts=self._counts,
             waiting=self.logbook.waiting,
             time_scale=self.time_scale,
-            motions={"x": motions.linear[0], "y": motions.linear[1], "z": motions.linear[2], "yaw": motions.yaw_rate},
         )
 
     def close(self) -> None:

@@ -211,7 +211,8 @@ function drawBanner() {
 
 function drawHints() {
   const state = document.body.dataset.state, device = document.body.dataset.device;
-  const found = (HINTS[state] ?? []).map((command) => ({ command, keys: controlsOf(command, device) }));
+  const known = (HINTS[state] ?? []).filter((command) => command !== "label" || page.status?.success);
+  const found = known.map((command) => ({ command, keys: controlsOf(command, device) }));
   $("hints").replaceChildren(...found.filter(({ keys }) => keys.length).map(({ command, keys }) => {
     const span = document.createElement("span");
     span.append(...keys.slice(0, 1).map(keycap), LABELS[`${state}.${command}`] ?? WORDS[command]);
