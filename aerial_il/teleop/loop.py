@@ -8,6 +8,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.worlds import STATE
 from aerial_il.teleop.clock import Metronome, Pace
 from aerial_il.teleop.cockpit import Cockpit, Status
@@ -59,7 +60,7 @@ class Loop:
                     self._left.clear()
                     cockpit.happen(Event.LOST)
                 cockpit.tick(self._device.frame())
-                self._show(_state_of(cockpit), cockpit.input_seq)
+                self._show(state_of(cockpit.env), cockpit.input_seq)
                 self._report(cockpit.status(), metronome.pace)
         except BaseException as error:
             self.error = error
@@ -68,7 +69,8 @@ class Loop:
             cockpit.close()
 
 
-def _state_of(cockpit: Cockpit) -> np.ndarray:
-    worlds, state = cockpit.env.simulation.worlds, np.empty(cockpit.env.spec.state_size)
+def state_of(env: BatchEnvironment) -> np.ndarray:
+    """Return a copy (S,) of what there is to be rendered of world 0."""
+    worlds, state = env.simulation.worlds, np.empty(env.spec.state_size)
     mujoco.mj_getState(worlds.model, worlds.data(0), state, STATE)
     return state

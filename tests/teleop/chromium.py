@@ -77,6 +77,11 @@ class Tab:
         await asyncio.sleep(seconds)
         await self.key(code, down=False)
 
+    async def touch(self, kind: str, *place: float) -> None:
+        """Put a finger down, move it, or lift it (no ``place``)."""
+        points = [{"x": place[0], "y": place[1]}] if place else []
+        await self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
     async def look(self, *, width: int, height: int, dark: bool = True, phone: bool = False) -> None:
         """Give the window a size and a scheme of colours."""
         size = {"width": width, "height": height, "deviceScaleFactor": 2 if phone else 1, "mobile": phone}

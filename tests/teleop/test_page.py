@@ -153,3 +153,31 @@ def test_over_a_narrow_link_pictures_stay_young(tmp_path: Path) -> None:
     print(
         f"age over a narrow link: median {found[len(found) // 2]:.0f} ms, 95 % {found[int(0.95 * len(found))]:.0f} ms"
     )
+
+
+def test_a_finger_on_the_page_flies_and_records(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path) as flight, browser() as opened:
+            tab = await opened(flight.server.url)
+            await tab.look(width=390, height=844, phone=True)
+            await tab.until("window.teleop && teleop.shown && teleop.status?.role === 'controller'")
+            x, y = await middle(tab, "#stick-right")
+            await tab.touch("touchStart", x, y)
+            await tab.touch("touchMove", x, y - 60)
+            await tab.until("teleop.status.speed > 0.35")
+            assert await tab.value("document.body.dataset.device") == "touch"
+            await tab.touch("touchEnd")
+            await tab.until("teleop.status.speed === 0")
+            x, y = await middle(tab, '#pads [data-command="record"]:not([hidden])')
+            await tab.touch("touchStart", x, y)
+            await tab.touch("touchEnd")
+            await in_state(tab, "recording")
+            assert not tab.errors
+
+    together(work())
+
+
+async def middle(tab: Tab, selector: str) -> tuple[float, float]:
+    """Return where the middle of an element is on the page."""
+    box = f"document.querySelector('{selector}').getBoundingClientRect()"
+    return await tab.value(f"(() => {{ const b = {box}; return [b.x + b.width / 2, b.y + b.height / 2]; }})()")
