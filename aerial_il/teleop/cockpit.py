@@ -214,7 +214,7 @@ class Cockpit:
     def _review(self, event: Event) -> None:
         self._label = self._success
         self.message = {
-            Event.SUCCEEDED: "The task is solved. Keep it?",
+            Event.SUCCEEDED: "Keep it?",
             Event.ENDED: "The flight is over: a crash, or an object out of reach. Keep it as a failure?",
         }.get(event, "Stopped. Keep it?" if self._success else "Stopped before success. Keep it as a failure?")
 
