@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,8 @@ class Episode:
         sim_time: (T + 1,) seconds.
         success: whether the task was solved.
         model_xml: the compiled scene it was flown in.
+        extras: name -> (T, k) further numbers of each step that the recorder was told to keep.
+        extra_labels: name -> their k labels.
     """
 
     uid: str
@@ -51,6 +53,8 @@ class Episode:
     sim_time: np.ndarray
     success: bool
     model_xml: str
+    extras: Mapping[str, np.ndarray] = field(default_factory=dict)
+    extra_labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of control steps T."""

@@ -114,6 +114,7 @@ def _ours(path: Path, demo: h5py.Group) -> Episode:
     private = _child(path, demo, PRIVATE, h5py.Group)
     spec = EnvSpec.from_dict(json.loads(private.attrs["spec"]))
     states = np.concatenate([_array(path, demo, "states"), _array(path, private, "final_state")[None]])
+    kept: dict[str, Any] = {name: _array(path, private, name) for name in EXTRA}
     return Episode(
         uid=str(demo.attrs["uid"]),
         spec=spec,
@@ -124,7 +125,7 @@ def _ours(path: Path, demo: h5py.Group) -> Episode:
         states=states,
         success=bool(private.attrs["success"]),
         model_xml=str(demo.attrs["model_file"]),
-        **{name: _array(path, private, name) for name in EXTRA},
+        **kept,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -22,6 +23,7 @@ from aerial_il.data.recording.schema import RECORD_HEAD, RECORD_HEAD_SIZE, VERSI
 from aerial_il.data.recording.writer import EPISODE, MODEL, OUTCOME, PROVENANCE, definitions
 from aerial_il.data.validation import Report, check_episode
 
+_EXTRA_NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
 MAX_ELEMENTS = 1_000_000  # of one message; keeps a forged specification from allocating
 
 
@@ -88,7 +90,7 @@ def read_head(path: Path, contents: Contents) -> Head:
     if MODEL not in contents.attachments:
         raise DemoError(path, f"lacks the attachment {MODEL!r}.")
     try:
-        layout = _layout(entries["spec"], int(entries["ctrl_size"]))
+        layout = _layout(entries["spec"], int(entries["ctrl_size"]), entries.get("extras", "{}"))
         provenance = {key: json.loads(value) for key, value in contents.metadata[PROVENANCE].items()}
         model_xml = contents.attachments[MODEL].decode()
         return Head(entries["uid"], layout, provenance, model_xml)
@@ -97,13 +99,29 @@ def read_head(path: Path, contents: Contents) -> Head:
 
 
 @lru_cache(maxsize=8)
-def _layout(spec_json: str, ctrl_size: int) -> Layout:
+def _layout(spec_json: str, ctrl_size: int, extras_json: str) -> Layout:
     """Return the layout of a specification, which all files of a dataset have in common."""
-    spec = EnvSpec.from_dict(json.loads(spec_json))
+    spec, extras = EnvSpec.from_dict(json.loads(spec_json)), _extras(extras_json)
     sizes = [*(f.size for f in spec.observation.fields), spec.state_size, ctrl_size, spec.action.size]
+    sizes += map(len, extras.values())
     if not all(0 <= size <= MAX_ELEMENTS for size in sizes):
         raise ValueError(f"sizes {sizes} are not within 0..{MAX_ELEMENTS}")
-    return Layout(spec, ctrl_size)
+    plain = Layout(spec, ctrl_size)
+    taken = {*(plain.row.names or ()), *(topic.name[1:] for topic in plain.topics)}
+    if doubled := extras.keys() & taken:
+        raise ValueError(f"extras {min(doubled)!r} have the name of something else")
+    return Layout(spec, ctrl_size, extras)
+
+
+def _extras(text: str) -> dict[str, tuple[str, ...]]:
+    """Read the names and labels of further numbers."""
+    extras = {name: tuple(labels) for name, labels in json.loads(text).items()}
+    for name, labels in extras.items():
+        if not _EXTRA_NAME.fullmatch(name) or not labels:
+            raise ValueError(f"extras {name!r} have no valid name or no labels")
+        if not all(isinstance(label, str) for label in labels):
+            raise ValueError(f"labels of {name!r} are not texts")
+    return extras
 
 
 def check_channels(path: Path, contents: Contents, layout: Layout) -> None:
@@ -156,7 +174,7 @@ def read_messages(report: Report, contents: Contents, layout: Layout, steps: int
     times = records["/observation"]["log_time"]
     report.check_equal("/terminal", "log_time", records["/terminal"]["log_time"], times[-1:])
     observation = records["/observation"]["body"]["position"]
-    block = {"observation": observation[:-1], **_fields(records["/step"]["body"])}
+    block = {"observation": observation[:-1], **_fields(records["/step"]["body"]), **_told(layout, records)}
     last = {"observation": observation[-1:], **_fields(records["/terminal"]["body"])}
     report.check_equal("/terminal", "sim_time", nanoseconds(last["sim_time"]), times[-1:])
     return Messages(records, block, last, {c.field: _images(report, c, contents, times) for c in layout.cameras})
@@ -167,6 +185,7 @@ def read_whole_steps(report: Report, contents: Contents, layout: Layout, steps: 
     records = {topic.name: _records(report, topic, contents, steps) for topic in (*layout.observed, *layout.acted)}
     times = records["/observation"]["log_time"]
     fields = {"observation": records["/observation"]["body"]["position"], **_fields(records["/step"]["body"])}
+    fields |= _told(layout, records)
     block, last = ({name: values[rows] for name, values in fields.items()} for rows in (slice(-1), slice(-1, None)))
     return Messages(records, block, last, {c.field: _images(report, c, contents, times) for c in layout.cameras})
 
@@ -198,6 +217,8 @@ def build_episode(head: Head, messages: Messages, outcome: Outcome) -> Episode:
         sim_time=np.concatenate([block["sim_time"], last["sim_time"]]),
         success=outcome.success,
         model_xml=head.model_xml,
+        extras={name: block[name] for name in head.layout.extras},
+        extra_labels=head.layout.extras,
     )
 
 
@@ -239,6 +260,11 @@ def _check_stamps(report: Report, topic: Topic, records: np.ndarray, steps: np.n
             report.check_equal(topic.name, slot, records["body"][slot], part)
 
 
+def _told(layout: Layout, records: Mapping[str, np.ndarray]) -> Arrays:
+    """Return the further numbers that were recorded of each step, by their names."""
+    return {name: np.ascontiguousarray(records[f"/{name}"]["body"]["position"]) for name in layout.extras}
+
+
 def _fields(body: np.ndarray) -> Arrays:
     return {name: np.ascontiguousarray(body[name]) for name in body.dtype.names or ()}
 
@@ -257,7 +283,7 @@ def check_views(report: Report, layout: Layout, messages: Messages) -> None:
         for slot in topic.sources:
             if slot == "orientation" or slot.startswith("rotation"):
                 report.check_unit(topic.name, slot, body[slot])
-            elif topic.name not in ("/observation", "/step"):  # which the others are compared with
+            elif topic.name not in ("/observation", "/step") and topic not in layout.told:  # they stand for themselves
                 report.check_equal(topic.name, slot, body[slot], topic.expected(slot, block))
     sim_time = records["/step"]["body"]["sim_time"]
     report.check_equal("/step", "sim_time", nanoseconds(sim_time), times[: len(sim_time)])

@@ -24,7 +24,7 @@ import numpy as np
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.recording import images
 from aerial_il.data.recording.packing import bytes_of, gather
-from aerial_il.data.recording.schema import Layout, place_of
+from aerial_il.data.recording.schema import NO_EXTRAS, Extras, Layout, place_of
 from aerial_il.data.recording.threads import WriterThreads
 from aerial_il.data.recording.writer import STEPS_PER_CHUNK, EpisodeWriter
 
@@ -51,10 +51,11 @@ class Recorder:
         spec: the environment's specification; its image fields are recorded too.
         ctrl_size: number of actuator controls.
         num_envs: number of worlds n.
+        extras: name -> labels of further numbers that :meth:`act` is told of each step.
     """
 
-    def __init__(self, spec: EnvSpec, ctrl_size: int, num_envs: int = 1) -> None:
-        self.layout = Layout(spec, ctrl_size)
+    def __init__(self, spec: EnvSpec, ctrl_size: int, num_envs: int = 1, extras: Extras = NO_EXTRAS) -> None:
+        self.layout = Layout(spec, ctrl_size, extras)
         self._observed = spec.observation.state_names
         places = {name: place_of(self.layout.row, name) for name in self.layout.row.names or ()}
         self._places = {name: (dtype.base, first) for name, (dtype, first) in places.items()}
@@ -102,7 +103,7 @@ class Recorder:
         Args:
             step: the other fields of ``Step`` by name, each (n, ...): ``action``, ``executed_action``,
                 ``expert_action`` (NaN where nobody was asked), ``ctrl``, ``reward``, ``terminated``, ``truncated``,
-                ``is_intervention``, ``phase``.
+                ``is_intervention``, ``phase``; and the extras.
         """
         self._store(step)
         self._count[self._recording] += 1

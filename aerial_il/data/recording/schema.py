@@ -12,6 +12,7 @@ topic                  type                        content
 ``/reward``            Float64MultiArray           one element
 ``/terminal``          aerial_il_msgs/Step         the state after the last step
 ``/camera/<name>``     CompressedImage             JPEG (RGB) or PNG (depth in mm, segmentation id + 1)
+``/<extra>``           JointState                  what else a recorder was told to keep, e.g. ``/device``; exact
 =====================  ==========================  ==========================================================
 
 The topics above ``/step`` have T + 1 messages, as have the cameras; ``log_time`` is simulation time.
@@ -23,6 +24,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -50,6 +52,8 @@ STAMPS = {"sequence": "step", "log_time": "time_ns", "publish_time": "time_ns"} 
 
 Block = Mapping[str, np.ndarray]
 Sources = Mapping[str, tuple[str, slice]]
+Extras = Mapping[str, tuple[str, ...]]
+NO_EXTRAS: Extras = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -138,10 +142,12 @@ class Layout:
     Args:
         spec: the environment's specification.
         ctrl_size: number of actuator controls.
+        extras: name -> labels of further numbers of each step, a topic of their own; most recordings have none.
     """
 
-    def __init__(self, spec: EnvSpec, ctrl_size: int) -> None:
+    def __init__(self, spec: EnvSpec, ctrl_size: int, extras: Extras = NO_EXTRAS) -> None:
         self.spec, self.ctrl_size = spec, ctrl_size
+        self.extras = {name: tuple(labels) for name, labels in extras.items()}
         self._channels = 0
         names = spec.observation.state_names
         labels = tuple(label for name in names for label in spec.observation[name].element_labels())
@@ -162,6 +168,11 @@ class Layout:
         ]
         self.terminal = self._topic("/terminal", messages.STEP, last, _whole(last, ("step", "sim_time", "state")))
         self.cameras = [Camera(self._next_channel(), f.name, f.shape) for f in spec.observation.of_group("image")]
+        self.told = [
+            self._topic(f"/{name}", messages.JOINT_STATE, messages.joint_state(labels), {"position": (name, ALL)})
+            for name, labels in self.extras.items()
+        ]
+        self.acted += self.told
 
     @property
     def topics(self) -> list[Topic]:
@@ -221,6 +232,7 @@ class Layout:
             *((name, "<f8", (size,)) for name, size in sizes.items()),
             ("reward", "<f8"),
             *((name, "<f8", (size,)) for name, size in {**outcome, "expert_action": action, **quats}.items()),
+            *((name, "<f8", (len(labels),)) for name, labels in self.extras.items()),
         ]
         counters = [("time_ns", "<u8"), ("sec", "<i4"), ("nanosec", "<u4"), ("step", "<u4"), ("phase", "<i4")]
         flags = [(name, "u1") for name in ("is_intervention", "terminated", "truncated")]

@@ -141,8 +141,9 @@ class EpisodeWriter:
     def _container(self) -> ContainerWriter:
         """The file's records, of which those that precede all messages are written when it is first asked for."""
         head = {"schema_version": str(VERSION), "uid": self._uid, "ctrl_size": str(self._layout.ctrl_size)}
+        extras = {"extras": json.dumps(self._layout.extras)} if self._layout.extras else {}
         self._metadata = {
-            EPISODE: {**head, "spec": self._layout.spec_json},
+            EPISODE: {**head, "spec": self._layout.spec_json, **extras},
             PROVENANCE: {key: json.dumps(value, sort_keys=True) for key, value in self._provenance.items()},
         }
         container = ContainerWriter(self._file, definitions(self._layout))
@@ -198,7 +199,7 @@ def write_episode(episode: Episode, path: Path) -> Path:
         InvalidValueError: the episode lacks the images that its specification promises.
         StorageError: the disk is full or the folder not writable.
     """
-    layout = Layout(episode.spec, episode.ctrl.shape[1])
+    layout = Layout(episode.spec, episode.ctrl.shape[1], episode.extra_labels)
     for camera in layout.cameras:
         if camera.field not in episode.obs:
             raise InvalidValueError(f"Episode {episode.uid} was read without its images of {camera.field}.")
@@ -225,6 +226,7 @@ def _block(episode: Episode) -> dict[str, np.ndarray]:
         "reward": episode.rewards,
         "terminated": episode.terminated,
         "truncated": episode.truncated,
+        **episode.extras,
     }
 
 

@@ -1,0 +1,65 @@
+"""Ticks on absolute deadlines: late ones are counted, and made up for; none is left out."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+LATE_S = 0.005  # a tick that begins later than this after its deadline counts as late
+HOPELESS_S = 0.25  # further behind than this, deadlines start anew: a machine that slept must not fly in fast motion
+WINDOW = 250  # ticks that the shown figures are of
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How well a loop keeps time.
+
+    Attributes:
+        rate: ticks per second of the last 5 s. on_time: share of all ticks. late: number of late ones.
+        ticks: number of all.
+    """
+
+    rate: float
+    on_time: float
+    late: int
+    ticks: int
+
+
+class Metronome:
+    """Waits for the next deadline.
+
+    Args:
+        period: s between ticks. now, sleep: a clock in s and how to wait, for tests.
+    """
+
+    def __init__(
+        self,
+        period: float,
+        now: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._period, self._now, self._sleep = period, now, sleep
+        self._due = now() + period
+        self._begun: deque[float] = deque(maxlen=WINDOW)
+        self._ticks = self._late = 0
+
+    def wait(self) -> None:
+        """Return at the next deadline, at once if it is over."""
+        if (left := self._due - self._now()) > 0.0:
+            self._sleep(left)
+        begun = self._now()
+        behind = begun - self._due
+        self._ticks += 1
+        self._late += behind > LATE_S
+        self._begun.append(begun)
+        self._due = begun + self._period if behind > HOPELESS_S else self._due + self._period
+
+    @property
+    def pace(self) -> Pace:
+        """How well time was kept."""
+        span = self._begun[-1] - self._begun[0] if len(self._begun) > 1 else 0.0
+        rate = (len(self._begun) - 1) / span if span else 0.0
+        on_time = 1.0 - self._late / self._ticks if self._ticks else 1.0
+        return Pace(round(rate, 2), round(on_time, 4), self._late, self._ticks)

@@ -1,0 +1,7 @@
+"""Sticks and buttons drawn on the page: each button gives the command that it is named after."""
+
+from __future__ import annotations
+
+from aerial_il.teleop.mapping import DIRECTIONS, HELD, PRESSED
+
+CONTROLS = tuple(f"touch:{command}" for command in (*DIRECTIONS, *HELD, *PRESSED))

@@ -1,0 +1,84 @@
+"""All parts of a flight by hand put together: environment, cockpit, loop, film and page, until it is interrupted."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.film import Film
+from aerial_il.teleop.inbox import Inbox
+from aerial_il.teleop.loop import Loop
+from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.server import Server
+
+CAMERAS = ("chase", "wrist")
+WATCH_S = 0.25
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where the page is served.
+
+    Attributes:
+        host: ``127.0.0.1`` for this machine alone. port: 0 for any that is free. size: (height, width) of pictures.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    size: tuple[int, int] = (360, 480)
+
+
+async def fly(
+    env: BatchEnvironment,
+    cockpit: Cockpit,
+    bindings: Bindings,
+    site: Site,
+    *,
+    operator: str,
+    opened: Callable[[Server], Awaitable[None] | None],
+) -> None:
+    """Serve the page and fly until cancelled or until a part fails.
+
+    Args:
+        env: what is flown. cockpit: its session. bindings: of the page's devices. site: where the page is served.
+        operator: who flies. opened: called when the page is there.
+    """
+    inbox = Inbox(bindings)
+    server = Server(inbox, about(env, bindings, operator, site), host=site.host, port=site.port)
+    await server.start()
+    film = Film(env.model, CAMERAS, site.size, server.deliver)
+    flight = Loop(cockpit, inbox, film.show, server.report)
+    server.flight, server.film = flight, film
+    try:
+        film.start()
+        flight.start()
+        if (greeting := opened(server)) is not None:
+            await greeting
+        while flight.error is None and film.error is None:
+            await asyncio.sleep(WATCH_S)
+    finally:
+        flight.close()
+        film.close()
+        await server.close()
+    if (error := flight.error or film.error) is not None:
+        raise error
+
+
+def about(env: BatchEnvironment, bindings: Bindings, operator: str, site: Site) -> dict[str, object]:
+    """Return what the page says of the flight."""
+    spec = env.spec
+    return {
+        "robot": spec.robot,
+        "task": spec.task,
+        "tier": spec.tier,
+        "instruction": spec.instruction,
+        "action": spec.action.level,
+        "operator": operator,
+        "bindings": bindings.to_dict(),
+        "cameras": list(CAMERAS),
+        "size": list(site.size),
+        "rate": round(1.0 / spec.control_dt_s),
+    }

@@ -1,0 +1,89 @@
+"""What a device shows at one tick: the only thing of the outside world that a flight depends on."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+
+NUM_AXES, NUM_CONTROLS = 8, 64
+AXES = ("left_x", "left_y", "right_x", "right_y", "left_trigger", "right_trigger", "spare_0", "spare_1")
+LABELS = ("seq", *AXES, "held_low", "held_high", "edges_low", "edges_high", "t_client_ms")
+_FORMAT = struct.Struct("<I8fQQd")
+_HALF = 1 << 32
+
+
+@dataclass(frozen=True)
+class DeviceFrame:
+    """One reading of a device, taken at a tick of 20 ms.
+
+    Attributes:
+        seq: number of the message that was read last; one that stands still means that nothing new arrived.
+        axes: 8 stick and trigger positions in [-1, 1], float32, see ``AXES``.
+        held: bit i is set while control i of the mapping's list is held.
+        edges: bit i is set if it was pressed since the last tick, however briefly.
+        t_client: ms, on the clock of whoever sent it; recorded, never flown by.
+    """
+
+    seq: int = 0
+    axes: tuple[float, ...] = (0.0,) * NUM_AXES
+    held: int = 0
+    edges: int = 0
+    t_client: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.axes) != NUM_AXES or not all(abs(a) <= 1.0 for a in self.axes):  # NaN is not
+            raise InvalidValueError(f"A device frame has {NUM_AXES} axes in [-1, 1], got {self.axes}.")
+        object.__setattr__(self, "axes", tuple(float(np.float32(a)) for a in self.axes))
+        if not 0 <= self.seq < _HALF:
+            raise InvalidValueError(f"A device frame is numbered from 0 to 2**32 - 1, got {self.seq}.")
+        if not (0 <= self.held < 1 << NUM_CONTROLS and 0 <= self.edges < 1 << NUM_CONTROLS):
+            raise InvalidValueError(f"A device frame has {NUM_CONTROLS} controls, got {self.held:#x}, {self.edges:#x}.")
+        if not math.isfinite(self.t_client):
+            raise InvalidValueError(f"The time of a device frame is finite, got {self.t_client}.")
+
+    def to_bytes(self) -> bytes:
+        """Return the frame as 60 bytes, little-endian."""
+        return _FORMAT.pack(self.seq, *self.axes, self.held, self.edges, self.t_client)
+
+    @staticmethod
+    def from_bytes(raw: bytes) -> DeviceFrame:
+        """Return the frame that :meth:`to_bytes` wrote.
+
+        Raises:
+            InvalidValueError: another size, or values that no frame has.
+        """
+        if len(raw) != _FORMAT.size:
+            raise InvalidValueError(f"A device frame takes {_FORMAT.size} bytes, got {len(raw)}.")
+        seq, *axes, held, edges, t_client = _FORMAT.unpack(raw)
+        return DeviceFrame(seq, tuple(axes), held, edges, t_client)
+
+    def to_row(self) -> np.ndarray:
+        """Return the frame as float64 numbers named by ``LABELS``, without loss: how recordings carry it."""
+        halves = [part for bits in (self.held, self.edges) for part in (bits % _HALF, bits // _HALF)]
+        return np.array([self.seq, *self.axes, *halves, self.t_client])
+
+    @staticmethod
+    def from_row(row: Sequence[float] | np.ndarray) -> DeviceFrame:
+        """Return the frame that :meth:`to_row` wrote."""
+        numbers = [float(value) for value in row]
+        if len(numbers) != len(LABELS) or not all(map(math.isfinite, numbers)):
+            raise InvalidValueError(f"A device frame is recorded as {len(LABELS)} finite numbers, got {numbers}.")
+        seq, held_low, held_high, edges_low, edges_high = (int(numbers[i]) for i in (0, -5, -4, -3, -2))
+        axes = tuple(numbers[1 : 1 + NUM_AXES])
+        return DeviceFrame(seq, axes, held_low + _HALF * held_high, edges_low + _HALF * edges_high, numbers[-1])
+
+
+def bits_of(names: Iterable[str], controls: Sequence[str]) -> int:
+    """Return the bits of those ``names`` that are among ``controls``; others are not bound and mean nothing."""
+    return sum(1 << controls.index(name) for name in set(names) if name in controls)
+
+
+def names_of(bits: int, controls: Sequence[str]) -> frozenset[str]:
+    """Return the controls whose bits are set."""
+    return frozenset(name for i, name in enumerate(controls) if bits >> i & 1)

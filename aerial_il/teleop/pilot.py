@@ -1,0 +1,80 @@
+"""From frames of a device to actions: the whole chain of mapping, shaping, modes, assist and targets, tick by tick.
+
+What it commands follows from the frames and from what the vehicle shows, never from a clock: the log of a flight,
+given again, is the same flight to the last bit.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from aerial_il.control.vehicle import Vehicle
+from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.teleop.assist import DeadMan, eased, tilt_of
+from aerial_il.teleop.command import Command, check_level, command_of, modes_of
+from aerial_il.teleop.frame import DeviceFrame
+from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.shaping import Shaper
+from aerial_il.teleop.targets import Obs, targets_for
+
+
+class Pilot:
+    """A person's hands on one vehicle.
+
+    Args:
+        spec: the environment. vehicle: what flies in it. bindings: what the frames' bits mean.
+        mode: what sticks mean at first; None for the level's default.
+
+    Raises:
+        UnknownNameError: an action level or mode that cannot be flown.
+    """
+
+    def __init__(self, spec: EnvSpec, vehicle: Vehicle, bindings: Bindings, mode: str | None = None) -> None:
+        check_level(spec.action.level)
+        self.modes = modes_of(spec.action.level, vehicle)
+        if mode is not None and mode not in self.modes:
+            raise UnknownNameError("mode", mode, self.modes)
+        self.mode = mode or self.modes[0]
+        self.bindings, self._spec = bindings, spec
+        self._grips = spec.action.labels[-1:] == ("gripper",)
+        self._targets = targets_for(spec.action.level, vehicle)
+        self._shaper, self._dead_man = Shaper(), DeadMan()
+        self.command, self.opening, self.dead, self.precise = Command(), 1.0, True, False
+
+    def engage(self, obs: Obs) -> None:
+        """Take over at what the vehicle does now, without a jerk."""
+        self._shaper.stop()
+        self._targets.seat(obs)
+        self.command = Command()
+        self.opening = float(obs["gripper"][0]) if "gripper" in obs else 1.0
+
+    def act(self, frame: DeviceFrame, obs: Obs) -> np.ndarray:
+        """Return the action (Da,) of the coming tick.
+
+        Args:
+            frame: what the device shows. obs: what the vehicle shows, ``name -> (D,)``.
+        """
+        intent, dt = self.bindings.intent(frame), self._spec.control_dt_s
+        self.dead, self.precise = self._dead_man.step(frame.seq), "precision" in intent.held
+        if "mode" in intent.pressed:
+            self.mode = self.modes[(self.modes.index(self.mode) + 1) % len(self.modes)]
+            self._shaper.stop()
+        if self.dead:
+            self._shaper.stop()
+            self.command = Command()
+        else:
+            self.command = command_of(self._shaper.step(intent), self.mode, precise=self.precise)
+            if "base_rot6d" in obs:
+                self.command = eased(self.command, tilt_of(obs["base_rot6d"]))
+        action = self._targets.step(self.command, obs, dt)
+        if self._grips:
+            self.opening = min(1.0, max(0.0, self.opening - dt * self.command.grip))
+            action = np.append(action, self.opening)
+        return self._spec.action.clip(action)
+
+    def settings(self) -> dict[str, Any]:
+        """Return what a log must be flown with again, as plain values."""
+        return {"mode": self.mode, "bindings": self.bindings.to_dict()}

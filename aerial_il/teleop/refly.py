@@ -1,0 +1,51 @@
+"""Fly the input log of a recording again, and require the same actions and states to the last bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from aerial_il import robots
+from aerial_il.core.errors import DemoError
+from aerial_il.data.episode import Episode
+from aerial_il.data.replay import check_engine
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.devices.replay import Replay, frames_of
+from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.pilot import Pilot
+
+
+def refly(env: BatchEnvironment, episode: Episode, path: Path | str = "") -> int:
+    """Give the frames of a recording to a new pilot and compare every action and state; return the number of steps.
+
+    Args:
+        env: an environment of one world like the one that was flown. episode: the recording. path: for errors.
+
+    Raises:
+        DemoError: nobody flew it by hand, or the first step that differs.
+    """
+    place = str(path or episode.uid)
+    check_engine(env.engine, episode, place)
+    frames, settings = frames_of(episode, place), episode.provenance["settings"]
+    bindings = Bindings.from_dict(settings["bindings"])
+    obs, device = env.reset(episode.seed), Replay(frames)
+    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, bindings, settings["mode"])
+    pilot.engage({name: values[0] for name, values in obs.items()})
+    for step in range(len(frames)):
+        _compare(place, step, "state", env.get_state()[0], episode.states[step])
+        action = pilot.act(device.frame(), {name: values[0] for name, values in obs.items()})
+        _compare(place, step, "action", action, episode.actions[step])
+        obs = env.step(action[None]).obs
+    _compare(place, len(frames), "state", env.get_state()[0], episode.states[-1])
+    return len(frames)
+
+
+def _compare(path: str, step: int, field: str, got: np.ndarray, recorded: np.ndarray) -> None:
+    wrong = np.flatnonzero(got != recorded)
+    if wrong.size:
+        i = int(wrong[0])
+        raise DemoError(
+            path, "is not what its input log flies.", topic="/device", step=step, field=f"{field}[{i}]",
+            expected=repr(recorded[i]), got=repr(got[i]),
+        )  # fmt: skip

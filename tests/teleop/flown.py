@@ -1,0 +1,49 @@
+"""A whole flight by hand in this process, page and all, for tests that talk to it as a browser does."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.flight import Site, fly
+from aerial_il.teleop.logbook import Logbook
+from aerial_il.teleop.server import Server
+from tests.teleop.hands import shipped, world
+
+
+@dataclass
+class Flown:
+    """A flight under way."""
+
+    env: BatchEnvironment
+    cockpit: Cockpit
+    server: Server
+
+
+@asynccontextmanager
+async def flown(
+    out: Path, *, countdown: int = 10, port: int = 0, size: tuple[int, int] = (180, 240), **settings: Any
+) -> AsyncIterator[Flown]:
+    """Fly, on a page, into the folder ``out``."""
+    env, bindings = world(**settings), shipped("keyboard", "gamepad", "touch")
+    logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
+    cockpit = Cockpit(env, bindings, logbook, countdown=countdown)
+    there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()
+    site = Site(port=port, size=size)
+    work = asyncio.create_task(fly(env, cockpit, bindings, site, operator="ada", opened=there.set_result))
+    try:
+        await asyncio.wait({work, there}, return_when=asyncio.FIRST_COMPLETED)
+        if work.done():
+            await work
+        yield Flown(env, cockpit, there.result())
+    finally:
+        work.cancel()
+        with suppress(asyncio.CancelledError):
+            await work
+        env.close()

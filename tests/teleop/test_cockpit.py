@@ -1,0 +1,276 @@
+"""Sessions on a real environment and a real disk: recorded, reviewed, kept, discarded, brought back, flown again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerial_il.core.errors import DemoError, InvalidValueError, StorageError
+from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.reader import read_episode
+from aerial_il.data.recovery import recover_episode
+from aerial_il.data.replay import replay
+from aerial_il.data.writer import write_episode
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.devices.scripted import Scripted
+from aerial_il.teleop.frame import bits_of
+from aerial_il.teleop.logbook import Logbook
+from aerial_il.teleop.refly import refly
+from aerial_il.teleop.session import Event, State
+from tests.teleop.hands import schedule, shipped, world
+
+
+def cockpit_of(env: BatchEnvironment, out: Path, **settings) -> Cockpit:
+    logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
+    return Cockpit(env, shipped("scripted"), logbook, countdown=3, **settings)
+
+
+def fly(cockpit: Cockpit, script: Callable[[int], list[str]], ticks: int) -> None:
+    device = Scripted(script, cockpit.bindings)
+    for _ in range(ticks):
+        cockpit.tick(device.frame())
+
+
+def recorded(cockpit: Cockpit, ticks: int = 60, ending: str = "save") -> None:
+    """Record so many ticks of flight, and decide."""
+    moving = (6, 6 + ticks // 2, ["forward+", "up-"])
+    end = 5 + ticks
+    parts = [(1, 2, ["record"]), moving, (end, end + 1, ["record"]), (end + 2, end + 3, [ending])]
+    fly(cockpit, schedule(*parts), end + 5)
+
+
+def test_a_flight_is_recorded_and_replays_by_its_actions_and_by_its_log(tmp_path: Path) -> None:
+    env = world(tier="gusts")
+    cockpit = cockpit_of(env, tmp_path)
+    recorded(cockpit)
+    assert cockpit.state is State.IDLE
+    cockpit.close()
+    (file,) = DatasetFolder(tmp_path).files("failures")
+    episode = read_episode(file)
+    assert not episode.success
+    assert len(episode) >= 58
+    assert np.ptp(episode.actions[:, 2]) > 0.05, "it was flown"
+    assert replay(env, episode) == len(episode)
+    assert refly(env, episode) == len(episode)
+    assert episode.provenance["policy"] == "human:ada"
+    assert episode.provenance["settings"]["time_scale"] == 1.0
+
+
+def test_a_log_with_one_bit_changed_is_not_that_flight(tmp_path: Path) -> None:
+    env = world()
+    cockpit = cockpit_of(env, tmp_path)
+    recorded(cockpit)
+    cockpit.close()
+    episode = read_episode(DatasetFolder(tmp_path).files("failures")[0])
+    rows = episode.extras["device"].copy()
+    rows[10, 9] = bits_of(["lateral+"], shipped("scripted").controls)
+    with pytest.raises(DemoError, match="step 10"):
+        refly(env, _with(episode, extras={"device": rows}))
+
+
+def test_recordings_with_and_without_frames_are_read_copied_and_salvaged(tmp_path: Path) -> None:
+    env = world()
+    cockpit = cockpit_of(env, tmp_path / "a")
+    recorded(cockpit, ticks=160)
+    cockpit.close()
+    (file,) = DatasetFolder(tmp_path / "a").files("failures")
+    episode = read_episode(file)
+    copy = read_episode(write_episode(episode, tmp_path / "copy.mcap"))
+    np.testing.assert_array_equal(copy.extras["device"], episode.extras["device"])
+    plain = _with(episode, extras={}, extra_labels={})
+    assert not read_episode(write_episode(plain, tmp_path / "plain.mcap")).extras
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[:-9000])
+    saved = read_episode(recover_episode(cut, tmp_path / "saved.mcap").path)
+    assert 10 < len(saved) < len(episode)
+    np.testing.assert_array_equal(saved.extras["device"], episode.extras["device"][: len(saved)])
+
+
+def test_a_byte_changed_in_the_frames_is_noticed(tmp_path: Path) -> None:
+    env = world()
+    cockpit = cockpit_of(env, tmp_path)
+    recorded(cockpit)
+    cockpit.close()
+    (file,) = DatasetFolder(tmp_path).files("failures")
+    raw = bytearray(file.read_bytes())
+    raw[len(raw) // 2] ^= 1
+    file.write_bytes(raw)
+    with pytest.raises(DemoError):
+        read_episode(file)
+
+
+def test_discarded_goes_to_the_trash_and_undo_brings_it_back(tmp_path: Path) -> None:
+    cockpit = cockpit_of(world(), tmp_path)
+    recorded(cockpit, ending="discard")
+    recorded(cockpit, ending="discard")
+    cockpit.logbook.settle(wait=True)
+    assert cockpit.logbook.counts() == {"demos": 0, "failures": 0, "trash": 2}
+    assert cockpit.logbook.seed == 5000, "the seed of a discarded take is flown again"
+    recorded(cockpit)
+    fly(cockpit, schedule((1, 2, ["undo"]), (4, 5, ["undo"]), (7, 8, ["undo"])), 9)
+    assert cockpit.message == "There is nothing to bring back."
+    cockpit.close()
+    assert cockpit.logbook.counts() == {"demos": 0, "failures": 3, "trash": 0}
+    files = DatasetFolder(tmp_path).files("failures")
+    assert len({file.name for file in files}) == 3, "takes of one seed have names of their own"
+    assert [read_episode(file).seed for file in files] == [5000] * 3
+    assert set(DatasetFolder(tmp_path).read_index()["failures"]) == {file.stem for file in files}
+
+
+def test_a_session_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    env = world()
+    for _ in range(2):
+        cockpit = cockpit_of(env, tmp_path)
+        recorded(cockpit)
+        cockpit.close()
+    assert sorted(read_episode(file).seed for file in DatasetFolder(tmp_path).files("failures")) == [5000, 5001]
+
+
+@pytest.mark.parametrize(
+    ("other", "key"),
+    [
+        ({"task": "pick_place"}, "task"),
+        ({"action": "velocity"}, "action"),
+        ({"tier": "gusts"}, "tier: 'calm' != 'gusts'"),
+    ],
+)
+def test_another_environments_folder_is_refused_with_the_key_that_differs(
+    tmp_path: Path, other: dict, key: str
+) -> None:
+    cockpit = cockpit_of(world(), tmp_path)
+    cockpit.close()
+    with pytest.raises(InvalidValueError, match=key):
+        cockpit_of(world(**other), tmp_path)
+
+
+def test_time_stands_still_in_pauses_and_they_leave_no_steps(tmp_path: Path) -> None:
+    env = world()
+    cockpit = cockpit_of(env, tmp_path)
+    script = schedule(
+        (1, 2, ["record"]),
+        (8, 40, ["forward+"]),
+        (30, 31, ["pause"]),
+        (60, 61, ["pause"]),
+        (80, 81, ["save"]),
+        (83, 84, ["save"]),
+    )
+    fly(cockpit, script, 90)
+    cockpit.close()
+    episode = read_episode(DatasetFolder(tmp_path).files("failures")[0])
+    assert len(episode) < 60
+    assert refly(env, episode) == len(episode)
+
+
+def test_nobody_at_the_controls_pauses_a_recording(tmp_path: Path) -> None:
+    cockpit = cockpit_of(world(), tmp_path)
+    fly(cockpit, schedule((1, 2, ["record"])), 20)
+    assert cockpit.state is State.RECORDING
+    cockpit.happen(Event.LOST)
+    assert cockpit.state is State.PAUSED
+    cockpit.close()
+
+
+def test_an_episode_is_kept_as_a_demonstration_only_if_it_was_solved(tmp_path: Path) -> None:
+    """A script flies the tool to the target by what the status and the observation show."""
+    env = world()
+    cockpit = cockpit_of(env, tmp_path)
+    solve_reach(cockpit, 1500)
+    assert cockpit.state is State.REVIEW
+    assert cockpit.status().success
+    fly(cockpit, schedule((1, 2, ["save"])), 4)
+    cockpit.close()
+    (file,) = DatasetFolder(tmp_path).files()
+    episode = read_episode(file)
+    assert episode.success
+    assert refly(env, episode) == len(episode)
+
+
+def test_the_operator_may_call_a_success_a_failure_but_not_the_reverse(tmp_path: Path) -> None:
+    cockpit = cockpit_of(world(), tmp_path)
+    solve_reach(cockpit, 1500)
+    fly(cockpit, schedule((1, 2, ["label"]), (3, 4, ["save"])), 6)
+    recorded_label = schedule(
+        (1, 2, ["record"]), (40, 41, ["save"]), (42, 43, ["label"]), (44, 45, ["label"]), (46, 47, ["save"])
+    )
+    fly(cockpit, recorded_label, 50)
+    cockpit.close()
+    assert cockpit.logbook.counts()["demos"] == 0
+    first, second = (read_episode(file) for file in DatasetFolder(tmp_path).files("failures"))
+    assert first.provenance["note"] == "the operator called it a failure"
+    assert not second.success
+
+
+def test_a_full_disk_is_told_and_the_flight_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = world()
+    cockpit = cockpit_of(env, tmp_path)
+    recorded(cockpit)
+    cockpit.logbook.settle(wait=True)
+
+    def full(*_: object, **__: object) -> None:
+        raise StorageError(tmp_path, OSError(28, "No space left on device"))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("aerial_il.data.writer.EpisodeWriter.append", full)
+        fly(cockpit, schedule((1, 2, ["record"])), 120)
+    assert "No space left" in cockpit.message
+    assert cockpit.state is State.IDLE
+    recorded(cockpit)
+    cockpit.close()
+    assert cockpit.logbook.counts()["failures"] == 2
+
+
+def solve_reach(cockpit: Cockpit, ticks: int) -> None:
+    """Fly ``reach`` by keys, on what the environment shows, until the session asks what to do with it."""
+    controls = cockpit.bindings.controls
+    device = Scripted(lambda tick: wanted(cockpit, tick), cockpit.bindings)
+    assert controls
+    for _ in range(ticks):
+        cockpit.tick(device.frame())
+        if cockpit.state is State.REVIEW:
+            return
+
+
+def wanted(cockpit: Cockpit, tick: int) -> list[str]:
+    """Name the keys that lead the tool to the marked pose."""
+    if tick < 2:
+        return ["record"] if tick == 1 else []
+    if cockpit.state is not State.RECORDING:
+        return []
+    obs = {name: values[0] for name, values in cockpit.env.observe().items()}
+    return keys_towards(obs, cockpit.status().mode, tick)
+
+
+def keys_towards(obs: dict[str, np.ndarray], mode: str, tick: int) -> list[str]:
+    """Return keys for the tool's position first, then for its rotation."""
+    from aerial_il.core.rotations import matmul_back, rotate, rotvec_from_mat
+    from aerial_il.teleop.targets import heading, rotation
+
+    yaw = heading(obs)
+    c, s = np.cos(yaw), np.sin(yaw)
+    off = obs["tool_to_target"]
+    ahead, left, up = c * off[0] + s * off[1], -s * off[0] + c * off[1], off[2]
+    tool, target = rotation(obs["ee_rot6d"]), rotation(obs["target_rot6d"])
+    turn = np.array(rotate(tool, rotvec_from_mat(matmul_back(tool, target))))
+    roll, pitch, turned = c * turn[0] + s * turn[1], -s * turn[0] + c * turn[1], turn[2]
+    keys = _signed("yaw", turned, 0.03)
+    wrist = max(abs(roll), abs(pitch)) > 0.06 and np.linalg.norm(off) < 0.3
+    if wrist != (mode == "wrist"):
+        return ["mode"] if tick % 4 == 0 else []
+    if mode == "wrist":
+        return [*keys, "precision", *_signed("forward", pitch, 0.02), *_signed("lateral", -roll, 0.02)]
+    keys += _signed("forward", ahead, 0.006) + _signed("lateral", left, 0.006) + _signed("up", up, 0.006)
+    return [*keys, "precision"] if np.linalg.norm(off) < 0.15 else keys
+
+
+def _signed(motion: str, value: float, least: float) -> list[str]:
+    return [motion + ("+" if value > 0 else "-")] if abs(value) > least else []
+
+
+def _with(episode, **changes):
+    from dataclasses import replace
+
+    return replace(episode, **changes)

@@ -1,0 +1,60 @@
+"""Frames keep every bit, and refuse what no device shows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.teleop.frame import DeviceFrame, bits_of, names_of
+
+BITS = st.integers(0, 2**64 - 1)
+FRAMES = st.builds(
+    DeviceFrame,
+    seq=st.integers(0, 2**32 - 1),
+    axes=st.tuples(*[st.floats(-1, 1, width=32)] * 8),
+    held=BITS,
+    edges=BITS,
+    t_client=st.floats(allow_nan=False, allow_infinity=False),
+)
+
+
+@given(FRAMES)
+def test_a_frame_comes_back_from_its_bytes_and_from_its_numbers(frame: DeviceFrame) -> None:
+    assert DeviceFrame.from_bytes(frame.to_bytes()) == frame
+    assert DeviceFrame.from_row(frame.to_row()) == frame
+    assert DeviceFrame.from_row(frame.to_row()).to_bytes() == frame.to_bytes()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"seq": -1},
+        {"seq": 2**32},
+        {"axes": (0.0,) * 7},
+        {"axes": (1.5, *(0.0,) * 7)},
+        {"axes": (math.nan, *(0.0,) * 7)},
+        {"held": -1},
+        {"edges": 2**64},
+        {"t_client": math.inf},
+    ],
+)
+def test_what_no_device_shows_is_refused(wrong: dict) -> None:
+    with pytest.raises(InvalidValueError):
+        DeviceFrame(**wrong)
+
+
+def test_foreign_bytes_and_numbers_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="bytes"):
+        DeviceFrame.from_bytes(b"\0" * 59)
+    for row in (np.zeros(13), np.full(14, np.nan), np.full(14, 1e300)):
+        with pytest.raises(InvalidValueError):
+            DeviceFrame.from_row(row)
+
+
+def test_controls_that_are_not_bound_mean_nothing() -> None:
+    assert names_of(bits_of(["KeyW", "F13"], ["KeyS", "KeyW"]), ["KeyS", "KeyW"]) == {"KeyW"}

@@ -1,0 +1,208 @@
+"""Who may fly, and what the server believes: spoken to as a hostile or clumsy client would."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+
+from aerial_il.teleop.messages import BURST, Bucket, MessageError, read_message
+from aerial_il.teleop.server import PortTakenError
+from aerial_il.teleop.session import State
+from tests.teleop.flown import Flown, flown
+
+pytestmark = pytest.mark.render
+
+
+def together(work) -> None:
+    asyncio.run(asyncio.wait_for(work, 60.0))
+
+
+async def socket(session: aiohttp.ClientSession, flight: Flown, **headers: str) -> aiohttp.ClientWebSocketResponse:
+    url = f"http://127.0.0.1:{flight.server.port}/socket?token={flight.server.token}"
+    return await session.ws_connect(url, headers=headers)
+
+
+async def told(client: aiohttp.ClientWebSocketResponse, kind: str) -> dict[str, Any]:
+    """Return the next message of a kind."""
+    while True:
+        message = await client.receive(timeout=10.0)
+        assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
+        if message.type is aiohttp.WSMsgType.TEXT and (found := json.loads(message.data))["type"] == kind:
+            return found
+
+
+async def until(client: aiohttp.ClientWebSocketResponse, **wanted: Any) -> dict[str, Any]:
+    """Return the first status that says what is wanted; the test's time limit is how long it may take."""
+    while True:
+        found = await told(client, "status")
+        if all(found[name] == value for name, value in wanted.items()):
+            return found
+
+
+def an_input(seq: int, *held: str, pressed: tuple[str, ...] = ()) -> str:
+    return json.dumps({"type": "input", "seq": seq, "held": held, "pressed": pressed, "axes": {}, "t": 1.0})
+
+
+def test_who_has_no_token_or_is_another_page_is_refused(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+            base, token = f"http://127.0.0.1:{flight.server.port}", flight.server.token
+            evil = {"Origin": "https://evil.example"}
+            foreign = {"Host": f"evil.example:{flight.server.port}"}
+            for path, headers, expected in (
+                (f"/?token={token}", {}, 200),
+                ("/", {}, 403),
+                ("/?token=wrong", {}, 403),
+                (f"/?token={token}", foreign, 403),
+                ("/style.css", {}, 200),
+                ("/../server.py", {}, 404),
+                ("/%2e%2e%2fserver.py", {}, 404),
+                ("/index.html", {}, 404),
+            ):
+                async with session.get(base + path, headers=headers) as answer:
+                    assert answer.status == expected, path
+            for path, headers in (
+                ("/socket", {}),
+                ("/socket?token=wrong", {}),
+                (f"/socket?token={token}", evil),
+                (f"/socket?token={token}", foreign),
+            ):
+                with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                    await session.ws_connect(base + path, headers=headers)
+            own = await socket(session, flight, Origin=base)
+            assert (await told(own, "status"))["role"] == "controller"
+
+    together(work())
+
+
+def test_bad_messages_are_dropped_and_counted_and_the_flight_goes_on(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+            client = await socket(session, flight)
+            bad = ["", "{", "[]", '{"type":"fly"}', an_input(-1), '{"type":"input","axes":{"left_x":2}}', "[" * 3000]
+            for text in bad:
+                await client.send_str(text)
+            await client.send_bytes(b"\0")
+            await client.send_str(json.dumps({"type": "input", "held": ["x" * 5000]}))
+            await until(client, dropped={"malformed": len(bad) + 1, "oversized": 1})
+            await asyncio.sleep(1.0)
+            for seq in range(400):
+                await client.send_str(an_input(seq + 1))
+            while "flooding" not in (found := await told(client, "status"))["dropped"]:
+                pass
+            assert found["role"] == "controller"
+            await asyncio.sleep(0.5)
+            assert flight.server.visitors.dropped["flooding"] > 200
+            ticks = flight.cockpit.tick_count
+            await asyncio.sleep(0.5)
+            assert flight.cockpit.tick_count > ticks
+
+    together(work())
+
+
+def test_one_flies_the_others_watch_until_it_is_handed_over(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+            first = await socket(session, flight)
+            await told(first, "status")
+            second = await socket(session, flight)
+            assert (await told(second, "status"))["role"] == "spectator"
+            await second.send_str(an_input(9, pressed=("KeyR",)))
+            await second.send_str('{"type":"grant"}')
+            await second.send_str('{"type":"ask"}')
+            assert (await until(second, asked=2))["role"] == "spectator"
+            assert flight.cockpit.state is State.IDLE, "a spectator's keys do nothing"
+            assert flight.cockpit.input_seq == 0
+            await first.send_str('{"type":"grant"}')
+            await until(second, role="controller")
+            await until(first, role="spectator")
+            await second.send_str(an_input(9, pressed=("KeyR",)))
+            await until(second, state="countdown")
+            await second.close()
+            await until(first, free=True)
+            await first.send_str('{"type":"ask"}')
+            await until(first, role="controller")
+
+    together(work())
+
+
+def test_a_lost_page_hovers_pauses_and_goes_on(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+            client = await socket(session, flight)
+            await client.send_str(an_input(1, pressed=("KeyR",)))
+            for seq in range(2, 60):
+                await client.send_str(an_input(seq, "KeyW"))
+                await asyncio.sleep(0.02)
+            assert flight.cockpit.state is State.RECORDING
+            await client.close()
+            again = await socket(session, flight)
+            assert (await until(again, state="paused"))["steps"] > 10
+            await again.send_str(an_input(1, pressed=("KeyP",)))
+            await until(again, state="recording")
+
+    together(work())
+
+
+def test_no_more_than_two_pictures_are_on_their_way(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+            client = await socket(session, flight)
+            pictures = []
+            for _ in range(30):
+                message = await client.receive(timeout=10.0)
+                if message.type is aiohttp.WSMsgType.BINARY:
+                    pictures.append(struct.unpack_from("<IIdI", message.data))
+            assert len(pictures) == 2
+            await client.send_str(json.dumps({"type": "ack", "seq": pictures[1][0]}))
+            while (message := await client.receive(timeout=10.0)).type is not aiohttp.WSMsgType.BINARY:
+                pass
+            newer = struct.unpack_from("<IIdI", message.data)
+            assert newer[0] > pictures[1][0] + 2, "it is the latest picture, not the next one"
+
+    together(work())
+
+
+def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path / "a") as flight:
+            with pytest.raises(PortTakenError, match=f"port={flight.server.port}"):
+                async with flown(tmp_path / "b", port=flight.server.port):
+                    pass
+
+    together(work())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"type":"input","seq":true}',
+        '{"type":"input","seq":1.5}',
+        '{"type":"input","axes":[]}',
+        '{"type":"input","axes":{"up":1}}',
+        '{"type":"input","axes":{"left_x":"1"}}',
+        '{"type":"input","axes":{"left_x":NaN}}',
+        '{"type":"input","held":"KeyW"}',
+        '{"type":"input","held":[1]}',
+        '{"type":"input","t":1e400}',
+        '{"type":["input"]}',
+    ],
+)
+def test_messages_of_the_wrong_shape_are_not_believed(text: str) -> None:
+    with pytest.raises(MessageError):
+        read_message(text)
+
+
+def test_the_bucket_lets_a_page_through_and_a_flood_not() -> None:
+    now = [0.0]
+    bucket = Bucket(lambda: now[0])
+    for _ in range(500):  # 60 messages a second
+        now[0] += 1 / 60
+        assert bucket.admits()
+    assert sum(bucket.admits() for _ in range(1000)) <= BURST
