@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image
 
 from aerial_il.core.errors import UnknownNameError
+from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.rendering import CAMERAS, Renderer
-from aerial_il.suite.worlds import STATE
 from aerial_il.teleop.chase import Chase
 
 THRIFT = ((1, 72), (1, 45), (2, 60), (2, 35))  # pixels left out, and quality of the JPEGs, from wide to narrow links

@@ -12,8 +12,8 @@ import numpy as np
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.provenance import Origin
-from aerial_il.data.recorder import Recorded, Recorder
-from aerial_il.data.writer import EpisodeWriter
+from aerial_il.data.recording.recorder import Recorded, Recorder
+from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.suite.batch import BatchEnvironment, StepResult
 from aerial_il.teleop.devices.replay import TOPIC
 from aerial_il.teleop.frame import LABELS, DeviceFrame

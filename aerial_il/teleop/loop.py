@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.suite.worlds import STATE
+from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.teleop.clock import Metronome, Pace
 from aerial_il.teleop.cockpit import Cockpit, Status
 from aerial_il.teleop.devices import Device

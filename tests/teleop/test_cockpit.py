@@ -10,10 +10,10 @@ import pytest
 
 from aerial_il.core.errors import DemoError, InvalidValueError, StorageError
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.reader import read_episode
+from aerial_il.data.recording.reader import read_episode
+from aerial_il.data.recording.writer import write_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
-from aerial_il.data.writer import write_episode
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
@@ -214,7 +214,7 @@ def test_a_full_disk_is_told_and_the_flight_goes_on(tmp_path: Path, monkeypatch:
         raise StorageError(tmp_path, OSError(28, "No space left on device"))
 
     with monkeypatch.context() as patch:
-        patch.setattr("aerial_il.data.writer.EpisodeWriter.append", full)
+        patch.setattr("aerial_il.data.recording.writer.EpisodeWriter.append", full)
         fly(cockpit, schedule((1, 2, ["record"])), 120)
     assert "No space left" in cockpit.message
     assert cockpit.state is State.IDLE

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.reader import read_episode
+from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.replay import replay
 from aerial_il.teleop.refly import refly
 from tests.teleop.chromium import Tab, browser, needs_browser
