@@ -41,6 +41,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
         ["algorithm=dagger", "dataset=demos", "run=new"],
         ["env=gymnasium:CartPole-v1", "algorithm=gail", "policy=squashed_gaussian", "dataset=demos", "run=new"],
     ],
+    "teleop": [["robot=quad", "task=hover", "out=demos", "open=false", "port=0"]],
     "validate": [["demos"], ["demos", "replay=true"]],
     "view": [["policy=policy", "out=seen.html"], ["policy=policy", "out=seen.rrd"], ["recording=demos"]],
 }
