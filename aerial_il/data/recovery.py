@@ -7,19 +7,10 @@ from pathlib import Path
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, SALVAGED, DatasetFolder
-from aerial_il.data.recording.reader import (
-    Messages,
-    check_channels,
-    check_views,
-    read_episode,
-    read_head,
-    read_messages,
-    read_outcome,
-    read_whole_steps,
-)
+from aerial_il.data.recording.decoding import Messages
+from aerial_il.data.recording.reader import Form, check_channels, read_episode, read_head, read_outcome
 from aerial_il.data.recording.scan import Contents, scan
-from aerial_il.data.recording.schema import Layout
-from aerial_il.data.recording.writer import OUTCOME, STEPS_PER_CHUNK, EpisodeWriter, is_being_written
+from aerial_il.data.recording.writer import OUTCOME, EpisodeWriter, is_being_written
 from aerial_il.data.validation import Report
 
 
@@ -53,21 +44,16 @@ def recover_episode(source: Path | str, target: Path | str) -> Recovered:
     source, target = Path(source), Path(target)
     contents = scan(source, salvage=True)
     head = read_head(source, contents)
-    check_channels(source, contents, head.layout)
-    messages, success = _salvage(source, contents, head.layout)
+    check_channels(source, contents, head.form.definitions)
+    messages, success = _salvage(source, contents, head.form)
     note = f"salvaged: the original {contents.damage or 'was whole'}"
     writer = EpisodeWriter(target, head.layout, uid=head.uid, provenance=head.provenance, model_xml=head.model_xml)
     try:
-        steps, images = len(messages.block["step"]), messages.images
-        for start in range(0, steps, STEPS_PER_CHUNK):
-            rows = slice(start, min(start + STEPS_PER_CHUNK, steps))
-            block = {name: values[rows] for name, values in messages.block.items()}
-            writer.append(block, {name: data[rows] for name, data in images.items()})
-        writer.finish(messages.last, {name: data[-1:] for name, data in images.items()}, success=success, note=note)
+        writer.finish(messages.rows, messages.images, success=success, note=note)
     except BaseException:
         writer.discard()
         raise
-    return Recovered(source, target, steps, note)
+    return Recovered(source, target, len(messages.rows) - 1, note)
 
 
 def recover(path: Path | str) -> list[Recovered]:
@@ -113,30 +99,18 @@ def _reindex(folder: DatasetFolder) -> None:
         folder.write_index(spec)
 
 
-def _salvage(source: Path, contents: Contents, layout: Layout) -> tuple[Messages, bool]:
-    """Return the messages that are left, ending in a terminal record, and whether the flight is known to succeed."""
+def _salvage(source: Path, contents: Contents, form: Form) -> tuple[Messages, bool]:
+    """Return the messages that are left, of which the last is the end, and whether the flight is known to succeed."""
     report = Report(source)
     if OUTCOME in contents.metadata:  # only the file's own end is lost
         outcome = read_outcome(source, contents)
-        messages, success = read_messages(report, contents, layout, outcome.steps), outcome.success
-    else:
-        steps = _whole_steps(contents, layout)
-        if steps < 2:
-            raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=steps)
-        for channel in (*layout.observed, *layout.acted, *layout.cameras):
-            contents.messages[channel.channel] = contents.messages[channel.channel].first(steps)
-        messages, success = read_whole_steps(report, contents, layout, steps), False
-        messages.block["truncated"] = messages.block["truncated"].copy()
-        messages.block["truncated"][-1] = not messages.block["terminated"][-1]
-    check_views(report, layout, messages)
-    return messages, success
-
-
-def _whole_steps(contents: Contents, layout: Layout) -> int:
-    """Return how many steps have all their messages."""
-    counts = [len(contents.messages[topic.channel]) for topic in layout.acted]
-    counts += [len(contents.messages[channel.channel]) for channel in (*layout.observed, *layout.cameras)]
-    return min(counts)
+        return form.read(report, contents, outcome.steps), outcome.success
+    messages = form.read_whole_steps(report, contents)
+    rows = messages.rows
+    if len(rows) < 2:
+        raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=len(rows))
+    rows["truncated"][-2] = not rows["terminated"][-2]
+    return messages, False
 
 
 def _stem(file: Path) -> str:

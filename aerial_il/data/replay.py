@@ -80,7 +80,7 @@ def _compare(
             raise DemoError(
                 path,
                 f"does not replay: resumed at step {start}, its state differs.",
-                topic="/step" if step < len(episode) else "/terminal",
+                topic="/step",
                 step=step,
                 field=f"state[{i}]",
                 expected=repr(episode.states[step, i]),

@@ -18,14 +18,16 @@ from mcap.writer import CompressionType, Writer
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
+from aerial_il.data.recording import columns
 from aerial_il.data.recording.container import MAGIC, record_bytes
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recording.schema import Layout
+from aerial_il.data.recording.version2 import Version2
 from tests.data.crane import crane_spec
 from tests.data.tampering import Entries, rewrite
 
 LAYOUT = Layout(crane_spec(), 2)
-STEP = next(t for t in LAYOUT.topics if t.name == "/step").template.dtype
+HEAD = struct.Struct("<BQHIQQ")  # of a message record
 
 
 def episodes_equal(a, b) -> bool:
@@ -103,13 +105,16 @@ def test_a_copy_by_another_tool_is_accepted(demo: Path, tmp_path: Path) -> None:
 
 
 def with_step(field: str, step: int, value: object) -> Callable[[str, Message], Message]:
-    """Change one field of one /step message."""
+    """Change one field of one step."""
 
     def change(topic: str, message: Message) -> Message:
-        if topic == "/step" and message.sequence == step:
-            body = np.frombuffer(bytearray(message.data), STEP)
-            body[field] = value
-            message.data = body.tobytes()
+        if topic == "/step" and message.sequence == 0:
+            head = HEAD.pack(5, 22 + len(message.data), 1, 0, message.log_time, message.publish_time)
+            steps = columns.from_record(np.frombuffer(head + message.data, np.uint8), LAYOUT.width)
+            steps.numbers.view(LAYOUT.row)[field][step] = value
+            record = columns.to_record(1, steps, 0)
+            assert record is not None
+            message.data = record[HEAD.size :]
         return message
 
     return change
@@ -124,7 +129,6 @@ def with_step(field: str, step: int, value: object) -> Callable[[str, Message], 
         ("executed_action", np.nan, "topic /step, step 3"),
         ("expert_action", [np.nan, 1.0], "topic /step, step 3, field expert_action"),
         ("sim_time", 7.0, "topic /step, step 3, field sim_time"),
-        ("step", 9, "changed after it was recorded"),
         ("terminated", 1, "topic /step, step 3, field terminated"),
         ("truncated", 1, "topic /step, step 3, field truncated"),
         ("state", 1.0, "changed after it was recorded"),
@@ -142,18 +146,18 @@ def drop(topic: str, sequence: int | None = None) -> Callable[[str, Message], Me
     return lambda t, m: None if t == topic and sequence in (None, m.sequence) else m
 
 
-@pytest.mark.parametrize("topic", [t.name for t in LAYOUT.topics])
+@pytest.mark.parametrize("topic", ["/step", *(topic.name for topic in Version2(LAYOUT).views)])
 def test_missing_topics_and_messages_are_named(demo: Path, tmp_path: Path, topic: str) -> None:
     with pytest.raises(DemoError, match=f"topic {topic}"):
         read_episode(rewrite(demo, tmp_path / "without.mcap", message=drop(topic)))
-    if topic != "/terminal":
+    if topic != "/step":
         with pytest.raises(DemoError, match=f"topic {topic}"):
-            read_episode(rewrite(demo, tmp_path / "gap.mcap", message=drop(topic, 2)))
+            read_episode(rewrite(demo, tmp_path / "gap.mcap", message=drop(topic, 5)))
 
 
 def test_time_and_order_are_checked(demo: Path, tmp_path: Path) -> None:
     def later(topic: str, message: Message) -> Message:
-        message.log_time += 5 if (topic, message.sequence) == ("/action", 4) else 0
+        message.log_time += 5 if (topic, message.sequence) == ("/action", 5) else 0
         return message
 
     def renumber(topic: str, message: Message) -> Message:
@@ -169,7 +173,7 @@ def test_time_and_order_are_checked(demo: Path, tmp_path: Path) -> None:
         return message
 
     for change, says in (
-        (later, "topic /action, step 4"),
+        (later, "topic /action, step 5"),
         (renumber, "topic /reward, step 0, field sequence"),
         (longer, "topic /action, step 5"),
         (renamed, "differs from its specification. .topic /observation, step 0"),
@@ -194,19 +198,20 @@ SPEC = json.dumps({**crane_spec().to_dict(), "state_size": 10**12})
 @pytest.mark.parametrize(
     ("metadata", "says"),
     [
-        (edit("aerial_il.episode", schema_version="99"), "unknown schema version. expected 1, got 99"),
+        (edit("aerial_il.episode", schema_version="99"), "unknown schema version. expected one of 1, 2, got 99"),
         (edit("aerial_il.episode", spec=None), "lacks .'spec'."),
         (edit("aerial_il.episode", spec="{"), "malformed metadata"),
         (edit("aerial_il.episode", spec="[" * 100_000), "malformed metadata"),
         (edit("aerial_il.episode", spec=SPEC), "malformed metadata"),
         (edit("aerial_il.episode", ctrl_size="-1"), "malformed metadata"),
-        (edit("aerial_il.episode", ctrl_size="3"), "topic /step, step 0"),
+        (edit("aerial_il.episode", ctrl_size="3"), "its columns are not those of its specification"),
+        (edit("aerial_il.episode", columns="{}"), "its columns are not those of its specification"),
         (edit("aerial_il.episode", uid="somebody-else"), "changed after it was recorded"),
         (edit("aerial_il.provenance", seed="1"), "changed after it was recorded"),
         (edit("aerial_il.provenance", seed=None), "changed after it was recorded"),
         (edit("aerial_il.outcome", success="false"), "changed after it was recorded"),
         (edit("aerial_il.outcome", success="perhaps"), "malformed metadata"),
-        (edit("aerial_il.outcome", steps="4"), "topic /observation"),
+        (edit("aerial_il.outcome", steps="4"), "topic /step"),
         (edit("aerial_il.outcome", digest=None), "no complete metadata"),
         (lambda entries: {k: v for k, v in entries.items() if k != "aerial_il.outcome"}, "no complete metadata"),
         (lambda entries: {k: v for k, v in entries.items() if k != "aerial_il.provenance"}, "foreign MCAP file"),
@@ -271,3 +276,20 @@ def test_decompression_bombs_are_not_inflated(tmp_path: Path, declared: int) -> 
     with pytest.raises(DemoError, match="declares"):
         read_episode(tmp_path / "bomb.mcap")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
+
+
+def test_a_message_of_steps_that_swells_is_refused() -> None:
+    """A few bytes may not claim a million equal steps, nor columns that are not there."""
+    numbers = np.zeros((2, LAYOUT.width))
+    numbers[1, 3] = 1.0
+    record = columns.to_record(1, columns.Steps(0, 0, numbers), LAYOUT.width)
+    assert record is not None
+    raw = np.frombuffer(record, np.uint8)
+    np.testing.assert_array_equal(columns.from_record(raw, LAYOUT.width).numbers, numbers)
+    many, count = raw.copy(), HEAD.size + 4 + 20
+    many[count : count + 4] = np.frombuffer(struct.pack("<I", 1_000_000), np.uint8)
+    elsewhere, which = raw.copy(), HEAD.size + 4 + 36 + 8 * LAYOUT.width
+    elsewhere[which : which + 4] = np.frombuffer(struct.pack("<I", LAYOUT.width), np.uint8)
+    for forged, says in ((many, "1000000 steps"), (elsewhere, "does not have"), (raw[:-1], "another size")):
+        with pytest.raises(ValueError, match=says):
+            columns.from_record(forged, LAYOUT.width)

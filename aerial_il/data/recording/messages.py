@@ -1,7 +1,7 @@
 """The ROS 2 message types of a demonstration: their definitions, and templates to write them by the thousand.
 
 Standard types carry what people look at, so that rerun, Foxglove and ROS 2 tools show it without help. One type of our
-own, ``aerial_il_msgs/msg/Step``, carries what must be exact.
+own, ``aerial_il_msgs/msg/Steps``, carries what must be exact.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 FLOAT_ARRAY = "std_msgs/msg/Float64MultiArray"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
-STEP = "aerial_il_msgs/msg/Step"
+STEP = "aerial_il_msgs/msg/Step"  # of schema version 1
+STEPS = "aerial_il_msgs/msg/Steps"
 
 STEP_DEFINITION = """\
 # One control step, exact to the bit. On /terminal the arrays of the action are empty.
@@ -35,6 +36,21 @@ int32 phase
 float64 reward
 bool terminated
 bool truncated
+"""
+
+STEPS_DEFINITION = """\
+# Consecutive control steps, exact to the bit, column by column. A step is a row of numbers: the metadata
+# aerial_il.episode name them and their sizes, in order, under "columns". The last step of a file is the state in which
+# the flight ended; the numbers of its action and outcome are zero.
+std_msgs/Header header
+# number of the first of these steps, and how many they are
+uint32 first
+uint32 count
+# all numbers of the first of these steps
+float64[] start
+# the columns that change later on, ascending from 0, and their numbers in all of these steps: column after column
+uint32[] changing
+float64[] values
 """
 
 # Definitions of other packages' types in the order of the ROS 2 interface files, without their comments.
@@ -57,6 +73,7 @@ _DEFINITIONS = {
     JOINT_STATE: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
     COMPRESSED_IMAGE: "std_msgs/Header header\nstring format\nuint8[] data\n",
     STEP: STEP_DEFINITION,
+    STEPS: STEPS_DEFINITION,
 }
 
 

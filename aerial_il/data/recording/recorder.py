@@ -24,8 +24,9 @@ import numpy as np
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.recording import images
 from aerial_il.data.recording.packing import bytes_of, gather
-from aerial_il.data.recording.schema import NO_EXTRAS, Extras, Layout, place_of
+from aerial_il.data.recording.schema import Layout
 from aerial_il.data.recording.threads import WriterThreads
+from aerial_il.data.recording.topics import NO_EXTRAS, Extras, place_of
 from aerial_il.data.recording.writer import STEPS_PER_CHUNK, EpisodeWriter
 
 BLOCK_BYTES = 64 << 20  # of blocks that wait to be written
@@ -68,10 +69,9 @@ class Recorder:
         self._spare: LifoQueue[int] = LifoQueue()
         for block in range(num_envs, num_envs + spare):
             self._spare.put(block)
-        self._images: dict[str, list[list[Future[bytes]]]] = {
-            camera.field: [[] for _ in range(num_envs)] for camera in self.layout.cameras
-        }
-        self._encoders = ThreadPoolExecutor(os.cpu_count()) if self.layout.cameras else None
+        cameras = [field.name for field in spec.observation.of_group("image")]
+        self._images: dict[str, list[list[Future[bytes]]]] = {name: [[] for _ in range(num_envs)] for name in cameras}
+        self._encoders = ThreadPoolExecutor(os.cpu_count()) if cameras else None
         self._threads = WriterThreads()
 
     @property
@@ -177,7 +177,7 @@ class Recorder:
 
 def _append(writer: EpisodeWriter, block: np.ndarray, count: int, pictures: Pictures) -> None:
     with _closed_on_failure(writer):
-        writer.append(block[:count], _encoded(pictures, slice(count)))
+        writer.append(block[:count], _encoded(pictures))
 
 
 def _finish(
@@ -190,12 +190,9 @@ def _finish(
     path: Path | None,
     note: str,
 ) -> Recorded:
-    """Append ``count`` steps and end with the observation that follows them."""
-    if count:
-        _append(writer, block, count, pictures)
+    """Append ``count`` steps, end with what followed them, and return the file."""
     with _closed_on_failure(writer):
-        last = _encoded(pictures, slice(count, None))
-        done = writer.finish(block[count : count + 1], last, success=success, path=path, note=note)
+        done = writer.finish(block[: count + 1], _encoded(pictures), success=success, path=path, note=note)
     return Recorded(done, writer.sha256)
 
 
@@ -208,5 +205,5 @@ def _closed_on_failure(writer: EpisodeWriter) -> Iterator[None]:
         raise
 
 
-def _encoded(pictures: Pictures, which: slice) -> dict[str, list[bytes]]:
-    return {name: [future.result() for future in futures[which]] for name, futures in pictures.items()}
+def _encoded(pictures: Pictures) -> dict[str, list[bytes]]:
+    return {name: [future.result() for future in futures] for name, futures in pictures.items()}

@@ -7,33 +7,31 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, BinaryIO
 
 import numpy as np
-from mcap.records import Channel, Schema
 
-from aerial_il.core.errors import InvalidValueError, SimulationDivergedError, StorageError
+from aerial_il.core.errors import InvalidValueError, StorageError
 from aerial_il.data.episode import Episode
-from aerial_il.data.recording import messages
-from aerial_il.data.recording.container import ContainerWriter, Definitions
+from aerial_il.data.recording.columns import MOST_STEPS
+from aerial_il.data.recording.container import ContainerWriter
 from aerial_il.data.recording.digest import ContentDigest
 from aerial_il.data.recording.images import encode
-from aerial_il.data.recording.packing import Packer, first_not_finite
-from aerial_il.data.recording.schema import (
+from aerial_il.data.recording.schema import VERSION, Layout
+from aerial_il.data.recording.topics import (
     MESSAGE_HEAD_SIZE,
     MESSAGE_OPCODE,
     RECORD_HEAD,
-    VERSION,
     Block,
     Camera,
-    Layout,
-    Topic,
+    nanoseconds,
 )
+from aerial_il.data.recording.version2 import STEP, version2_of
 
-STEPS_PER_CHUNK = 64  # written at once; what a kill loses: 1.3 s at 50 Hz
+STEPS_PER_CHUNK = MOST_STEPS  # written at once; what a kill loses: 1.3 s at 50 Hz
 CHUNK_BYTES = 1 << 20  # at most, unless a step is larger
 EPISODE, PROVENANCE, OUTCOME = "aerial_il.episode", "aerial_il.provenance", "aerial_il.outcome"
 MODEL = "model.xml"
@@ -68,8 +66,10 @@ class EpisodeWriter:
     def __init__(self, path: Path, layout: Layout, *, uid: str, provenance: Mapping[str, Any], model_xml: str) -> None:
         self.path, self.part = Path(path), part_of(path)
         self._layout, self._uid, self._provenance = layout, uid, provenance
+        self._form = version2_of(layout)
         self._steps, self._digest = 0, ContentDigest()
-        self._rows_per_chunk = max(1, min(STEPS_PER_CHUNK, CHUNK_BYTES // layout.step_bytes))
+        self._viewed: list[np.ndarray] = []
+        self._rows_per_chunk = max(1, min(STEPS_PER_CHUNK, CHUNK_BYTES // layout.row.itemsize))
         self._attachments = {MODEL: model_xml.encode()}
         self._metadata: dict[str, dict[str, str]] = {}
         with storing(self.part):
@@ -79,44 +79,49 @@ class EpisodeWriter:
         """Append k steps, and their images as chunks of their own.
 
         Args:
-            block: ``sim_time`` (k,), ``observation`` (k, Do) flat, ``reward`` (k,) and the fields of ``Step``; or the
-                rows (k,) of :attr:`Layout.row`, of which what follows from the rest is filled in.
+            block: fields of :attr:`Layout.row` by name, each (k, ...); or the rows (k,) themselves.
             images: for each camera field, k compressed images.
 
         Raises:
             SimulationDivergedError: a value is not finite.
         """
-        rows = self._rows(block, "executed_action")
-        self._put(rows, self._layout.steps, [*self._layout.observed, *self._layout.acted], images)
+        rows = self._rows(block)
+        self._put(rows, images)
+        self._view(rows)
         self._steps += len(rows)
 
     def finish(
         self,
-        last: Block | np.ndarray,
+        rest: Block | np.ndarray,
         images: Images = NO_IMAGES,
         *,
         success: bool,
         path: Path | None = None,
         note: str = "",
     ) -> Path:
-        """Append the terminal record and give the file its name.
+        """Append what is left, and give the file its name.
 
         Args:
-            last: a block of one step with ``sim_time``, ``observation`` and ``state`` after the last step.
-            images: for each camera field, one compressed image.
+            rest: as in :meth:`append`, k steps more and one that ends the flight, of which ``sim_time``,
+                ``observation`` and ``state`` count.
+            images: for each camera field, k + 1 compressed images.
             success: whether the task was solved.
             path: where it goes instead of ``self.path``.
             note: what is special about it, e.g. that it was salvaged.
         """
-        rows = self._rows(last, "state")
-        self._put(rows, self._layout.ending, [*self._layout.observed, self._layout.terminal], images)
-        outcome = {"success": json.dumps(bool(success)), "steps": str(self._steps), "note": note}
-        digest = self._digest.hexdigest({**self._metadata, OUTCOME: outcome}, self._attachments)
-        path = Path(path or self.path)
+        rows = self._rows(rest)
+        self._layout.numbers(rows)[-1, self._layout.seen_width :] = 0.0
+        self._put(rows, images)
+        self._view(rows[:-1])
+        self._steps += len(rows) - 1
         with storing(self.part):
+            self._put_views()
+            outcome = {"success": json.dumps(bool(success)), "steps": str(self._steps), "note": note}
+            digest = self._digest.hexdigest({**self._metadata, OUTCOME: outcome}, self._attachments)
             self._container.metadata(OUTCOME, {**outcome, "digest": digest})
             self._container.finish()
             os.fsync(self._file.fileno())
+            path = Path(path or self.path)
             path.parent.mkdir(parents=True, exist_ok=True)
             os.replace(self.part, path)  # a power cut before the folder is synced leaves the .part file, whole
             self._file.close()
@@ -143,52 +148,59 @@ class EpisodeWriter:
         head = {"schema_version": str(VERSION), "uid": self._uid, "ctrl_size": str(self._layout.ctrl_size)}
         extras = {"extras": json.dumps(self._layout.extras)} if self._layout.extras else {}
         self._metadata = {
-            EPISODE: {**head, "spec": self._layout.spec_json, **extras},
+            EPISODE: {**head, "spec": self._layout.spec_json, "columns": self._layout.columns_json, **extras},
             PROVENANCE: {key: json.dumps(value, sort_keys=True) for key, value in self._provenance.items()},
         }
-        container = ContainerWriter(self._file, definitions(self._layout))
+        container = ContainerWriter(self._file, self._form.definitions)
         for name, entries in self._metadata.items():
             container.metadata(name, entries)
         container.attachment(MODEL, "application/xml", self._attachments[MODEL])
         return container
 
-    def _rows(self, block: Block | np.ndarray, finite_until: str) -> np.ndarray:
-        """Return ``block`` as complete rows whose numbers are finite."""
-        rows = block if isinstance(block, np.ndarray) else self._layout.rows(block)
-        numbers = rows.view(np.float64).reshape(len(rows), -1)[:, : self._layout.finite_until(finite_until)]
-        if bad := first_not_finite(numbers):
-            name, where = self._layout.name_of_number(bad[1])
-            seed = int(self._provenance.get("seed", -1))
-            raise SimulationDivergedError(f"{name}{where} is not finite", seed=seed, step=self._steps + bad[0])
-        self._layout.complete(rows, self._steps)
-        return rows
+    def _rows(self, block: Block | np.ndarray) -> np.ndarray:
+        return block if isinstance(block, np.ndarray) else self._layout.rows(block)
 
-    def _put(self, rows: np.ndarray, packer: Packer, topics: Sequence[Topic], images: Images) -> None:
+    def _view(self, rows: np.ndarray) -> None:
+        """Keep for the end what people will look at: it is said again, so a kill costs nothing."""
+        self._viewed.append(self._form.viewed(rows, self._steps))
+
+    def _put(self, rows: np.ndarray, images: Images) -> None:
         with storing(self.part):
             for start in range(0, len(rows), self._rows_per_chunk):
-                self._put_chunk(rows[start : start + self._rows_per_chunk], packer, topics)
-            if self._layout.cameras:
-                self._put_images(rows["time_ns"], images)
+                chosen = slice(start, start + self._rows_per_chunk)
+                self._put_steps(rows[chosen], self._steps + start)
+                if self._form.cameras:
+                    taken = {name: data[chosen] for name, data in images.items()}
+                    self._put_images(nanoseconds(rows["sim_time"][chosen]), self._steps + start, taken)
 
-    def _put_chunk(self, rows: np.ndarray, packer: Packer, topics: Sequence[Topic]) -> None:
-        records = packer.pack(rows)
-        ends = np.cumsum([len(topic.record_template) for topic in topics])
-        starts = np.append(0, ends[:-1])
-        for topic, start, end in zip(topics, starts.tolist(), ends.tolist(), strict=True):
-            self._digest.update(topic.name, np.ascontiguousarray(records[:, start:end]))
-        offsets = np.add.outer(starts, np.arange(len(records)) * records.shape[1])
-        self._container.chunk(records, [topic.channel for topic in topics], rows["time_ns"], offsets)
+    def _put_steps(self, rows: np.ndarray, first: int) -> None:
+        record = self._form.step_record(rows, first, seed=int(self._provenance.get("seed", -1)))
+        self._digest.update(STEP, record)
+        time = nanoseconds(rows["sim_time"][:1])
+        self._container.chunk(record, [self._form.step.channel], time, np.zeros((1, 1), np.int64))
 
-    def _put_images(self, times: np.ndarray, images: Images) -> None:
-        records = []
-        for camera in self._layout.cameras:
+    def _put_views(self) -> None:
+        """Write what people look at, all of it at once."""
+        viewed, topics = np.concatenate(self._viewed), self._form.views
+        records, starts = self._form.view_records(viewed), self._form.view_starts.tolist()
+        for topic, start in zip(topics, starts, strict=True):
+            columns = records[:, start : start + len(topic.record_template)]
+            self._digest.update(topic.name, np.ascontiguousarray(columns))
+        most = max(1, CHUNK_BYTES // records.shape[1])
+        for first in range(0, len(records), most):
+            part, times = records[first : first + most], viewed["time_ns"][first : first + most]
+            offsets = np.add.outer(starts, np.arange(len(part)) * part.shape[1])
+            self._container.chunk(part, [topic.channel for topic in topics], times, offsets)
+
+    def _put_images(self, times: np.ndarray, first: int, images: Images) -> None:
+        records, cameras = [], self._form.cameras
+        for camera in cameras:
             pairs = zip(times.tolist(), images[camera.field], strict=True)
-            mine = [image_record(camera, self._steps + i, time, data) for i, (time, data) in enumerate(pairs)]
+            mine = [image_record(camera, first + i, time, data) for i, (time, data) in enumerate(pairs)]
             self._digest.update(camera.name, b"".join(mine))
             records += mine
-        offsets = np.cumsum([0, *map(len, records[:-1])]).reshape(len(self._layout.cameras), -1)
-        channels = [camera.channel for camera in self._layout.cameras]
-        self._container.chunk(b"".join(records), channels, times, offsets, compress=False)
+        offsets = np.cumsum([0, *map(len, records[:-1])]).reshape(len(cameras), -1)
+        self._container.chunk(b"".join(records), [c.channel for c in cameras], times, offsets, compress=False)
 
 
 def write_episode(episode: Episode, path: Path) -> Path:
@@ -200,16 +212,13 @@ def write_episode(episode: Episode, path: Path) -> Path:
         StorageError: the disk is full or the folder not writable.
     """
     layout = Layout(episode.spec, episode.ctrl.shape[1], episode.extra_labels)
-    for camera in layout.cameras:
+    cameras = version2_of(layout).cameras
+    for camera in cameras:
         if camera.field not in episode.obs:
             raise InvalidValueError(f"Episode {episode.uid} was read without its images of {camera.field}.")
-    pictures = {c.field: [encode(c.field, image) for image in episode.obs[c.field]] for c in layout.cameras}
+    pictures = {c.field: [encode(c.field, image) for image in episode.obs[c.field]] for c in cameras}
     writer = EpisodeWriter(path, layout, uid=episode.uid, provenance=episode.provenance, model_xml=episode.model_xml)
-    block = _block(episode)
-    steps = {name: values[: len(episode)] for name, values in block.items()}
-    writer.append(steps, {name: images[:-1] for name, images in pictures.items()})
-    last = {name: block[name][-1:] for name in ("sim_time", "observation", "state")}
-    return writer.finish(last, {name: images[-1:] for name, images in pictures.items()}, success=episode.success)
+    return writer.finish(_block(episode), pictures, success=episode.success)
 
 
 def _block(episode: Episode) -> dict[str, np.ndarray]:
@@ -244,17 +253,6 @@ def is_being_written(part: Path) -> bool:
         except BlockingIOError:
             return True
     return False
-
-
-@lru_cache(maxsize=8)
-def definitions(layout: Layout) -> Definitions:
-    """Return the MCAP schema and channel records of a layout."""
-    types = sorted({t.type for t in layout.topics} | ({messages.COMPRESSED_IMAGE} if layout.cameras else set()))
-    ids = {name: i for i, name in enumerate(types, 1)}
-    schemas = [Schema(i, messages.definition(name).encode(), "ros2msg", name) for name, i in ids.items()]
-    channels = [Channel(t.channel, t.name, "cdr", {}, ids[t.type]) for t in layout.topics]
-    images = [Channel(c.channel, c.name, "cdr", {}, ids[messages.COMPRESSED_IMAGE]) for c in layout.cameras]
-    return Definitions(tuple(schemas), tuple(channels + images))
 
 
 def image_record(camera: Camera, sequence: int, time_ns: int, data: bytes) -> bytes:
