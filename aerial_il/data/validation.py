@@ -24,10 +24,14 @@ EXACT = {
 
 
 class Report:
-    """Turns the first violated condition on a file's arrays into a :class:`DemoError`."""
+    """Turns the first violated condition on a file's arrays into a :class:`DemoError`.
 
-    def __init__(self, path: Path | str) -> None:
-        self.path = path
+    Args:
+        path: the file. every: steps from one row of the arrays to the next.
+    """
+
+    def __init__(self, path: Path | str, every: int = 1) -> None:
+        self.path, self._every = path, every
 
     def fail(
         self,
@@ -47,7 +51,7 @@ class Report:
         if not same.all():
             where = tuple(np.argwhere(~same)[0].tolist())
             self.fail(
-                "contradicts the rest of the file.", topic, step=where[0], field=_name(field, where),
+                "contradicts the rest of the file.", topic, step=where[0] * self._every, field=_name(field, where),
                 expected=expected[where], got=got[where],
             )  # fmt: skip
 
@@ -66,7 +70,7 @@ class Report:
             self.fail(
                 "has a quaternion that is not a unit quaternion.",
                 topic,
-                step=step,
+                step=step * self._every,
                 field=field,
                 expected=1,
                 got=norms[step],

@@ -1,7 +1,7 @@
 """Many steps as one message, column by column: what does not change is said once.
 
-Of the numbers of a step about half stand still in a flight. The message is CDR, see ``STEPS_DEFINITION``; it is made and
-read whole, by compiled code, for that is what recording costs.
+Of the numbers of a step about half stand still in a flight. The message is CDR, see ``STEPS_DEFINITION``; compiled code
+makes it whole.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Message records of fixed-size topics and of cameras, taken out of a file's contents and compared with what it says."""
+"""Message records of fixed-size topics and of cameras, taken out of a file and compared with what it says."""
 
 from __future__ import annotations
 

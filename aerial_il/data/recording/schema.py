@@ -14,8 +14,9 @@ topic                  type                        content
 ``/camera/<name>``     CompressedImage             JPEG (RGB) or PNG (depth in mm, segmentation id + 1)
 =====================  ==========================  ==========================================================
 
-Only ``/step`` and the cameras have something of each step; the last of ``/step`` is the state in which the flight ended,
-its outcome zero. All others say again, ten times a second, what stands there, for eyes; ``log_time`` is simulation time.
+Only ``/step`` and the cameras have something of each step; the last of ``/step`` is the state in which the flight
+ended, its outcome zero. All others say again, ten times a second, what stands there, for eyes, and are written when
+the flight is over. ``log_time`` is simulation time.
 
 Version 1 had a message of each topic for each step, see :mod:`aerial_il.data.recording.version1`; it is read as before.
 """
@@ -107,7 +108,7 @@ class Layout:
         raise IndexError(column)
 
     def rows(self, block: Block) -> np.ndarray:
-        """Return a block's steps (k,) as rows; a field that is shorter, as the last step has no outcome, is zero there."""
+        """Return a block's steps (k,) as rows; a field that is shorter, as an outcome may be, is zero at the end."""
         rows = np.zeros(len(block["sim_time"]), self.row)
         for name in block.keys() & set(self.row.names or ()):
             rows[name][: len(block[name])] = block[name]

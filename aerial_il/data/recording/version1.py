@@ -1,21 +1,19 @@
 """Read recordings of schema version 1, in which each step had a message of each topic.
 
-The observation's topics (``/observation``, ``/joint_states``, ``/pose/<body>``, ``/tf``) had T + 1 messages, those of the
-action T: ``/step``, an ``aerial_il_msgs/Step`` with the exact values, ``/action``, ``/reward`` and the extras. The state
-after the last step stood in ``/terminal``.
+The observation's topics (``/observation``, ``/joint_states``, ``/pose/<body>``, ``/tf``) had T + 1 messages, those of
+the action T: ``/step``, an ``aerial_il_msgs/Step`` with the exact values, ``/action``, ``/reward`` and the extras. The
+state after the last step stood in ``/terminal``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from itertools import count
 
 import numpy as np
 
 from aerial_il.data.recording import messages
 from aerial_il.data.recording.cdr import CdrTemplate
-from aerial_il.data.recording.container import Definitions
 from aerial_il.data.recording.decoding import Messages, check_shown, read_images, read_records
 from aerial_il.data.recording.scan import Contents
 from aerial_il.data.recording.schema import Layout
@@ -41,11 +39,7 @@ class Version1:
         self.terminal = FixedTopic(next(channels), "/terminal", messages.STEP, last, sources)
         self.cameras = layout.views.cameras(channels)
         self.told = layout.views.told(channels)
-
-    @cached_property
-    def definitions(self) -> Definitions:
-        """Schemas and channels."""
-        return definitions_of([*self.observed, *self.acted, *self.told, self.terminal, *self.cameras])
+        self.definitions = definitions_of([*self.observed, *self.acted, *self.told, self.terminal, *self.cameras])
 
     def read(self, report: Report, contents: Contents, steps: int) -> Messages:
         """Decode and check a whole episode of ``steps`` steps."""
@@ -79,7 +73,8 @@ class Version1:
     ) -> Messages:
         """Assemble what was decoded, and compare what people look at with what is exact."""
         body, times = records["/step"]["body"], records["/observation"]["log_time"]
-        block = {name: body[name] for name in body.dtype.names or ()}
+        acted = {name: body[name] for name in body.dtype.names or ()}
+        block = dict(acted)
         for name in block.keys() & {"sim_time", "state"}:
             block[name] = np.concatenate([block[name], *(last["body"][name] for last in ending.values())])
         block["observation"] = records["/observation"]["body"]["position"]
@@ -89,7 +84,7 @@ class Version1:
         for topic in self.observed:
             check_shown(report, topic, records[topic.name], times, seen)
         for topic in self.acted:
-            check_shown(report, topic, records[topic.name], times[: len(body)], body)
+            check_shown(report, topic, records[topic.name], times[: len(body)], acted)
         for topic in self.told:
             report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], times[: len(body)])
         report.check_equal("/step", "sim_time", nanoseconds(body["sim_time"]), times[: len(body)])

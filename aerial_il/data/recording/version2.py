@@ -10,7 +10,6 @@ import numpy as np
 
 from aerial_il.core.errors import SimulationDivergedError
 from aerial_il.data.recording import columns, messages
-from aerial_il.data.recording.container import Definitions
 from aerial_il.data.recording.decoding import Messages, check_shown, read_images, read_records
 from aerial_il.data.recording.packing import Packer, first_not_finite
 from aerial_il.data.recording.scan import MAX_DECOMPRESSED_BYTES, Contents, Stream
@@ -35,12 +34,8 @@ class Version2:
         self.step = Topic(next(channels), STEP, messages.STEPS)
         self.views = [*views.observed(channels), *views.acted(channels), *views.told(channels)]
         self.cameras = views.cameras(channels)
+        self.definitions = definitions_of([self.step, *self.views, *self.cameras])
         self.stride = max(1, round(VIEW_PERIOD_S / layout.spec.control_dt_s))
-
-    @cached_property
-    def definitions(self) -> Definitions:
-        """Schemas and channels."""
-        return definitions_of([self.step, *self.views, *self.cameras])
 
     @cached_property
     def view(self) -> np.dtype:
@@ -144,7 +139,7 @@ class Version2:
         block: Block = {name: rows[name][chosen] for name in ("observation", "reward", "action", *self.layout.extras)}
         block = {**block, **self.layout.views.quats(block["observation"])}
         steps, times = np.arange(len(rows))[chosen], nanoseconds(rows["sim_time"][chosen])
-        shown = {}
+        shown, report = {}, Report(report.path, every=self.stride)
         for topic in self.views:
             shown[topic.name] = [records := read_records(report, topic, contents, steps)]
             check_shown(report, topic, records, times, block)

@@ -10,7 +10,7 @@ import numpy as np
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.recording import messages
 from aerial_il.data.recording.poses import quat_xyzw
-from aerial_il.data.recording.topics import ALL, Camera, Extras, FixedTopic
+from aerial_il.data.recording.topics import ALL, Camera, Extras, FixedTopic, Sources
 
 
 class Views:
@@ -38,24 +38,16 @@ class Views:
 
     def acted(self, channels: Iterator[int]) -> list[FixedTopic]:
         """Return the topics that show an action and its reward."""
-        action = messages.joint_state(self.spec.action.labels)
+        action, reward = messages.joint_state(self.spec.action.labels), messages.float_array(1)
         return [
             FixedTopic(next(channels), "/action", messages.JOINT_STATE, action, {"position": ("action", ALL)}),
-            FixedTopic(
-                next(channels), "/reward", messages.FLOAT_ARRAY, messages.float_array(1), {"data": ("reward", ALL)}
-            ),
+            FixedTopic(next(channels), "/reward", messages.FLOAT_ARRAY, reward, {"data": ("reward", ALL)}),
         ]
 
     def told(self, channels: Iterator[int]) -> list[FixedTopic]:
         """Return the topics of further numbers."""
         return [
-            FixedTopic(
-                next(channels),
-                f"/{name}",
-                messages.JOINT_STATE,
-                messages.joint_state(labels),
-                {"position": (name, ALL)},
-            )
+            FixedTopic(next(channels), f"/{name}", messages.JOINT_STATE, messages.joint_state(labels), _whole(name))
             for name, labels in self.extras.items()
         ]
 
@@ -101,6 +93,10 @@ class Views:
             frames |= {f"rotation{i}": turns[body] for i, body in enumerate(self.bodies)}
             tree = messages.transforms("world", self.bodies)
             yield FixedTopic(next(channels), "/tf", messages.TF_MESSAGE, tree, frames)
+
+
+def _whole(name: str) -> Sources:
+    return {"position": (name, ALL)}
 
 
 def _is_position(field: Field) -> bool:
