@@ -131,8 +131,9 @@ class PickPlace:
 class PressButton:
     """Close the gripper, over the button, slowly down until it is pressed, and wait."""
 
-    ABOVE, CENTRED, LOST = 4.0, 0.7, 2.5
+    ABOVE, NEAR, CENTRED, LOST = 8.0, 30.0, 0.8, 2.5  # come down on it fast and it is hit hard
     DEEP_CM = 1.15  # success asks for 0.8, the stop is at 2
+    TOO_HARD_N = 15.0  # nothing is to be gained any more
 
     def __init__(self) -> None:
         self._pressing = False
@@ -140,16 +141,18 @@ class PressButton:
     def __call__(self, sight: Sight) -> Wish:
         ahead, left, up = sight.numbers["tip to button, cm"]
         (travel,) = sight.numbers["button travel, cm"]
+        if sight.numbers["peak force, N"][0] > self.TOO_HARD_N:
+            return Wish(over=True)
         grip = 1 if sight.numbers["gripper"][0] > 3.0 else 0
         over = math.hypot(ahead, left)
-        if over < self.CENTRED and abs(up + self.ABOVE) < 2.0 and not grip:
+        if over < self.CENTRED and abs(up + self.ABOVE) < 3.0 and not grip:
             self._pressing = True
         if over > self.LOST:
             self._pressing = False
         moves = {"forward": (ahead, 0.5), "lateral": (left, 0.5)}
         if not self._pressing:
             high = up + self.ABOVE
-            return Wish(moves | {"up": (high, 1.0)}, precise=max(over, abs(high)) < NEAR_CM, grip=grip)
+            return Wish(moves | {"up": (high, 1.0)}, precise=math.hypot(over, high) < self.NEAR, grip=grip)
         if travel > 0.1:  # down by what is left of it, sideways no more
             return Wish({"up": (travel - self.DEEP_CM, 0.25)}, precise=True)
         return Wish(moves | {"up": (min(-0.4, 0.6 * (up + 0.2)), 0.0)}, precise=True)

@@ -1,7 +1,7 @@
 """Somebody at the page who knows nothing but what it shows, and does nothing but press its keys or move a gamepad.
 
-The page's text is read from its document: state, ticks on the list of sub-tasks, numbers to fly by, questions. No state of
-the simulator, no picture and no message of the server is looked at.
+The page's text is read from its document: state, ticks on the list of sub-tasks, numbers to fly by, questions. No state
+of the simulator, no picture and no message of the server is looked at.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ DEAF_S = 0.04  # of a tap, for which a key has no effect to speak of: it takes 1
 TOOL_CM_S, YAW_DEG_S, WRIST_DEG_S, PRECISE = 40.0, 51.0, 46.0, 0.3  # as the help and the manual say
 SEE = """(() => {
   const text = (id) => document.getElementById(id)?.textContent ?? "";
-  const shown = (id) => { const e = document.getElementById(id); return Boolean(e) && !e.hidden && e.checkVisibility(); };
+  const shown = (id) => Boolean(document.getElementById(id)?.checkVisibility());
+  const cells = (row) => [...row.cells].map((cell) => cell.textContent);
   return {
     state: text("state"), message: text("message"), mode: document.querySelector("#modes .on")?.textContent ?? "",
     ticks: [...document.querySelectorAll("#subtasks .met")].map((e) => e.textContent),
     verdict: shown("review") ? text("verdict") : "", banner: shown("banner") ? text("banner-title") : "",
-    counts: ["demos", "failures", "trash"].map((kind) => text(`count-${kind}`)),
-    rows: shown("readings") ? [...document.querySelectorAll("#readings tr")].map((r) => [...r.cells].map((c) => c.textContent)) : [],
+    flier: text("who"), counts: ["demos", "failures", "trash"].map((kind) => text(`count-${kind}`)),
+    rows: shown("readings") ? [...document.querySelectorAll("#readings tr")].map(cells) : [],
   };
 })()"""
 NEGATIVE = frozenset({"back", "right", "down", "nose up", "roll left"})
@@ -55,6 +56,7 @@ class Sight:
     Attributes:
         state: of the session, in the page's words. mode: of the sticks. ticks: sub-tasks that are met. verdict: of the
             flight that is to be kept or not. message, banner: other words. counts: saved, failures, in the trash.
+        flier: who flies, in the page's words, where a policy does too.
         numbers: title -> numbers to fly by, in cm and degrees; ahead, left, up and nose down are positive.
     """
 
@@ -66,6 +68,7 @@ class Sight:
     banner: str = ""
     counts: tuple[int, ...] = ()
     numbers: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    flier: str = ""
 
 
 def read_number(text: str) -> float:
@@ -81,7 +84,7 @@ async def look(tab: Tab) -> Sight:
     rows = {title: tuple(map(read_number, filter(None, cells))) for title, *cells in seen["rows"]}
     return Sight(
         seen["state"], seen["mode"], frozenset(seen["ticks"]), seen["verdict"], seen["message"], seen["banner"],
-        tuple(map(int, seen["counts"])), rows,
+        tuple(int(count) for count in seen["counts"] if count), rows, seen["flier"],
     )  # fmt: skip
 
 
@@ -91,13 +94,14 @@ class Wish:
 
     Attributes:
         moves: motion -> how far, and how near is near enough, in cm or degrees. mode: of the sticks. precise: slowly.
-        grip: 1 to close, -1 to open.
+        grip: 1 to close, -1 to open. over: to give the flight up.
     """
 
     moves: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     mode: str = "tool"
     precise: bool = False
     grip: int = 0
+    over: bool = False
 
 
 def speed_of(motion: str, wish: Wish) -> float:
@@ -145,7 +149,7 @@ class Hands(Protocol):
         ...
 
     async def rest(self) -> None:
-        """Let go of everything."""
+        """Let go of everything but what is held on purpose."""
         ...
 
 
@@ -193,7 +197,7 @@ class KeyHands:
     async def rest(self) -> None:
         if self._taps:
             await asyncio.wait(set(self._taps))
-        for command in list(self._down):
+        for command in self._down - {"take_over"}:
             await self._set(command, False)
 
     async def _set(self, command: str, down: bool) -> None:
@@ -275,19 +279,22 @@ class Stranger:
     async def fly(self, plan: Plan, limit_s: float) -> bool:
         """Fly the episode by a plan until the page asks what to do with it, or patience ends; say if it was solved."""
         end = time.monotonic() + limit_s
-        while (sight := await look(self.tab)).state == "recording":
+        while (sight := await look(self.tab)).state in ("recording", "paused"):
             self.sight = sight
-            if time.monotonic() > end:
+            if sight.state == "paused":
+                await self.hands.tap("pause")
+                await self.until(lambda s: s.state != "paused")
+            elif time.monotonic() > end or (wish := plan(sight)).over:
                 await self.hands.rest()
                 await self.hands.tap("record")
                 break
-            await self._step(plan)
+            else:
+                await self._step(wish)
             await asyncio.sleep(LOOK_S)
         await self.hands.rest()
         return (await self.until(lambda s: bool(s.verdict))).verdict == "Solved"
 
-    async def _step(self, plan: Plan) -> None:
-        wish = plan(self.sight)
+    async def _step(self, wish: Wish) -> None:
         if wish.mode != self.sight.mode:
             await self.hands.rest()
             before = self.sight.mode
