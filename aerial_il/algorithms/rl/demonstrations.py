@@ -48,7 +48,7 @@ class Transitions(NamedTuple):
         return found
 
     def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
-        """Return the transitions as rows of a replay buffer, each with ``reward``, or with its own where that is None."""
+        """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None."""
         return rows_of(
             encode(interface, self.frames),
             encode_actions(interface, self.actions, self.frames),
