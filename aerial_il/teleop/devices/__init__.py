@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import pkgutil
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Protocol
 
 from aerial_il.core.errors import UnknownNameError
@@ -22,7 +22,7 @@ class Device(Protocol):
 
 def names() -> tuple[str, ...]:
     """Return the names of all devices."""
-    return tuple(sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py")))
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
 
 
 def controls_of(name: str) -> tuple[str, ...]:
