@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import pty
+import re
 import struct
 import threading
 from collections.abc import Callable, Iterator
@@ -13,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from aerial_il.teleop.servo_bus import LANGUAGES, SYNC_READ, Answer, DamagedError, crc16
+from aerial_il.teleop.servo_bus import LANGUAGES, SYNC_READ, Answer, DamagedError, Register, crc16
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex")
 
@@ -110,14 +111,16 @@ class FakeArm:
     def _answer(self, master: int) -> None:
         with suppress(OSError):
             while asked := os.read(master, 256):
-                register, servos = self._asked(asked)
-                for servo in servos:
-                    if servo not in self.silent:
-                        value = self.homing if register == self._language.homing else self.steps[servo]
-                        packet = self._language.answer(Answer(servo, 0, register.data(value)))
-                        os.write(master, self.spoil(packet))
+                for packet in re.split(rb"(?=\xff\xff[\xfd\xfe])", asked)[1:]:
+                    self._say(master, *self._asked(packet))
 
-    def _asked(self, packet: bytes):
+    def _say(self, master: int, register: Register, servos: bytes) -> None:
+        for servo in servos:
+            if servo not in self.silent:
+                value = self.homing if register == self._language.homing else self.steps[servo]
+                os.write(master, self.spoil(self._language.answer(Answer(servo, 0, register.data(value)))))
+
+    def _asked(self, packet: bytes) -> tuple[Register, bytes]:
         """Read a sync read as a servo does: by the bytes of the manuals, not by the code that wrote them."""
         if self.protocol == "feetech":
             assert packet[:3] == b"\xff\xff\xfe"
@@ -158,5 +161,3 @@ def answers(protocol: str, stream: bytes) -> list[Answer]:
         if answer is None:
             return found
         found.append(answer)
-
-

@@ -36,7 +36,9 @@ def test_signs_are_written_as_each_family_does(register: Register, value: int, d
     assert register.value(bytes.fromhex(data)) == value
 
 
-ANSWERS = st.lists(st.builds(Answer, st.integers(1, 20), st.integers(0, 255), st.binary(min_size=2, max_size=8)), max_size=6)
+ANSWERS = st.lists(
+    st.builds(Answer, st.integers(1, 20), st.integers(0, 255), st.binary(min_size=2, max_size=8)), max_size=6
+)
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

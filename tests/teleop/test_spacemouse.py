@@ -62,7 +62,9 @@ def test_no_bytes_lead_out_of_bounds(report: bytes) -> None:
     assert set(decoder.held()) <= set(CONTROLS)
 
 
-@pytest.mark.parametrize("report", [b"", b"\x01", b"\x01\xff\xff\xff", b"\x02\x01\x02\x03\x04\x05", b"\x03", b"\x17d\x01"])
+@pytest.mark.parametrize(
+    "report", [b"", b"\x01", b"\x01\xff\xff\xff", b"\x02\x01\x02\x03\x04\x05", b"\x03", b"\x17d\x01"]
+)
 def test_reports_cut_short_and_those_of_the_battery_change_nothing(report: bytes) -> None:
     decoder = Decoder()
     decoder.feed(combined(1, 2, 3, 4, 5, 6))

@@ -89,7 +89,7 @@ class Phone:
         """Open the clutch."""
         self._start: Pose | None = None
         self._last: Pose | None = None
-        self._axes: dict[str, float] = {name: 0.0 for name in PHONE_AXES}
+        self._axes: dict[str, float] = dict.fromkeys(PHONE_AXES, 0.0)
 
     def move(self, pose: Pose | None, *, clutched: bool, closed_now: bool) -> tuple[dict[str, float], bool]:
         """Return the axes after a message, and whether the phone was centred anew.
