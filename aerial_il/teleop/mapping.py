@@ -13,18 +13,13 @@ from aerial_il.teleop.frame import AXES, NUM_CONTROLS, DeviceFrame, names_of
 KEYED: tuple[str, ...] = ("forward", "lateral", "up", "yaw", "grip")  # signed, in [-1, 1]: keys and sticks give them
 TURNS: tuple[str, ...] = ("roll", "pitch")  # given by devices with six axes alone
 MOTIONS: tuple[str, ...] = (*KEYED, *TURNS)
-POSE: tuple[str, ...] = (
-    "pose_x",
-    "pose_y",
-    "pose_z",
-    "pose_roll",
-    "pose_pitch",
-    "pose_yaw",
-)  # while clutched
+POSE = tuple(f"pose_{part}" for part in ("x", "y", "z", "roll", "pitch", "yaw"))  # taken while clutched
 JOINTS: tuple[str, ...] = tuple(f"joint_{i}" for i in range(1, 9))  # taken one to one, while led
 FOLLOWED = (*POSE, *JOINTS, "joint_grip")  # places, not speeds: one device only may give each
 HELD: tuple[str, ...] = ("precision", "take_over", "clutch", "lead")
-PRESSED: tuple[str, ...] = ("mode", "record", "save", "discard", "undo", "label", "pause", "camera", "help")
+PRESSED: tuple[str, ...] = (
+    "mode", "record", "save", "discard", "undo", "label", "pause", "camera", "numbers", "help",
+)  # fmt: skip
 DIRECTIONS = tuple(f"{motion}{sign}" for motion in KEYED for sign in "+-")
 COMMANDS = (*MOTIONS, *DIRECTIONS, *FOLLOWED, *HELD, *PRESSED)
 AXIAL = (*MOTIONS, *FOLLOWED)  # commands that take axes

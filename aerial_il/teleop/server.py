@@ -31,12 +31,8 @@ from aerial_il.teleop.messages import Message, MessageError, read_message
 from aerial_il.teleop.visitors import Visitor, Visitors
 
 PAGE = Path(__file__).parent / "page"
-ASSETS = {
-    "style.css": "text/css",
-    "app.js": "text/javascript",
-    "devices.js": "text/javascript",
-    "phone.js": "text/javascript",
-}
+TYPES = {".css": "text/css", ".js": "text/javascript"}
+ASSETS = {file.name: TYPES[file.suffix] for file in PAGE.iterdir() if file.suffix in TYPES}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANYWHERE = ("0.0.0.0", "::")
 STATUS_PERIOD_S, GUARD_PERIOD_S = 0.05, 1.0

@@ -132,7 +132,7 @@ def test_servos_that_are_missing_are_named(tmp_path: Path) -> None:
 def test_the_calibration_of_another_arm_is_refused(tmp_path: Path) -> None:
     arm = FakeArm(tmp_path)
     arm.homing = 100
-    with pytest.raises(DeviceError, match="homing offset 100.*-7"):
+    with pytest.raises(DeviceError, match=r"homing offset 100.*-7"):
         opened(arm)
     arm.close()
 
