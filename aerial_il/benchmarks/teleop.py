@@ -48,7 +48,7 @@ NOTES = (
     "On time: ticks begun within 5 ms of their deadline, from when the page shows pictures. Key: from a key event of "
     "the browser to the first picture drawn of a state that it had acted on. Age: of the picture that is shown, by the "
     "server's clock.",
-    f"Narrow: a proxy that lets {NARROW_BYTES_PER_S / 1e3:g} kB/s through, {1e3 * NARROW_DELAY_S:g} ms late; from 4 s on.",
+    f"Narrow: a proxy that lets {NARROW_BYTES_PER_S / 1e3:g} kB/s through, {1e3 * NARROW_DELAY_S:g} ms late.",
     "Silence: from the last message of a page with a key held to a command of zero; by the server in this process.",
     "Killed: kill -9 at a moment drawn anew each time, while a second episode is recorded. Whole: every episode that "
     "the page had been told of is read with its checksums and flown again by its log. Recovered: the open one, without "
