@@ -20,6 +20,7 @@ from aerial_il.teleop.frame import DeviceFrame
 from aerial_il.teleop.logbook import Logbook
 from aerial_il.teleop.mapping import Bindings
 from aerial_il.teleop.pilot import Pilot
+from aerial_il.teleop.readings import readings_of
 from aerial_il.teleop.session import FLYING, HOLDS_EPISODE, Event, State, after
 
 COUNTDOWN_TICKS = 100  # 2 s
@@ -54,6 +55,7 @@ class Status:
     flier: str  # policy, person, or nobody
     shared: bool  # there is a policy to take over from
     person_steps: int  # of this episode's, those in which the person had taken over
+    numbers: tuple[float, ...]
 
 
 class Cockpit:
@@ -84,6 +86,7 @@ class Cockpit:
         self._mode: str | None = None
         self._abandoned = self._person_steps = 0
         self.policy = None if policy is None else attach(policy, env)
+        self.readings = readings_of(env.spec.observation)
         self._reset()
 
     def tick(self, frame: DeviceFrame) -> None:
@@ -145,7 +148,8 @@ class Cockpit:
 
     def status(self) -> Status:
         """Return what there is to show."""
-        names, command = self.env.spec.subtasks, self._pilot.command if self.is_flying else Command()
+        row, names = self._row(), self.env.spec.subtasks
+        command = self._pilot.command if self.is_flying else Command()
         return Status(
             state=self.state.value,
             tick=self.tick_count,
@@ -170,6 +174,7 @@ class Cockpit:
             flier=self._arbiter.flier.value,
             shared=self.policy is not None,
             person_steps=self._person_steps,
+            numbers=tuple(number for reading in self.readings for number in reading.numbers(row)),
         )
 
     def close(self) -> None:
@@ -263,6 +268,9 @@ class Cockpit:
         uid = self.logbook.undo()
         self.message = f"Brought back: {uid}" if uid else "There is nothing to bring back."
         self._counts = self.logbook.counts()
+
+    def _row(self) -> dict[str, np.ndarray]:
+        return {name: values[0] for name, values in self._obs.items()}
 
     def _reset(self) -> None:
         self._obs = self.env.reset(self.logbook.seed)

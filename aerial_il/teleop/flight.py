@@ -12,6 +12,7 @@ from aerial_il.teleop.film import Film
 from aerial_il.teleop.inbox import Inbox
 from aerial_il.teleop.loop import Loop
 from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.readings import readings_of
 from aerial_il.teleop.server import Server
 
 CAMERAS = ("chase", "wrist")
@@ -80,5 +81,6 @@ def about(env: BatchEnvironment, bindings: Bindings, operator: str, site: Site) 
         "bindings": bindings.to_dict(),
         "cameras": list(CAMERAS),
         "size": list(site.size),
+        "readings": [reading.to_dict() for reading in readings_of(spec.observation)],
         "rate": round(1.0 / spec.control_dt_s),
     }

@@ -11,7 +11,9 @@ from aerial_il.teleop.frame import AXES, NUM_CONTROLS, DeviceFrame, names_of
 
 MOTIONS: tuple[str, ...] = ("forward", "lateral", "up", "yaw", "grip")  # signed, in [-1, 1]
 HELD: tuple[str, ...] = ("precision", "take_over")
-PRESSED: tuple[str, ...] = ("mode", "record", "save", "discard", "undo", "label", "pause", "camera", "help")
+PRESSED: tuple[str, ...] = (
+    "mode", "record", "save", "discard", "undo", "label", "pause", "camera", "numbers", "help",
+)  # fmt: skip
 DIRECTIONS = tuple(f"{motion}{sign}" for motion in MOTIONS for sign in "+-")
 COMMANDS = (*MOTIONS, *DIRECTIONS, *HELD, *PRESSED)
 
