@@ -3,7 +3,8 @@
     python -m experiments.teleop.session --out runs/teleop/session
     python -m experiments.teleop.session --out runs/teleop/session --hands pad
 
-One flight is solved and kept, one discarded and brought back, one thrown away and recorded again. Then every file is
+One flight is solved and kept, one discarded and brought back, one thrown away and recorded again. With ``--policy`` one
+that is bad at ``reach`` is watched instead, taken over from, and its flight rescued. Then every file is
 validated, replayed by its actions and flown again by its log. ``check`` alone does the latter for any folder:
 
     python -m experiments.teleop.session check --out runs/teleop/reach_keys
@@ -23,16 +24,21 @@ from aerial_il.data.recording.reader import read_episode
 from aerial_il.teleop.refly import refly
 from experiments.teleop.fly import served, stranger_at
 from tests.teleop.chromium import browser
-from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again
+from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again, rescued
 
 
-async def fly(out: Path, hands: str, *, realtime: bool) -> None:
+async def fly(args: argparse.Namespace) -> None:
     """Have the session."""
-    async with served("reach", out, 10000, realtime=realtime, settings=[]) as url, browser() as opened:
+    parts = (rescued,) if args.policy else (kept, discarded_and_brought_back, recorded_again)
+    settings = [f"policy={args.policy}"] if args.policy else []
+    async with (
+        served("reach", args.out, 10000, realtime=args.realtime, settings=settings) as url,
+        browser() as opened,
+    ):
         tab = await opened(url)
         await tab.look(width=1280, height=720)
-        person = await stranger_at(tab, hands)
-        for part in (kept, discarded_and_brought_back, recorded_again):
+        person = await stranger_at(tab, args.hands)
+        for part in parts:
             await part(person)
             print(f"{part.__name__}: {person.sight.counts} saved, failures, in the trash", flush=True)
 
@@ -58,10 +64,11 @@ def main() -> None:
     parser.add_argument("command", nargs="?", choices=("fly", "check"), default="fly")
     parser.add_argument("--hands", choices=("keys", "pad"), default="keys")
     parser.add_argument("--out", type=Path, default=Path("runs/teleop/session"))
+    parser.add_argument("--policy")
     parser.add_argument("--realtime", action="store_true")
     args = parser.parse_args()
     if args.command == "fly":
-        asyncio.run(fly(args.out, args.hands, realtime=args.realtime))
+        asyncio.run(fly(args))
     check(args.out)
 
 

@@ -283,7 +283,7 @@ class Stranger:
             self.sight = sight
             if sight.state == "paused":
                 await self.hands.tap("pause")
-                await self.until(lambda s: s.state != "paused")
+                await asyncio.sleep(REST_S)
             elif time.monotonic() > end or (wish := plan(sight)).over:
                 await self.hands.rest()
                 await self.hands.tap("record")

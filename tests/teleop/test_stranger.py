@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aerial_il.data.folder import DatasetFolder
@@ -15,7 +17,7 @@ from tests.teleop.chromium import browser, needs_browser
 from tests.teleop.flown import flown
 from tests.teleop.hands import world
 from tests.teleop.plans import PLANS, Reach
-from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again
+from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again, rescued
 from tests.teleop.stranger import KeyHands, PadHands, Stranger, read_number
 
 ATTEMPTS, LIMIT_S = 3, 60.0
@@ -74,6 +76,39 @@ def test_a_session_of_keeping_discarding_and_recording_again(tmp_path: Path) -> 
 
     asyncio.run(asyncio.wait_for(work(), 300.0))
     recordings_hold(tmp_path, "reach", solved=2)
+
+
+class Stray:
+    """A policy that leads the tool away, up and aside."""
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        astray = obs["ee_pos"] + [0.0, 0.0, 0.02]
+        return np.concatenate([astray, obs["ee_rot6d"], np.ones((len(astray), 1))], axis=-1)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        pass
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+@pytest.mark.render
+@needs_browser
+@pytest.mark.parametrize("hands", [KeyHands, PadHands])
+def test_a_flight_that_a_policy_leads_astray_is_rescued(tmp_path: Path, hands: type[KeyHands | PadHands]) -> None:
+    async def work() -> None:
+        async with flown(tmp_path, policy=Stray()) as flight, browser() as opened:
+            tab = await opened(flight.server.url)
+            await tab.look(width=1280, height=720)
+            person = Stranger(tab, hands(tab))
+            if isinstance(person.hands, PadHands):
+                await person.hands.plug_in()
+            await rescued(person)
+
+    asyncio.run(asyncio.wait_for(work(), 200.0))
+    recordings_hold(tmp_path, "reach", solved=1)
+    (file,) = DatasetFolder(tmp_path).files()
+    held = read_episode(file).is_intervention
+    assert 0 < held.sum() < len(held), "the policy flew first"
 
 
 @pytest.mark.browser
