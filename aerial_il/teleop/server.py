@@ -27,8 +27,8 @@ from aerial_il.teleop.messages import Message, MessageError, read_message
 from aerial_il.teleop.visitors import Visitor, Visitors
 
 PAGE = Path(__file__).parent / "page"
-SCRIPTS = ("app.js", "devices.js", "numbers.js")
-ASSETS = {"style.css": "text/css", **dict.fromkeys(SCRIPTS, "text/javascript")}
+MEDIA_TYPES = {".css": "text/css", ".js": "text/javascript"}
+ASSETS = {file.name: MEDIA_TYPES[file.suffix] for file in PAGE.iterdir() if file.suffix in MEDIA_TYPES}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 STATUS_PERIOD_S = 0.05
 CLOSING_BYTES = 1 << 20  # a message longer than this closes the connection

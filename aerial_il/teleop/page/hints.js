@@ -1,0 +1,46 @@
+// What can be done now: keys in the page's foot, buttons for fingers beside the sticks.
+
+import { $, keycap, make } from "./dom.js";
+import { touch } from "./input.js";
+import { device, page, state } from "./state.js";
+import { HINTS, LABELS, WORDS, controlsOf } from "./vocabulary.js";
+
+const BUTTONS = [ // command, states in which it shows, text
+  ["record", "idle", "record"], ["record", "recording", "stop"], ["record", "countdown", "cancel"],
+  ["pause", "recording", "pause"], ["pause", "paused", "go on"], ["save", "paused", "stop and review"],
+  ["discard", "recording paused", "discard"], ["take_over", "idle recording", "hold to take over"],
+  ["mode", "idle recording", "mode"], ["precision", "idle recording", "precise"], ["grip+", "idle recording", "close"],
+  ["grip-", "idle recording", "open"], ["undo", "idle", "undo discard"],
+];
+
+export function drawHints() {
+  const means = { label: page.status?.success, take_over: page.status?.shared ?? false };
+  const useful = (command) => means[command] ?? true;
+  const known = (HINTS[state()] ?? []).filter(useful).map((command) => [command, controlsOf(command, device())]);
+  $("hints").replaceChildren(...known.filter(([, keys]) => keys.length).map(([command, keys]) => {
+    const hint = make("span");
+    hint.append(keycap(keys[0]), LABELS[`${state()}.${command}`] ?? WORDS[command]);
+    return hint;
+  }));
+  for (const button of document.querySelectorAll("#pads [data-states]")) {
+    button.hidden = !button.dataset.states.split(" ").includes(state()) || !useful(button.dataset.command);
+  }
+}
+
+export function buildButtons() {
+  $("pads").replaceChildren(...BUTTONS.map(([command, states, text]) => {
+    const button = commandButton(command, text);
+    button.dataset.states = states;
+    return button;
+  }));
+}
+
+// A button that gives a command while it is pressed.
+export function commandButton(command, text) {
+  const button = make("button", text, { type: "button" });
+  button.dataset.command = command;
+  touch.button(button, `touch:${command}`);
+  return button;
+}
+
+new MutationObserver(drawHints).observe(document.body, { attributes: true, attributeFilter: ["data-device"] });
