@@ -1,6 +1,6 @@
 // The page to fly on: what hands do goes out fifty times a second, pictures and figures come in.
 
-import { connect, on } from "./connection.js";
+import { connect, on, send } from "./connection.js";
 import { $, words } from "./dom.js";
 import "./figures.js";
 import { buildHelp } from "./help.js";
@@ -12,6 +12,9 @@ import { nameCameras, pictures, prepareCanvases, swap } from "./pictures.js";
 import { buildReview } from "./review.js";
 import { page } from "./state.js";
 import "./sticks.js";
+import "./theme.js";
+import "./tools.js";
+import "./tutorial.js";
 
 function hello(about) {
   page.about = about;
@@ -41,7 +44,10 @@ on("pictures", pictures);
 on("lost", draw);
 obey("camera", swap);
 obey("numbers", () => { $("numbers").open = !$("numbers").open; });
-$("view-side").addEventListener("click", swap);
+for (const id of ["view-side", "view-main"]) $(id).addEventListener("click", ({ currentTarget }) => {
+  if ((currentTarget.id === "view-main") === document.body.classList.contains("swapped")) swap(); // the small picture, whichever it is
+});
+$("view-button").addEventListener("click", () => send({ type: "view" }));
 addEventListener("focus", () => look(true));
 addEventListener("blur", () => look(false));
 document.addEventListener("visibilitychange", () => look(!document.hidden && document.hasFocus()));

@@ -2,6 +2,7 @@
 
 import { send } from "./connection.js";
 import { $, setHidden, setText } from "./dom.js";
+import { lostPad } from "./input.js";
 import { flies, page } from "./state.js";
 
 const STILL = ["countdown", "review", "paused"]; // states in which nobody need be at the controls
@@ -23,6 +24,7 @@ function said(status) {
   if (status.asked) {
     return { title: "Hand over?", text: "A spectator asks for the controls.", action: "Hand over", calm: true };
   }
+  if (lostPad()) return { title: "Gamepad unplugged", text: "The vehicle hovers. Plug it in again, or fly by keys." };
   if (status.dead && !STILL.includes(status.state)) {
     return { title: "Nobody at the controls", text: "Nothing has arrived for 300 ms: the vehicle hovers." };
   }

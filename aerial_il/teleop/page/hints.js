@@ -11,11 +11,13 @@ const BUTTONS = [ // command, states in which it shows, text
   ["discard", "recording paused", "discard"], ["take_over", "idle recording", "hold to take over"],
   ["mode", "idle recording", "mode"], ["precision", "idle recording", "precise"], ["grip+", "idle recording", "close"],
   ["grip-", "idle recording", "open"], ["undo", "idle", "undo discard"],
+  ["gust", "idle recording", "gust"], ["push", "idle recording", "push"], ["drop", "idle recording", "drop it"],
 ];
+const PERTURBATIONS = ["gust", "push", "drop"];
 
 export function drawHints() {
-  const means = { label: page.status?.success, take_over: page.status?.shared ?? false };
-  const useful = (command) => means[command] ?? true;
+  const means = { label: page.status?.success ?? false, take_over: page.status?.shared ?? false };
+  const useful = (command) => means[command] ?? (!PERTURBATIONS.includes(command) || page.about?.perturbations?.includes(command));
   const known = (HINTS[state()] ?? []).filter(useful).map((command) => [command, controlsOf(command, device())]);
   $("hints").replaceChildren(...known.filter(([, keys]) => keys.length).map(([command, keys]) => {
     const hint = make("span");
@@ -31,6 +33,7 @@ export function buildButtons() {
   $("pads").replaceChildren(...BUTTONS.map(([command, states, text]) => {
     const button = commandButton(command, text);
     button.dataset.states = states;
+    button.classList.toggle("perturb", PERTURBATIONS.includes(command));
     return button;
   }));
 }

@@ -1,11 +1,14 @@
 // What the flight's status says, drawn whenever it is told.
 
 import { drawBanner } from "./banner.js";
-import { $, clock, make, setText, words } from "./dom.js";
+import { sound } from "./cues.js";
+import { $, clock, make, setHidden, setText, words } from "./dom.js";
 import { drawHints } from "./hints.js";
 import { drawNumbers } from "./numbers.js";
 import { drawReview } from "./review.js";
 import { page } from "./state.js";
+import { nameCameras } from "./pictures.js";
+import { offer } from "./tutorial.js";
 import { STATES } from "./vocabulary.js";
 
 const FLIERS = { policy: "The policy flies", person: "You fly", nobody: "Nobody watches: it hovers" };
@@ -15,7 +18,9 @@ export function draw() {
   document.body.dataset.role = status?.role ?? "spectator";
   if (status && status.state !== document.body.dataset.state) enter(status);
   drawBanner();
+  sound(status);
   if (!status) return;
+  offer();
   drawFlier(status);
   drawEpisode(status);
   setText($("speed"), status.speed.toFixed(2));
@@ -41,6 +46,10 @@ function drawEpisode(status) {
   const left = Math.max(1, Math.ceil(status.countdown / page.about.rate));
   setText($("countdown"), status.state === "countdown" ? String(left) : "");
   for (const kind of ["demos", "failures", "trash"]) setText($(`count-${kind}`), String(status.counts[kind]));
+  setText($("count-waiting"), String(status.waiting));
+  $("count-waiting").parentElement.classList.toggle("some", status.waiting > 0);
+  setHidden($("practice"), !status.practice);
+  if (status.cameras) nameCameras(status.cameras);
 }
 
 function drawFlier(status) { // of flights that a person and a policy share

@@ -2,15 +2,19 @@
 
 import { Gamepad, Keyboard, Touch, sum } from "./devices.js";
 import { send } from "./connection.js";
-import { flies, page } from "./state.js";
+import { flies, page, state } from "./state.js";
 
-const SEND_MS = 20;
+const SEND_MS = 20, WALKING = /^(Tab|Enter|Space|Arrow.*)$/;
 const local = new Map(); // command -> what the page does
 const watchers = [];
+let unpluggedAt = -Infinity;
+
+// Whether a gamepad was unplugged so recently that it is worth saying.
+export const lostPad = () => performance.now() - unpluggedAt < 6000;
 
 export const touch = new Touch(used);
 const pad = new Gamepad(used);
-const keyboard = new Keyboard((code) => page.keys.has(code) && !document.querySelector("dialog[open]"), used);
+const keyboard = new Keyboard((code) => page.keys.has(code) && !isThePages(code), used);
 const hands = [keyboard, pad, touch];
 
 // Let the page itself obey a command.
@@ -24,6 +28,13 @@ export function release() { for (const hand of hands) hand.release(); }
 export function focus(focused) {
   if (page.focused && !focused) { send({ type: "blur" }); release(); }
   page.focused = focused;
+}
+
+// Keys by which one walks through a page are the page's own where it is walked through, or where nothing flies.
+function isThePages(code) {
+  if (document.querySelector("dialog[open]")) return true;
+  if (document.activeElement && document.activeElement !== document.body) return WALKING.test(code);
+  return code === "Tab" && (!flies() || !["idle", "recording"].includes(state()));
 }
 
 function used(device, control) {
@@ -49,7 +60,7 @@ function sendInput() {
 function unplugged() {
   send({ type: "blur" }); // hover
   document.body.dataset.device = "keyboard";
-  dispatchEvent(new CustomEvent("hand", { detail: "unplugged" }));
+  unpluggedAt = performance.now();
 }
 
 setInterval(sendInput, SEND_MS);

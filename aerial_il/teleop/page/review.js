@@ -2,6 +2,7 @@
 
 import { $, clock, setHidden, setText } from "./dom.js";
 import { commandButton } from "./hints.js";
+import { rewind, stop } from "./scrub.js";
 import { page } from "./state.js";
 
 export function buildReview() {
@@ -12,8 +13,9 @@ export function buildReview() {
 
 export function drawReview(status) {
   const asking = status.state === "review" && status.role === "controller";
+  if (asking && $("review").hidden) rewind(status);
   setHidden($("review"), !asking);
-  if (!asking) return;
+  if (!asking) { stop(); return; }
   const good = status.success && status.label;
   drawButtons(status, good);
   $("review").classList.toggle("good", good);

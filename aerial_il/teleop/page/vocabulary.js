@@ -7,6 +7,7 @@ export const WORDS = {
   "yaw+": "turn left", "yaw-": "turn right", "grip+": "close gripper", "grip-": "open gripper", precision: "precise",
   take_over: "take over", mode: "mode", record: "record", save: "keep", discard: "discard", undo: "undo discard",
   label: "call it a failure", pause: "pause", camera: "swap cameras", numbers: "numbers", help: "help",
+  gust: "gust", push: "push", drop: "drop it",
 };
 
 export const STATES = {
@@ -32,7 +33,7 @@ export const HELP = [ // rows of the help: name, commands
   ["turn left, right", "yaw+", "yaw-"], ["close, open gripper", "grip+", "grip-"], ["precise (hold)", "precision"],
   ["take over (hold)", "take_over"], ["mode", "mode"], ["record, stop", "record"], ["pause", "pause"],
   ["keep", "save"], ["discard", "discard"], ["undo discard", "undo"], ["call it a failure", "label"],
-  ["swap cameras", "camera"], ["show numbers", "numbers"], ["this help", "help"],
+  ["a gust", "gust"], ["a push", "push"], ["let the object slip", "drop"], ["swap cameras", "camera"], ["show numbers", "numbers"], ["this help", "help"],
 ];
 
 const KEY_NAMES = {
