@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.flight import Site, fly
@@ -28,12 +29,18 @@ class Flown:
 
 @asynccontextmanager
 async def flown(
-    out: Path, *, countdown: int = 10, port: int = 0, size: tuple[int, int] = (180, 240), **settings: Any
+    out: Path,
+    *,
+    countdown: int = 10,
+    port: int = 0,
+    size: tuple[int, int] = (180, 240),
+    policy: Policy | None = None,
+    **settings: Any,
 ) -> AsyncIterator[Flown]:
-    """Fly, on a page, into the folder ``out``."""
+    """Fly, on a page, into the folder ``out``, or watch ``policy`` fly."""
     env, bindings = world(**settings), shipped("keyboard", "gamepad", "touch")
-    logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
-    cockpit = Cockpit(env, bindings, logbook, countdown=countdown)
+    logbook = Logbook(env, str(out), operator="ada", first_seed=5000, policy=policy and "policy")
+    cockpit = Cockpit(env, bindings, logbook, policy=policy, countdown=countdown)
     there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()
     site = Site(port=port, size=size)
     work = asyncio.create_task(fly(env, cockpit, bindings, site, operator="ada", opened=there.set_result))
