@@ -17,7 +17,8 @@ from aerial_il.teleop.mapping import Bindings
 from aerial_il.teleop.readings import readings_of
 from aerial_il.teleop.server import Server
 
-CAMERAS = ("chase", "wrist")
+CAMERAS = ("chase", "wrist")  # shown at first
+VIEWS = (*CAMERAS, "scene")  # that may be shown
 WATCH_S = 0.25
 
 
@@ -93,6 +94,9 @@ def about(env: BatchEnvironment, bindings: Bindings, operator: str, site: Site) 
         "operator": operator,
         "bindings": bindings.to_dict(),
         "cameras": list(CAMERAS),
+        "views": list(VIEWS),
+        "grips": spec.action.labels[-1:] == ("gripper",),
+        "perturbations": [],
         "size": list(site.size),
         "readings": [reading.to_dict() for reading in readings_of(spec.observation)],
         "rate": round(1.0 / spec.control_dt_s),

@@ -218,6 +218,9 @@ class Server:
             self._take(message)
 
     def _take(self, message: Message) -> None:
+        if message.kind in ("scrub", "practice", "view"):
+            self._arrange(message)
+            return
         if message.kind == "blur":
             self._release()
             return
@@ -226,6 +229,19 @@ class Server:
         pressed = (*message.pressed, CLUTCH) if anew else message.pressed
         axes = message.axes | moved
         self._inbox.receive(seq=message.seq, held=message.held, pressed=pressed, axes=axes, t_client=message.t)
+
+    def _arrange(self, message: Message) -> None:
+        """Do what changes what is shown or kept, and flies nothing."""
+        if self.flight is None or self.film is None:
+            return
+        if message.kind == "scrub":
+            self.flight.do(lambda cockpit: cockpit.look_back(message.share))
+        elif message.kind == "practice":
+            self.flight.do(lambda cockpit: cockpit.practise(on=message.on))
+        else:
+            main, side = self.film.cameras
+            others = [name for name in self._about["views"] if name != main]
+            self.film.cameras = (main, others[(others.index(side) + 1) % len(others)])
 
     def _release(self) -> None:
         self._phone.let_go()
@@ -256,6 +272,7 @@ class Server:
                 "asked": visitors.asking.number if visitors.asking else 0,
                 "visitors": len(visitors),
                 "dropped": dict(visitors.dropped),
+                "cameras": self.film.cameras if self.film else self._about["cameras"],
             }
             if self._latest:
                 await visitor.socket.send_str(json.dumps({"type": "status", **self._latest, **around}))
