@@ -19,6 +19,7 @@ from aerial_il.teleop.command import Command
 from aerial_il.teleop.frame import DeviceFrame
 from aerial_il.teleop.logbook import Logbook
 from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.perturb import KINDS, Perturber, possible, refusal
 from aerial_il.teleop.pilot import Pilot
 from aerial_il.teleop.readings import readings_of
 from aerial_il.teleop.reel import Reel
@@ -89,6 +90,7 @@ class Cockpit:
         self._mode: str | None = None
         self._abandoned = self._person_steps = 0
         self.policy = None if policy is None else attach(policy, env)
+        self.perturbations = possible(env)
         self.readings = readings_of(env.spec.observation)
         self.practice = False
         self._look: float | None = None
@@ -105,7 +107,7 @@ class Cockpit:
             self._start_over(error)
             return
         try:
-            self._advance(frame)
+            self._advance(frame, self._possible(pressed))
             if self.logbook.settle():
                 self._counts = self.logbook.counts()
         except (SimulationDivergedError, NonFiniteActionError, StorageError) as error:
@@ -162,6 +164,15 @@ class Cockpit:
         self._reset()
         self.message = "Practice: nothing of it is kept." if on else "Practice is over: what you record now is kept."
 
+    def rebind(self, bindings: Bindings) -> bool:
+        """Give the controls other meanings, between two episodes only; return whether it was done."""
+        if self.state is not State.IDLE:
+            self.message = "Finish this episode first: keys change between two."
+            return False
+        self.bindings = bindings
+        self._man()
+        return True
+
     def look_back(self, share: float) -> None:
         """Show, while an episode is reviewed, the moment at a share of it in [0, 1]."""
         self._look = share
@@ -213,15 +224,22 @@ class Cockpit:
         """Keep what is finished, and leave an open episode for recovery."""
         self.logbook.close()
 
-    def _advance(self, frame: DeviceFrame) -> None:
+    def _possible(self, pressed: frozenset[str]) -> frozenset[str]:
+        """Return what is pressed without disturbances that cannot happen here, which are refused."""
+        impossible = pressed & set(KINDS) - set(self.perturbations)
+        if impossible and self.is_flying:
+            self.message = refusal(self.env, min(impossible))
+        return pressed - impossible
+
+    def _advance(self, frame: DeviceFrame, pressed: frozenset[str]) -> None:
         if self.state is State.COUNTDOWN:
             self._countdown -= 1
             if self._countdown <= 0:
                 self.happen(Event.COUNTED)
         elif self.is_flying:
-            self._fly(frame)
+            self._fly(frame, pressed)
 
-    def _fly(self, frame: DeviceFrame) -> None:
+    def _fly(self, frame: DeviceFrame, pressed: frozenset[str]) -> None:
         recording = self.state is State.RECORDING
         turn = self._arbiter.act(frame, self._obs)
         self._mode = self._pilot.mode
@@ -230,10 +248,12 @@ class Cockpit:
             self._reel.keep(self.env.get_state()[0])
         if kept := recording and not self.practice:
             self.logbook.observe(self._obs)
-        result = self.env.step(turn.action[None])
+        met = self._perturber.step(pressed)
+        self._disturbed += [f"{kind} at step {self._steps}" for kind in KINDS if kept and kind in pressed]
+        result = self.env.step(met.meet(self.env, turn.action)[None])
         self._obs, self._flags = result.obs, result.info["subtasks"][0]
         if kept:
-            self.logbook.act(frame, turn, result)
+            self.logbook.act(frame, turn, met, result)
         if recording:
             self._note(turn)
         self._success = bool(result.info["success"][0])
@@ -265,7 +285,7 @@ class Cockpit:
         if not self.practice:
             self.logbook.begin(self._settings())
         self._held = self._steps = self._person_steps = 0
-        self._reel, self._marks = Reel(), {}
+        self._reel, self._marks, self._disturbed = Reel(), {}, []
 
     def _settings(self) -> dict[str, Any]:
         shared = {} if self.policy is None else {"hand_over_ticks": HAND_OVER_TICKS}
@@ -286,7 +306,7 @@ class Cockpit:
             self._drop()
             return
         self.logbook.observe(self._obs)
-        self.logbook.save(success=success, note=note)
+        self.logbook.save(success=success, note="; ".join([*filter(None, [note]), *self._disturbed]))
         self._stored("Saved as a demonstration." if success else "Saved as a failure.")
 
     def _discard(self) -> None:
@@ -320,7 +340,7 @@ class Cockpit:
         self._obs = self.env.reset(self.logbook.seed)
         self._flags = np.zeros(len(self.env.spec.subtasks), bool)
         self._success, self._held, self._steps = False, 0, 0
-        self._reel, self._marks = Reel(), dict[str, int]()
+        self._reel, self._marks, self._disturbed = Reel(), dict[str, int](), list[str]()
         self._man()
         self._counts = self.logbook.counts()
 
@@ -329,5 +349,6 @@ class Cockpit:
         self._pilot = Pilot(self.env.spec, self.env.scenario.robot.vehicle, self.bindings, self._mode)
         self._arbiter = Arbiter(self._pilot, self.policy)
         self._arbiter.engage(self._obs)
+        self._perturber = Perturber(self.env, self.logbook.seed)
         if isinstance(self.policy, SeededPolicy):
             self.policy.begin(self.env.seeds)

@@ -1,5 +1,6 @@
 // The page to fly on: what hands do goes out fifty times a second, pictures and figures come in.
 
+import "./controls.js";
 import { connect, on, send } from "./connection.js";
 import { $, words } from "./dom.js";
 import "./figures.js";
