@@ -1,4 +1,4 @@
-"""A SpaceMouse by its bytes: what was recorded from real ones means what their descriptors say; nonsense means nothing."""
+"""A SpaceMouse by its bytes: those of real ones mean what their descriptors say, nonsense means nothing."""
 
 from __future__ import annotations
 
@@ -112,6 +112,6 @@ def test_who_may_not_read_it_is_told_the_rule(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_file_that_is_not_there_is_told() -> None:
-    with pytest.raises(DeviceError, match="hidraw99.*plugged in"):
+    with pytest.raises(DeviceError, match=r"hidraw99.*plugged in"):
         SpaceMouse("/dev/hidraw99").open()
     assert not os.path.exists("/dev/hidraw99")
