@@ -85,9 +85,9 @@ class Controls:
         try:
             content = yaml.safe_load(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-            raise InvalidValueError(f"{path} is no mapping: {error}. Delete it for the keys that are shipped.") from error
+            raise InvalidValueError(
+                f"{path} is no mapping: {error}. Delete it for the keys that are shipped."
+            ) from error
         if not isinstance(content, dict):
             raise InvalidValueError(f"{path} is no mapping of commands. Delete it for the keys that are shipped.")
         return content
-
-

@@ -15,8 +15,8 @@ from aerial_il.data.provenance import Origin
 from aerial_il.data.recording.recorder import Recorded, Recorder
 from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.suite.batch import BatchEnvironment, StepResult
-from aerial_il.teleop.arbiter import Turn
 from aerial_il.teleop import perturb
+from aerial_il.teleop.arbiter import Turn
 from aerial_il.teleop.devices.replay import TOPIC
 from aerial_il.teleop.frame import LABELS, DeviceFrame
 

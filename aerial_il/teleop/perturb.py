@@ -46,7 +46,7 @@ class Disturbance:
 
 
 def possible(env: BatchEnvironment) -> tuple[str, ...]:
-    """Return the kinds that can happen: a base that is fixed feels no push, and only an object that is held can slip."""
+    """Return the kinds that can happen: a fixed base feels no push, and only an object that is held can slip."""
     flies = env.scenario.robot.vehicle.base_mobility > 0.0
     slips = "grasped" in env.spec.subtasks and env.spec.action.labels[-1:] == ("gripper",)
     return (*(KINDS[:2] if flies else ()), *(KINDS[2:] if slips else ()))

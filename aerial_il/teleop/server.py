@@ -66,7 +66,7 @@ class Server:
     Args:
         inbox: where frames of the controller's devices go. about: what the page says of the flight, as plain values.
         host, port: where; port 0 for any that is free. token: who knows it may come in. tls: for a page over https.
-        controls: mappings that may be changed on the page. summary: writes a page about the folder that is recorded into.
+        controls: mappings that may be changed on the page. summary: writes a page about the folder recorded into.
     """
 
     def __init__(
