@@ -5,7 +5,7 @@ import { $, keycap, make, setHidden } from "./dom.js";
 import { open } from "./help.js";
 import { PAD_BUTTONS } from "./devices.js";
 import { page } from "./state.js";
-import { WORDS, belongs, keyName } from "./vocabulary.js";
+import { WORDS, belongs, keyName, stickOf } from "./vocabulary.js";
 
 const DEVICES = ["keyboard", "gamepad"], POLL_MS = 50;
 let wanted = {}, waiting = null, buttonsDown = new Set(); // wanted: device -> control -> command
@@ -27,11 +27,12 @@ function draw() {
 }
 
 function cell(device, command) {
+  if (device === "gamepad" && stickOf(command)) return make("td", stickOf(command)); // axes are not changed here
   const td = make("td"), button = make("button", "", { type: "button" });
   const controls = [...wanted[device]].filter(([, bound]) => bound === command).map(([control]) => control);
   button.dataset.of = `${device} ${command}`;
   button.setAttribute("aria-label", `${WORDS[command]}, ${device}: ${controls.map(keyName).join(" or ") || "nothing"}`);
-  button.append(...(controls.length ? controls.map((control) => keycap(keyName(control))) : ["–"]));
+  button.append(...(controls.length ? [...new Set(controls.map(keyName))].map(keycap) : ["–"]));
   button.classList.toggle("changed", controls.some((control) => page.keys.get(control) !== command));
   button.addEventListener("click", () => wait(device, command, button));
   td.append(button);

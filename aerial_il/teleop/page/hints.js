@@ -30,12 +30,14 @@ export function drawHints() {
 }
 
 export function buildButtons() {
-  $("pads").replaceChildren(...BUTTONS.map(([command, states, text]) => {
+  const buttons = BUTTONS.map(([command, states, text]) => {
     const button = commandButton(command, text);
     button.dataset.states = states;
-    button.classList.toggle("perturb", PERTURBATIONS.includes(command));
     return button;
-  }));
+  });
+  const row = make("div", "", { class: "perturbations", role: "group", "aria-label": "Perturbations" });
+  row.append(...buttons.filter(({ dataset }) => PERTURBATIONS.includes(dataset.command)));
+  $("pads").replaceChildren(...buttons.filter(({ dataset }) => !PERTURBATIONS.includes(dataset.command)), row);
 }
 
 // A button that gives a command while it is pressed.

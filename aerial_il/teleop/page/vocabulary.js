@@ -60,6 +60,9 @@ export function controlsOf(command, device) {
   return [...new Set(found.map(([name]) => keyName(name)))];
 }
 
+// The stick or trigger that gives a signed motion such as "up+", if one does.
+export const stickOf = (command) => (page.about.bindings.axes[command.slice(0, -1)] ? STICKS[command.slice(0, -1)] : "");
+
 // The same for a gamepad, whose sticks are no buttons.
 export function gamepadControls(commands) {
   const motion = commands[0].slice(0, -1);
