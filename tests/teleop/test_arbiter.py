@@ -23,7 +23,7 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.arbiter import HAND_OVER_TICKS, Arbiter, Flier
 from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.frame import DeviceFrame, bits_of
+from aerial_il.teleop.frame import LABELS, DeviceFrame, bits_of
 from aerial_il.teleop.logbook import POLICY_ACTION, Logbook
 from aerial_il.teleop.pilot import Pilot
 from aerial_il.teleop.refly import refly
@@ -104,7 +104,9 @@ def test_a_recording_that_tells_another_story_is_not_what_its_log_flies(
     elif cheat == "policy":
         step, own[3, 0] = 3, own[3, 0] + 1e-9
     else:
-        rows[step, 9] = bits_of(["lateral+"], shipped("scripted").controls)  # take-over let go for a tick
+        rows[step, LABELS.index("held_low")] = bits_of(
+            ["lateral+"], shipped("scripted").controls
+        )  # take-over let go for a tick
     told = {"is_intervention": held, "expert_actions": labels, "extras": {"device": rows, POLICY_ACTION: own}}
     with pytest.raises(DemoError, match=f"step {step}"):
         refly(env, replace(shared, **told))
