@@ -19,7 +19,7 @@ from tests.teleop.chromium import Tab, browser
 from tests.teleop.flown import Flown, flown
 
 WIDE, UPRIGHT, SIDEWAYS = (1280, 800), (390, 844), (844, 390)
-QUALITY, PHONE_SCALE = 82, 0.75  # of the WebP files; phones are photographed at twice their size
+QUALITY, PHONE_SCALE = 74, 0.75  # of the WebP files; phones are photographed at twice their size
 
 
 class Album:

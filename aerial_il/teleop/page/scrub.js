@@ -4,7 +4,7 @@ import { send } from "./connection.js";
 import { $, clock, make, words } from "./dom.js";
 import { page } from "./state.js";
 
-const SEND_MS = 40;
+const SEND_MS = 40, ROOM = 0.3;
 let playing = null, marked = "";
 
 // Begin a review at the episode's end.
@@ -35,11 +35,20 @@ function drawTime() { $("scrub-time").textContent = `${clock(share() * seconds()
 function drawMarks(marks) { // where sub-tasks were first solved
   if (marked === JSON.stringify(marks)) return;
   marked = JSON.stringify(marks);
-  $("scrub-marks").replaceChildren(...Object.entries(marks).map(([name, at]) => {
-    const mark = make("li", words(name), at > 0.9 ? { class: "last" } : {});
+  $("scrub-marks").replaceChildren(...gathered(marks).map(({ at, names }) => {
+    const mark = make("li", names.map(words).join(", "), { class: at < 0.3 ? "first" : at > 0.6 ? "last" : "" });
     mark.style.left = `${100 * at}%`;
     return mark;
   }));
+}
+
+function gathered(marks) { // those that would cover each other stand together, where the first of them is
+  const found = [];
+  for (const [name, at] of Object.entries(marks).sort(([, a], [, b]) => a - b)) {
+    if (found.length && at - found.at(-1).at < ROOM) found.at(-1).names.push(name);
+    else found.push({ at, names: [name] });
+  }
+  return found;
 }
 
 function play() {

@@ -40,7 +40,7 @@ export function offer() { // to who has never flown here
   show("New here?", "A minute of flying teaches all that it takes. Nothing of it is kept.", "not now");
   const begin = make("button", "begin", { type: "button", id: "coach-begin" });
   begin.addEventListener("click", start);
-  $("coach-text").append(make("br"), begin);
+  $("coach-text").append(begin);
 }
 
 export function start() {
