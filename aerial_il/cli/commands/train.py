@@ -150,7 +150,7 @@ def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterab
         return demonstrations.open_demonstrations(
             path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm
         )
-    if not algorithm.rewarded:
+    if algorithm.demonstrated:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: say dataset=PATH. {hint}")
     return None
