@@ -7,9 +7,9 @@ are the ``hardware`` of its YAML. Whatever flies is asked as a :class:`Device`.
 from __future__ import annotations
 
 import importlib
+import pkgutil
 from collections.abc import Mapping
 from dataclasses import fields
-from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol
 
@@ -31,7 +31,7 @@ class Device(Protocol):
 
 def names() -> tuple[str, ...]:
     """Return the names of all devices."""
-    return tuple(sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py")))
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
 
 
 def controls_of(name: str) -> tuple[str, ...]:
