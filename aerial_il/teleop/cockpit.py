@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.core.errors import AerialError, SimulationDivergedError, StorageError
+from aerial_il.core.contracts import Policy, SeededPolicy, attach
+from aerial_il.core.errors import AerialError, NonFiniteActionError, SimulationDivergedError, StorageError
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.arbiter import HAND_OVER_TICKS, Arbiter
 from aerial_il.teleop.command import Command
 from aerial_il.teleop.frame import DeviceFrame
 from aerial_il.teleop.logbook import Logbook
@@ -50,6 +52,9 @@ class Status:
     counts: Mapping[str, int]
     waiting: int
     time_scale: float
+    flier: str  # policy, person, or nobody
+    shared: bool  # there is a policy to take over from
+    person_steps: int  # of this episode's, those in which the person had taken over
     numbers: tuple[float, ...]
 
 
@@ -58,6 +63,7 @@ class Cockpit:
 
     Args:
         env: an environment of one world. bindings: what the device's controls mean. logbook: where flights go.
+        policy: what flies unless the person takes over; None if the person always does.
         time_scale: how fast time passes, for the record. countdown: ticks before an episode.
     """
 
@@ -67,6 +73,7 @@ class Cockpit:
         bindings: Bindings,
         logbook: Logbook,
         *,
+        policy: Policy | None = None,
         time_scale: float = 1.0,
         countdown: int = COUNTDOWN_TICKS,
     ) -> None:
@@ -77,7 +84,8 @@ class Cockpit:
         self._flags = np.zeros(len(env.spec.subtasks), bool)
         self._counts = logbook.counts()
         self._mode: str | None = None
-        self._abandoned = 0
+        self._abandoned = self._person_steps = 0
+        self.policy = None if policy is None else attach(policy, env)
         self.readings = readings_of(env.spec.observation)
         self._reset()
 
@@ -95,7 +103,7 @@ class Cockpit:
             self._advance(frame)
             if self.logbook.settle():
                 self._counts = self.logbook.counts()
-        except (SimulationDivergedError, StorageError) as error:
+        except (SimulationDivergedError, NonFiniteActionError, StorageError) as error:
             self._start_over(error)
 
     def _take_events(self, pressed: frozenset[str]) -> None:
@@ -163,6 +171,9 @@ class Cockpit:
             counts=self._counts,
             waiting=self.logbook.waiting,
             time_scale=self.time_scale,
+            flier=self._arbiter.flier.value,
+            shared=self.policy is not None,
+            person_steps=self._person_steps,
             numbers=tuple(number for reading in self.readings for number in reading.numbers(row)),
         )
 
@@ -180,16 +191,17 @@ class Cockpit:
 
     def _fly(self, frame: DeviceFrame) -> None:
         recording = self.state is State.RECORDING
-        action = self._pilot.act(frame, self._row())
+        turn = self._arbiter.act(frame, self._obs)
         self._mode = self._pilot.mode
         self._abandoned = self._abandoned + 1 if self._pilot.dead else 0
         if recording:
             self.logbook.observe(self._obs)
-        result = self.env.step(action[None])
+        result = self.env.step(turn.action[None])
         self._obs, self._flags = result.obs, result.info["subtasks"][0]
         if recording:
-            self.logbook.act(frame, action, result)
+            self.logbook.act(frame, turn, result)
             self._steps += 1
+            self._person_steps += turn.is_intervention
         self._success = bool(result.info["success"][0])
         self._held = self._held + 1 if self._success else 0
         if result.terminated[0]:
@@ -208,13 +220,13 @@ class Cockpit:
         self.message = f"Set back to the start: {error}"
 
     def _begin(self) -> None:
-        self._pilot = Pilot(self.env.spec, self.env.scenario.robot.vehicle, self.bindings, self._mode)
-        self._pilot.engage(self._row())
+        self._man()
         self.logbook.begin(self._settings())
-        self._held = self._steps = 0
+        self._held = self._steps = self._person_steps = 0
 
     def _settings(self) -> dict[str, Any]:
-        return {"time_scale": self.time_scale, "success_ticks": SUCCESS_TICKS, **self._pilot.settings()}
+        shared = {} if self.policy is None else {"hand_over_ticks": HAND_OVER_TICKS}
+        return {"time_scale": self.time_scale, "success_ticks": SUCCESS_TICKS, **shared, **self._pilot.settings()}
 
     def _review(self, event: Event) -> None:
         self._label = self._success
@@ -257,13 +269,20 @@ class Cockpit:
         self.message = f"Brought back: {uid}" if uid else "There is nothing to bring back."
         self._counts = self.logbook.counts()
 
+    def _row(self) -> dict[str, np.ndarray]:
+        return {name: values[0] for name, values in self._obs.items()}
+
     def _reset(self) -> None:
         self._obs = self.env.reset(self.logbook.seed)
         self._flags = np.zeros(len(self.env.spec.subtasks), bool)
         self._success, self._held, self._steps = False, 0, 0
-        self._pilot = Pilot(self.env.spec, self.env.scenario.robot.vehicle, self.bindings, self._mode)
-        self._pilot.engage(self._row())
+        self._man()
         self._counts = self.logbook.counts()
 
-    def _row(self) -> dict[str, np.ndarray]:
-        return {name: values[0] for name, values in self._obs.items()}
+    def _man(self) -> None:
+        """Set new hands to the controls, and the policy to the beginning of its flight."""
+        self._pilot = Pilot(self.env.spec, self.env.scenario.robot.vehicle, self.bindings, self._mode)
+        self._arbiter = Arbiter(self._pilot, self.policy)
+        self._arbiter.engage(self._obs)
+        if isinstance(self.policy, SeededPolicy):
+            self.policy.begin(self.env.seeds)

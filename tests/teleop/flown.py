@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.cli.configuration import groups
+from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices import drivers_of
@@ -36,16 +37,17 @@ async def flown(
     countdown: int = 10,
     port: int = 0,
     size: tuple[int, int] = (180, 240),
+    policy: Policy | None = None,
     devices: Sequence[str] = ("keyboard", "gamepad", "touch"),
     hardware: Mapping[str, Mapping[str, Any]] | None = None,
     tls: ssl.SSLContext | None = None,
     **settings: Any,
 ) -> AsyncIterator[Flown]:
-    """Fly, on a page, into the folder ``out``."""
+    """Fly, on a page, into the folder ``out``, or watch ``policy`` fly."""
     env, bindings = world(**settings), shipped(*devices)
     drivers = drivers_of({name: groups.read_option("device", name) for name in devices}, hardware)
-    logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
-    cockpit = Cockpit(env, bindings, logbook, countdown=countdown)
+    logbook = Logbook(env, str(out), operator="ada", first_seed=5000, policy=policy and "policy")
+    cockpit = Cockpit(env, bindings, logbook, policy=policy, countdown=countdown)
     there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()
     site = Site(port=port, size=size, tls=tls)
     opened = there.set_result

@@ -14,6 +14,7 @@ const WORDS = {
 const HELP = [ // rows of the help: name, commands
   ["ahead, back", "forward+", "forward-"], ["left, right", "lateral+", "lateral-"], ["up, down", "up+", "up-"],
   ["turn left, right", "yaw+", "yaw-"], ["close, open gripper", "grip+", "grip-"], ["precise (hold)", "precision"],
+  ["take over (hold)", "take_over"],
   ["mode", "mode"], ["record, stop", "record"], ["pause", "pause"], ["keep", "save"], ["discard", "discard"],
   ["undo discard", "undo"], ["call it a failure", "label"], ["swap cameras", "camera"], ["show numbers", "numbers"],
   ["this help", "help"],
@@ -23,17 +24,20 @@ const KEY_NAMES = {
   ShiftLeft: "shift", ShiftRight: "shift", Tab: "tab", Escape: "esc", Slash: "?",
 };
 const HINTS = { // state -> commands worth knowing now
-  idle: ["record", "mode", "precision", "grip+", "grip-", "undo", "camera", "numbers", "help"],
+  idle: ["record", "take_over", "mode", "precision", "grip+", "grip-", "undo", "camera", "numbers", "help"],
   countdown: ["record"],
-  recording: ["record", "pause", "discard", "mode", "precision", "grip+", "grip-", "camera", "numbers"],
+  recording: ["take_over", "record", "pause", "discard", "mode", "precision", "grip+", "grip-", "camera", "numbers"],
   paused: ["pause", "save", "discard"],
   review: ["save", "discard", "label"],
 };
 const LABELS = { // what a command means in a state
   "idle.record": "record an episode", "countdown.record": "cancel", "recording.record": "stop and review",
   "paused.pause": "go on", "paused.save": "stop and review", "review.save": "keep", "recording.discard": "throw away",
+  "idle.take_over": "hold to take over", "recording.take_over": "hold to take over",
 };
 const STATES = { idle: "free flight", countdown: "get ready", recording: "recording", paused: "paused", review: "review" };
+
+const FLIERS = { policy: "The policy flies", person: "You fly", nobody: "Nobody watches: it hovers" };
 
 const $ = (id) => document.getElementById(id);
 const page = { about: null, status: null, socket: null, seq: 0, focused: document.hasFocus(), offset: null, trip: null,
@@ -147,6 +151,7 @@ function draw() {
   }
   drawBanner();
   if (!status) return;
+  drawFlier(status);
   $("state").textContent = STATES[status.state] ?? status.state;
   $("timer").textContent = status.state === "idle" ? "" : clock(status.steps / page.about.rate);
   $("message").textContent = status.message;
@@ -160,6 +165,14 @@ function draw() {
   drawSubtasks(status);
   drawModes(status);
   drawReview(status);
+}
+
+function drawFlier(status) {
+  const flier = status.shared ? status.flier : "";
+  if (document.body.dataset.flier === flier) return;
+  document.body.dataset.flier = flier;
+  for (const id of ["who", "live-flier"]) setText($(id), FLIERS[flier] ?? "");
+  drawHints();
 }
 
 function drawSubtasks(status) {
@@ -217,7 +230,8 @@ function drawBanner() {
 
 function drawHints() {
   const state = document.body.dataset.state, device = document.body.dataset.device;
-  const known = (HINTS[state] ?? []).filter((command) => command !== "label" || page.status?.success);
+  const means = { label: page.status?.success, take_over: page.status?.shared };
+  const known = (HINTS[state] ?? []).filter((command) => means[command] ?? true);
   const found = known.map((command) => ({ command, keys: controlsOf(command, device) }));
   $("hints").replaceChildren(...found.filter(({ keys }) => keys.length).map(({ command, keys }) => {
     const span = document.createElement("span");
@@ -225,7 +239,7 @@ function drawHints() {
     return span;
   }));
   for (const button of document.querySelectorAll("#pads [data-states]")) {
-    button.hidden = !button.dataset.states.split(" ").includes(state);
+    button.hidden = !button.dataset.states.split(" ").includes(state) || !(means[button.dataset.command] ?? true);
   }
 }
 
@@ -297,7 +311,7 @@ function buildButtons() {
   $("pads").replaceChildren(
     make("record", "idle", "record"), make("record", "recording", "stop"), make("record", "countdown", "cancel"),
     make("pause", "recording"), make("pause", "paused", "go on"), make("save", "paused", "stop and review"),
-    make("discard", "recording paused"), make("mode", "idle recording"), make("precision", "idle recording"),
+    make("discard", "recording paused"), make("take_over", "idle recording", "hold to take over"), make("mode", "idle recording"), make("precision", "idle recording"),
     make("grip+", "idle recording", "close"), make("grip-", "idle recording", "open"), make("undo", "idle", "undo discard"),
   );
   $("review-buttons").replaceChildren(make("save", "review", "Keep"), make("label", "review", "Call it a failure"), make("discard", "review", "Discard"));
