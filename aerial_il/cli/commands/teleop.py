@@ -15,6 +15,7 @@ from __future__ import annotations
 import asyncio
 import getpass
 import ssl
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -60,7 +61,7 @@ class Config:
     operator: str | None = key(None, "who flies, for the record (null: the name you are logged in by)")
     seed: int = key(0, "of the first episode of a new folder")
     time_scale: str = key("1", "how fast time passes, for the record too", choices=TIME_SCALES)
-    hardware: dict[str, Any] = key({}, "of devices that no browser reads, e.g. {leader_arm:{port:/dev/ttyACM0}}")
+    hardware: list[str] = key([], "settings of devices that no browser reads, e.g. [leader_arm.port:/dev/ttyACM0]")
     host: str = key("127.0.0.1", "where the page is served; another one than this machine's own needs expose=true")
     expose: bool = key(False, "let other machines reach the page, over https")
     tls: bool | None = key(None, "serve over https (null: where other machines reach it)")
@@ -101,13 +102,15 @@ def run(config: Config) -> None:
     mappings = controls.read()
     for name in controls.own:
         print(f"Keys of your own: {controls.file(name)}", flush=True)
-    bindings, drivers = bindings_of(mappings), drivers_of(mappings, config.hardware)
+    bindings, drivers = bindings_of(mappings), drivers_of(mappings, _settings(config.hardware))
     tls = _tls(config)
     policy, env = _aboard(config)
     operator = config.operator or getpass.getuser()
     try:
         check_level(env.spec.action.level)
         check_leader(env.spec.action.level, bindings)
+        for driver in drivers.values():  # what is not plugged in is told before a folder is claimed
+            driver.open().close()
         logbook = Logbook(env, config.out, operator=operator, first_seed=config.seed, policy=config.policy.path)
     except BaseException:
         env.close()
@@ -128,6 +131,18 @@ def run(config: Config) -> None:
             print(f"Next: {command_line(['validate', spelling.path('path', config.out)])}")
     finally:
         env.close()
+
+
+def _settings(words: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return device -> its settings, of words ``DEVICE.SETTING:VALUE``."""
+    found: dict[str, dict[str, Any]] = {}
+    for word in words:
+        (name, _, value), problem = word.partition(":"), f"hardware={word}: write DEVICE.SETTING:VALUE"
+        device, _, setting = name.partition(".")
+        if not setting or not value:
+            raise InvalidValueError(f"{problem}, e.g. hardware=[leader_arm.port:/dev/ttyACM0].")
+        found.setdefault(device, {})[setting] = int(value) if value.isdecimal() else value
+    return found
 
 
 def _aboard(config: Config) -> tuple[Policy | None, BatchEnvironment]:
