@@ -2,6 +2,7 @@
 
 import { Gamepad, Keyboard, Touch, sum } from "./devices.js";
 import { buildNumbers, drawNumbers } from "./numbers.js";
+import { CLUTCH, Phone } from "./phone.js";
 
 const SEND_MS = 20, PING_MS = 500, FIGURES_MS = 250, RETRY_MS = 1000;
 const LOCAL = new Set(["help", "camera", "numbers"]); // commands that only the page obeys
@@ -45,6 +46,7 @@ const page = { about: null, status: null, socket: null, seq: 0, focused: documen
 window.teleop = page; // for tests, and for who is curious
 
 const touch = new Touch(used);
+const phone = new Phone();
 const pad = new Gamepad(used);
 const keyboard = new Keyboard((code) => page.keys.has(code) && !$("help").open, used);
 const hands = [keyboard, pad, touch];
@@ -70,7 +72,7 @@ function sendInput() {
   const pressed = hands.flatMap((hand) => hand.presses.take()).filter((name) => !LOCAL.has(page.keys.get(name)));
   const held = hands.flatMap((hand) => hand.held());
   if (pressed.length) page.pressedAt.push({ seq: page.seq, at: performance.now() });
-  send({ type: "input", seq: page.seq, held, pressed, axes: sum(hands.map((hand) => hand.axes())), t: performance.now() });
+  send({ type: "input", seq: page.seq, held, pressed, axes: sum(hands.map((hand) => hand.axes())), pose: phone.pose(), t: performance.now() });
   drawSticks(held);
 }
 
@@ -314,6 +316,7 @@ function buildButtons() {
     make("discard", "recording paused"), make("take_over", "idle recording", "hold to take over"), make("mode", "idle recording"), make("precision", "idle recording"),
     make("grip+", "idle recording", "close"), make("grip-", "idle recording", "open"), make("undo", "idle", "undo discard"),
   );
+  if (page.keys.has(CLUTCH)) $("pads").append(...phone.buttons(touch));
   $("review-buttons").replaceChildren(make("save", "review", "Keep"), make("label", "review", "Call it a failure"), make("discard", "review", "Discard"));
 }
 
