@@ -1,7 +1,8 @@
 // What can be done now: keys in the page's foot, buttons for fingers beside the sticks.
 
 import { $, keycap, make } from "./dom.js";
-import { touch } from "./input.js";
+import { phone, touch } from "./input.js";
+import { CLUTCH } from "./phone.js";
 import { device, page, state } from "./state.js";
 import { HINTS, LABELS, WORDS, controlsOf } from "./vocabulary.js";
 
@@ -38,6 +39,7 @@ export function buildButtons() {
   const row = make("div", "", { class: "perturbations", role: "group", "aria-label": "Perturbations" });
   row.append(...buttons.filter(({ dataset }) => PERTURBATIONS.includes(dataset.command)));
   $("pads").replaceChildren(...buttons.filter(({ dataset }) => !PERTURBATIONS.includes(dataset.command)), row);
+  if (page.keys.has(CLUTCH)) $("pads").append(...phone.buttons(touch));
 }
 
 // A button that gives a command while it is pressed.

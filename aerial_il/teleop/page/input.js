@@ -2,6 +2,7 @@
 
 import { Gamepad, Keyboard, Touch, sum } from "./devices.js";
 import { send } from "./connection.js";
+import { Phone } from "./phone.js";
 import { flies, page, state } from "./state.js";
 
 const SEND_MS = 20, WALKING = /^(Tab|Enter|Space|Arrow.*)$/;
@@ -13,6 +14,7 @@ let unpluggedAt = -Infinity;
 export const lostPad = () => performance.now() - unpluggedAt < 6000;
 
 export const touch = new Touch(used);
+export const phone = new Phone();
 const pad = new Gamepad(used);
 const keyboard = new Keyboard((code) => page.keys.has(code) && !isThePages(code), used);
 const hands = [keyboard, pad, touch];
@@ -53,7 +55,7 @@ function sendInput() {
   if (pressed.length) page.pressedAt.push({ seq: page.seq, at: performance.now() });
   page.held = held;
   page.axes = sum(hands.map((hand) => hand.axes()));
-  send({ type: "input", seq: page.seq, held, pressed, axes: page.axes, t: performance.now() });
+  send({ type: "input", seq: page.seq, held, pressed, axes: page.axes, pose: phone.pose(), t: performance.now() });
   for (const work of watchers) work(pressed);
 }
 
