@@ -1,13 +1,13 @@
 """A session as a person has it, end to end, through the real server and the real page.
 
-    python -m experiments.teleop.session --out runs/teleop/session
-    python -m experiments.teleop.session --out runs/teleop/session --hands pad
+    python -m experiments.by_hand.session --out runs/teleop/session
+    python -m experiments.by_hand.session --out runs/teleop/session --hands pad
 
 One flight is solved and kept, one discarded and brought back, one thrown away and recorded again. With ``--policy`` one
 that is bad at ``reach`` is watched instead, taken over from, and its flight rescued. Then every file is
 validated, replayed by its actions and flown again by its log. ``check`` alone does the latter for any folder:
 
-    python -m experiments.teleop.session check --out runs/teleop/reach_keys
+    python -m experiments.by_hand.session check --out runs/teleop/reach_keys
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import aerial_il
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.teleop.refly import refly
-from experiments.teleop.fly import served, stranger_at
+from experiments.by_hand.fly import served, stranger_at
 from tests.teleop.chromium import browser
 from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again, rescued
 

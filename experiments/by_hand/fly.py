@@ -1,13 +1,13 @@
 """Fly tasks by hand-like control of the real page: a real server, a real browser, in real time.
 
-    python -m experiments.teleop.fly fly --task reach --hands keys --episodes 10 --out runs/teleop
-    python -m experiments.teleop.fly table
+    python -m experiments.by_hand.fly fly --task reach --hands keys --episodes 10 --out runs/teleop
+    python -m experiments.by_hand.fly table
 
 Who flies reads the page's text and presses keys, or moves a mocked gamepad (``tests/teleop/stranger.py``); it is told
 nothing else. Each flight is one seed, counted from ``--seed``, and is kept whatever came of it; what is done is not
 done again. On a machine that is busy with other work, ``--realtime`` gives the server a real-time priority, which takes
 the rights of root; ``chrt -r 5`` before the command gives one to browser and driver. Results lie in
-``experiments/teleop/flights``, a file for each task and kind of hands.
+``experiments/by_hand/flights``, a file for each task and kind of hands.
 """
 
 from __future__ import annotations
