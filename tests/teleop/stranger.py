@@ -272,7 +272,7 @@ class Stranger:
 
     async def record(self) -> None:
         """Begin an episode."""
-        await self.until(lambda s: s.state == "free flight" and not s.banner)
+        await self.until(lambda s: s.state == "free flight" and bool(s.mode) and not s.banner)
         await self.hands.tap("record")
         await self.until(lambda s: s.state == "recording")
 
