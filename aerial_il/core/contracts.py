@@ -142,6 +142,15 @@ class BatchEnv(Protocol):
         ...
 
 
+@runtime_checkable
+class Pushable(Protocol):
+    """A batch environment whose vehicle can be pushed."""
+
+    def push(self, velocity: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Let the bases gain velocities (n, 3) in m/s, world, at once, in all worlds or in those of ``mask`` (n,)."""
+        ...
+
+
 class BatchEnvBase:
     """Answers of a batch environment without cameras, without drawn disturbances, and with no engine of the suite's."""
 
@@ -293,7 +302,12 @@ class Algorithm(Protocol):
 
     @property
     def rewarded(self) -> bool:
-        """Whether it learns from the environment's reward, and so without demonstrations."""
+        """Whether it learns from the environment's reward."""
+        ...
+
+    @property
+    def demonstrated(self) -> bool:
+        """Whether it learns from demonstrations, and so cannot do without."""
         ...
 
     @property
@@ -305,7 +319,7 @@ class Algorithm(Protocol):
         """Train a policy, or go on where an earlier call was stopped, with the same bytes in the end.
 
         Args:
-            dataset: episodes to learn from; None for an algorithm that is ``rewarded``.
+            dataset: episodes to learn from; None for an algorithm that is not ``demonstrated``.
             policy: configuration of the policy to train.
             kwargs: ``run`` (the folder), ``seed``, ``evaluate`` (``(policy, step) -> named numbers``), ``resume``,
                 ``progress``, and what it ``needs``. There are no more positional arguments.
