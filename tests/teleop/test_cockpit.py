@@ -96,7 +96,8 @@ def test_recordings_with_and_without_frames_are_read_copied_and_salvaged(tmp_pat
     plain = _with(episode, extras={}, extra_labels={})
     assert not read_episode(write_episode(plain, tmp_path / "plain.mcap")).extras
     cut = tmp_path / "cut.mcap"
-    cut.write_bytes(file.read_bytes()[:-9000])
+    raw = file.read_bytes()
+    cut.write_bytes(raw[: len(raw) * 7 // 10])  # what eyes see stands at the end: less than that loses no step
     saved = read_episode(recover_episode(cut, tmp_path / "saved.mcap").path)
     assert 10 < len(saved) < len(episode)
     np.testing.assert_array_equal(saved.extras["device"], episode.extras["device"][: len(saved)])
