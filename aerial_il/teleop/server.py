@@ -82,6 +82,7 @@ class Server:
         self.visitors = Visitors()
         self.flight: Loop | None = None
         self.film: Film | None = None
+        self.lesson: dict[str, Any] = {}  # how a policy that learns from the flights gets on
         self._latest: dict[str, Any] = {}
         self._shot: Shot | None = None
         self._fresh: dict[Visitor, asyncio.Event] = {}
@@ -256,6 +257,7 @@ class Server:
                 "asked": visitors.asking.number if visitors.asking else 0,
                 "visitors": len(visitors),
                 "dropped": dict(visitors.dropped),
+                "lesson": self.lesson,
             }
             if self._latest:
                 await visitor.socket.send_str(json.dumps({"type": "status", **self._latest, **around}))

@@ -36,7 +36,6 @@ from aerial_il.core.errors import InvalidValueError
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Policy
     from aerial_il.suite.batch import BatchEnvironment
-    from aerial_il.teleop.server import Server
 
 TIME_SCALES = ("1", "0.5", "0.25")
 ROBOT, TASK = "fa_hexa_arm4", "reach"
@@ -84,6 +83,7 @@ def run(config: Config) -> None:
     """Fly until interrupted, and say what comes next."""
     from aerial_il.cli.configuration import groups, spelling
     from aerial_il.cli.configuration.quoting import command_line
+    from aerial_il.cli.flights.page import greet
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.cockpit import Cockpit
     from aerial_il.teleop.command import check_level
@@ -108,7 +108,7 @@ def run(config: Config) -> None:
     try:
         cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
         site = Site(config.host, config.port, (config.size[0], config.size[1]), tls)
-        opened = partial(_tell, open_page=config.open)
+        opened = partial(greet, open_page=config.open)
         asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
     except KeyboardInterrupt:
         kept = logbook.counts()
@@ -155,20 +155,3 @@ def _tls(config: Config) -> ssl.SSLContext | None:
         print("The browser will not know this certificate; compare its fingerprint before you go on.", flush=True)
     print(f"SHA-256 fingerprint: {told}", flush=True)
     return context
-
-
-def _tell(server: Server, open_page: bool) -> None:
-    """Say where the page is, and open it where there is a screen."""
-    import socket
-    import webbrowser
-
-    from aerial_il.evaluation.films.window import has_screen
-
-    print(f"Fly here: {server.url}", flush=True)
-    if has_screen():
-        if open_page:
-            webbrowser.open(server.url)
-    else:
-        tunnel = f"ssh -N -L {server.port}:127.0.0.1:{server.port} {getpass.getuser()}@{socket.gethostname()}"
-        print(f"From another machine, first: {tunnel}", flush=True)
-    print("Ctrl-C ends the session; everything that is saved stays.", flush=True)

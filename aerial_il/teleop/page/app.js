@@ -152,6 +152,7 @@ function draw() {
   drawBanner();
   if (!status) return;
   drawFlier(status);
+  drawLesson(status.lesson);
   $("state").textContent = STATES[status.state] ?? status.state;
   $("timer").textContent = status.state === "idle" ? "" : clock(status.steps / page.about.rate);
   $("message").textContent = status.message;
@@ -173,6 +174,16 @@ function drawFlier(status) {
   document.body.dataset.flier = flier;
   for (const id of ["who", "live-flier"]) setText($(id), FLIERS[flier] ?? "");
   drawHints();
+}
+
+function drawLesson(lesson) {
+  const told = JSON.stringify(lesson ?? {});
+  if ($("lesson").dataset.told === told) return;
+  $("lesson").dataset.told = told;
+  $("lesson").hidden = !lesson?.message;
+  $("lesson-message").textContent = lesson?.message ?? "";
+  $("lesson-rounds").replaceChildren(...(lesson?.rounds ?? []).map(({ alone, share }, i) =>
+    item(`round ${i + 1}: ${alone} % without help, you flew ${share} %`)));
 }
 
 function drawSubtasks(status) {
