@@ -19,7 +19,7 @@ import numpy as np
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
-from aerial_il.algorithms.interactive.gates import HumanGate
+from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.driver import Driven
 from aerial_il.benchmarks.parts.ground import ground, learning_code

@@ -15,6 +15,7 @@ from aerial_il.data.provenance import Origin
 from aerial_il.data.recording.recorder import Recorded, Recorder
 from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.suite.batch import BatchEnvironment, StepResult
+from aerial_il.teleop import perturb
 from aerial_il.teleop.arbiter import Turn
 from aerial_il.teleop.devices.replay import TOPIC
 from aerial_il.teleop.frame import LABELS, DeviceFrame
@@ -98,9 +99,11 @@ class Logbook:
         """Note what the world shows before the coming step, or after the last one."""
         self._recorder.observe(obs, state=self.env.get_state(), sim_time=self.env.sim_time)
 
-    def act(self, frame: DeviceFrame, turn: Turn, result: StepResult) -> None:
-        """Note what was commanded, by which frame of the device and by whom, and what came of it."""
+    def act(self, frame: DeviceFrame, turn: Turn, met: perturb.Disturbance, result: StepResult) -> None:
+        """Note what was commanded, by which frame of the device and by whom, what it met, and what came of it."""
         own = {} if self.policy is None else {POLICY_ACTION: turn.policy_action[None]}
+        if perturb.possible(self.env):
+            own[perturb.TOPIC] = met.to_row()[None]
         self._recorder.act(
             action=turn.action[None],
             executed_action=result.info["executed_action"],
@@ -172,7 +175,8 @@ class Logbook:
 
     def _new_recorder(self) -> Recorder:
         own = {} if self.policy is None else {POLICY_ACTION: self.env.spec.action.labels}
-        return Recorder(self.env.spec, self.env.model.nu, extras={TOPIC: LABELS, **own})
+        disturbed = {perturb.TOPIC: perturb.LABELS} if perturb.possible(self.env) else {}
+        return Recorder(self.env.spec, self.env.model.nu, extras={TOPIC: LABELS, **own, **disturbed})
 
     def _finish(self, kind: str, *, success: bool, note: str) -> None:
         path = self.folder.path / kind / f"{self._uid}.mcap"

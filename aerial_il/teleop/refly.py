@@ -16,6 +16,7 @@ from aerial_il.teleop.arbiter import Arbiter
 from aerial_il.teleop.devices.replay import Replay, frames_of
 from aerial_il.teleop.logbook import POLICY_ACTION
 from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.perturb import TOPIC, Perturber
 from aerial_il.teleop.pilot import Pilot
 
 
@@ -37,13 +38,18 @@ def refly(env: BatchEnvironment, episode: Episode, path: Path | str = "") -> int
     logged = Logged(episode.extras[POLICY_ACTION]) if POLICY_ACTION in episode.extras else None
     arbiter = Arbiter(pilot, logged, hand_over_ticks=settings.get("hand_over_ticks", 1))
     arbiter.engage(obs)
+    perturber = Perturber(env, episode.seed)
     for step in range(len(frames)):
         _compare(place, step, "state", env.get_state()[0], episode.states[step])
-        turn = arbiter.act(device.frame(), obs)
+        frame = device.frame()
+        turn = arbiter.act(frame, obs)
         _compare(place, step, "action", turn.action, episode.actions[step])
         _compare(place, step, "expert_action", turn.label, episode.expert_actions[step])
         _compare(place, step, "is_intervention", np.atleast_1d(turn.is_intervention), episode.is_intervention[[step]])
-        obs = env.step(turn.action[None]).obs
+        met = perturber.step(bindings.intent(frame).pressed)
+        if TOPIC in episode.extras:
+            _compare(place, step, TOPIC, met.to_row(), episode.extras[TOPIC][step])
+        obs = env.step(met.meet(env, turn.action)[None]).obs
     _compare(place, len(frames), "state", env.get_state()[0], episode.states[-1])
     return len(frames)
 

@@ -10,7 +10,8 @@ import pytest
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
-from aerial_il.algorithms.interactive.gates import CoinGate, HumanGate
+from aerial_il.algorithms.interactive.gates.coin import CoinGate
+from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.interactive.rounds import Operator
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect

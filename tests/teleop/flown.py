@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ssl
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from aerial_il.cli.configuration import groups
 from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.controls import Controls
 from aerial_il.teleop.devices import drivers_of
 from aerial_il.teleop.flight import Site, fly
 from aerial_il.teleop.logbook import Logbook
@@ -37,10 +38,12 @@ async def flown(
     countdown: int = 10,
     port: int = 0,
     size: tuple[int, int] = (180, 240),
-    policy: Policy | None = None,
     devices: Sequence[str] = ("keyboard", "gamepad", "touch"),
     hardware: Mapping[str, Mapping[str, Any]] | None = None,
     tls: ssl.SSLContext | None = None,
+    policy: Policy | None = None,
+    controls: Controls | None = None,
+    summary: Callable[[], str] | None = None,
     **settings: Any,
 ) -> AsyncIterator[Flown]:
     """Fly, on a page, into the folder ``out``, or watch ``policy`` fly."""
@@ -49,7 +52,7 @@ async def flown(
     logbook = Logbook(env, str(out), operator="ada", first_seed=5000, policy=policy and "policy")
     cockpit = Cockpit(env, bindings, logbook, policy=policy, countdown=countdown)
     there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()
-    site = Site(port=port, size=size, tls=tls)
+    site = Site(port=port, size=size, tls=tls, controls=controls, summary=summary)
     opened = there.set_result
     work = asyncio.create_task(fly(env, cockpit, bindings, site, operator="ada", drivers=drivers, opened=opened))
     try:

@@ -15,8 +15,10 @@ from __future__ import annotations
 import asyncio
 import getpass
 import ssl
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.cli.configuration.keys import (
@@ -54,10 +56,11 @@ class Config:
         None, "action level: ee_pose, ee_delta, base_joint or velocity (null: the policy's, or ee_pose)"
     )
     devices: list[str] = key(["keyboard", "gamepad", "touch"], "devices that may be used, files of conf/device")
+    controls: str = key("controls", "folder of your own mappings, which the page writes")
     operator: str | None = key(None, "who flies, for the record (null: the name you are logged in by)")
     seed: int = key(0, "of the first episode of a new folder")
     time_scale: str = key("1", "how fast time passes, for the record too", choices=TIME_SCALES)
-    hardware: dict[str, Any] = key({}, "of devices that no browser reads, e.g. {leader_arm:{port:/dev/ttyACM0}}")
+    hardware: list[str] = key([], "settings of devices that no browser reads, e.g. [leader_arm.port:/dev/ttyACM0]")
     host: str = key("127.0.0.1", "where the page is served; another one than this machine's own needs expose=true")
     expose: bool = key(False, "let other machines reach the page, over https")
     tls: bool | None = key(None, "serve over https (null: where other machines reach it)")
@@ -84,40 +87,62 @@ def run(config: Config) -> None:
     from aerial_il.cli.configuration import groups, spelling
     from aerial_il.cli.configuration.quoting import command_line
     from aerial_il.cli.flights.page import greet
+    from aerial_il.cli.flights.sessions import summary, write_summary
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.cockpit import Cockpit
     from aerial_il.teleop.command import check_level
+    from aerial_il.teleop.controls import Controls
     from aerial_il.teleop.devices import bindings_of, drivers_of
     from aerial_il.teleop.flight import Site, fly
     from aerial_il.teleop.logbook import Logbook
     from aerial_il.teleop.pilot import check_leader
 
     require_rendering("flying by hand")
-    mappings = {name: groups.read_option("device", name) for name in config.devices}
-    bindings, drivers = bindings_of(mappings), drivers_of(mappings, config.hardware)
+    controls = Controls(partial(groups.read_option, "device"), tuple(config.devices), Path(config.controls))
+    mappings = controls.read()
+    for name in controls.own:
+        print(f"Keys of your own: {controls.file(name)}", flush=True)
+    bindings, drivers = bindings_of(mappings), drivers_of(mappings, _settings(config.hardware))
     tls = _tls(config)
     policy, env = _aboard(config)
     operator = config.operator or getpass.getuser()
     try:
         check_level(env.spec.action.level)
         check_leader(env.spec.action.level, bindings)
+        for driver in drivers.values():  # what is not plugged in is told before a folder is claimed
+            driver.open().close()
         logbook = Logbook(env, config.out, operator=operator, first_seed=config.seed, policy=config.policy.path)
     except BaseException:
         env.close()
         raise
     try:
         cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
-        site = Site(config.host, config.port, (config.size[0], config.size[1]), tls)
+        size = config.size[0], config.size[1]
+        site = Site(config.host, config.port, size, tls, controls, partial(summary, config.out))
         opened = partial(greet, open_page=config.open)
         asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
     except KeyboardInterrupt:
         kept = logbook.counts()
         told = f"{kept['demos']} demonstrations, {kept['failures']} failures, {kept['trash']} in the trash"
         print(f"\n{config.out}: {told}.")
+        if kept["demos"] or kept["failures"]:
+            print(f"Summary: {write_summary(config.out)}")
         if kept["demos"]:
             print(f"Next: {command_line(['validate', spelling.path('path', config.out)])}")
     finally:
         env.close()
+
+
+def _settings(words: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return device -> its settings, of words ``DEVICE.SETTING:VALUE``."""
+    found: dict[str, dict[str, Any]] = {}
+    for word in words:
+        (name, _, value), problem = word.partition(":"), f"hardware={word}: write DEVICE.SETTING:VALUE"
+        device, _, setting = name.partition(".")
+        if not setting or not value:
+            raise InvalidValueError(f"{problem}, e.g. hardware=[leader_arm.port:/dev/ttyACM0].")
+        found.setdefault(device, {})[setting] = int(value) if value.isdecimal() else value
+    return found
 
 
 def _aboard(config: Config) -> tuple[Policy | None, BatchEnvironment]:

@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aerial_il.cli.flights.environments import EnvironmentReference
-    from aerial_il.core.contracts import Policy
+    from aerial_il.core.contracts import Algorithm, Policy
     from aerial_il.core.specs import EnvSpec
-
-WORLDS = 64
 
 
 @contextmanager
 def training_resources(
-    algorithm: Any,
+    algorithm: Algorithm,
     dataset: str | None,
     *,
     reference: EnvironmentReference | None = None,
@@ -39,14 +37,14 @@ def training_resources(
         expert: file of an expert from outside, ``human`` for a person on the page, ``driver`` for a model of one;
             None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
-        num_envs: worlds flown at once; None as the algorithm likes best (its ``worlds``).
+        num_envs: worlds flown at once; None for the algorithm's ``worlds``.
         threads: of the simulation, or processes of worlds from outside; 0 for all cores.
 
     Raises:
         UnknownNameError: the task has no expert.
         InvalidValueError: an environment from outside without one, or nothing says where to fly.
     """
-    needs = getattr(algorithm, "needs", ())
+    needs = algorithm.needs
     if not needs:
         yield {}
         return
@@ -60,7 +58,7 @@ def training_resources(
         spec = aerial_il.open_dataset(dataset).spec
         asked = _expert(spec, expert, typed) if "expert" in needs and expert not in OPERATORS else None
         where = reference_of(spec, images=images, typed=typed)
-    worlds = 1 if expert in OPERATORS else num_envs or getattr(algorithm, "worlds", WORLDS)
+    worlds = 1 if expert in OPERATORS else num_envs or algorithm.worlds
     env = where.load(num_envs=worlds, threads=1 if expert in OPERATORS else threads, tier=tier)
     try:
         with operator(expert, env) if expert in OPERATORS else nullcontext(asked) as teacher:
