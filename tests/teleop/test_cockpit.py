@@ -72,6 +72,18 @@ def test_a_log_with_one_bit_changed_is_not_that_flight(tmp_path: Path) -> None:
         refly(env, _with(episode, extras={"device": rows}))
 
 
+def test_a_log_of_another_version_of_the_pilot_is_refused_by_that_name(tmp_path: Path) -> None:
+    env = world()
+    cockpit = cockpit_of(env, tmp_path)
+    recorded(cockpit)
+    cockpit.close()
+    episode = read_episode(DatasetFolder(tmp_path).files("failures")[0])
+    settings = {key: value for key, value in episode.provenance["settings"].items() if key != "pilot"}
+    with pytest.raises(DemoError, match="another version of the pilot"):
+        refly(env, _with(episode, provenance={**episode.provenance, "settings": settings}))
+    assert replay(env, episode) == len(episode)
+
+
 def test_recordings_with_and_without_frames_are_read_copied_and_salvaged(tmp_path: Path) -> None:
     env = world()
     cockpit = cockpit_of(env, tmp_path / "a")

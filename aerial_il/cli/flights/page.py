@@ -37,17 +37,18 @@ def operator(name: str, env: BatchEnvironment) -> Iterator[Any]:
         yield person
 
 
-def greet(server: Server, open_page: bool) -> None:
-    """Say where the page is, and open it where there is a screen."""
+def greet(server: Server, open_page: bool, program: str | None = None) -> None:
+    """Say where the page is, and open it where there is a screen, in a window of ``program`` if there is one."""
     import socket
     import webbrowser
 
     from aerial_il.evaluation.films.window import has_screen
+    from aerial_il.teleop.window import open_window
 
     print(f"Fly here: {server.url}", flush=True)
     if has_screen():
         if open_page:
-            webbrowser.open(server.url)
+            open_window(program, server.url) if program else webbrowser.open(server.url)
     else:
         tunnel = f"ssh -N -L {server.port}:127.0.0.1:{server.port} {getpass.getuser()}@{socket.gethostname()}"
         print(f"From another machine, first: {tunnel}", flush=True)
