@@ -21,6 +21,8 @@ TERMINAL_DISCOUNT = 0.0
 class DmEnvWorld:
     """A world that makes a new environment for each seed, which no memory can survive; see :class:`World`."""
 
+    goal = None
+
     def __init__(self, make: MakeEnv) -> None:
         self._make = make
         self._env = make(0)
