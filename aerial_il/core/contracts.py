@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.goals import Goal
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import EnvSpec
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class BatchEnv(Protocol):
         ...
 
     @property
-    def goal(self) -> Goal | None:
+    def goal_spec(self) -> GoalSpec | None:
         """Goal that can be exchanged after the fact, None where there is none."""
         ...
 
@@ -153,7 +153,7 @@ class BatchEnvBase:
 
     ends_at_success: bool = True
     engine: str | None = None
-    goal: Goal | None = None
+    goal_spec: GoalSpec | None = None
     camera_names: tuple[str, ...] = ()
 
     def drawn(self, seed: int) -> dict[str, Any]:

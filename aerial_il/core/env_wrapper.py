@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.contracts import Actuated, BatchEnv, StepResult
-from aerial_il.core.goals import Goal
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import EnvSpec
 
 
@@ -38,8 +38,8 @@ class BatchEnvWrapper:
         return self.env.engine
 
     @property
-    def goal(self) -> Goal | None:
-        return self.env.goal
+    def goal_spec(self) -> GoalSpec | None:
+        return self.env.goal_spec
 
     @property
     def camera_names(self) -> tuple[str, ...]:

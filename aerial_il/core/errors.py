@@ -96,9 +96,10 @@ class NoRewardError(AerialError, RuntimeError):
         self.steps, self.paid = steps, paid
         super().__init__(
             f"In {steps} environment steps no reward but {paid:g} has come, and no episode was worth more than any "
-            "other: there is nothing to learn from. The last checkpoint is intact. Begin with demonstrations, pay densely "
-            "(algorithm.reward=environment), give hindsight where the task tells a goal (algorithm.hindsight.goals=4), "
-            "or wait longer: the same command with a larger algorithm.reward_patience goes on from here."
+            "other: there is nothing to learn from. The last checkpoint is intact. Begin with demonstrations, pay "
+            "densely (algorithm.reward=environment), give hindsight where the task tells a goal "
+            "(algorithm.hindsight.goals=4), or wait longer: the same command with a larger algorithm.reward_patience "
+            "goes on from here."
         )
 
 

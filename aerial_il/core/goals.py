@@ -14,7 +14,7 @@ GoalReward = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class Goal:
+class GoalSpec:
     """Which observation fields tell a goal, and what it would have paid to pursue another.
 
     Attributes:
@@ -53,7 +53,7 @@ class GoalColumns:
         InvalidValueError: a field of the goal is not shown.
     """
 
-    def __init__(self, goal: Goal, columns: Mapping[str, slice]) -> None:
+    def __init__(self, goal: GoalSpec, columns: Mapping[str, slice]) -> None:
         if missing := sorted({*goal.fields} - {*columns}):
             hint = "Leave them out of policy.blind_to, or name them in policy.obs_names."
             raise InvalidValueError(f"Hindsight exchanges goals, and {', '.join(missing)} is not shown. {hint}")

@@ -6,7 +6,8 @@ actions are vectors, the choices can be the middle of the bounds and each elemen
 
 Trained by likelihood it imitates whoever chose; a demonstrated action counts as the choice nearest to it.
 
-Source, of ``dueling``: Z. Wang et al., "Dueling Network Architectures for Deep Reinforcement Learning", 2016, equation 9.
+Source, of ``dueling``: Z. Wang et al., "Dueling Network Architectures for Deep Reinforcement Learning", 2016,
+equation 9.
 """
 
 from __future__ import annotations

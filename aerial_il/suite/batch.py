@@ -10,7 +10,7 @@ import numpy as np
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.goals import Goal
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.episode.assessment import Assessment
@@ -67,7 +67,7 @@ class BatchEnvironment:
         return self.scenario.spec
 
     @property
-    def goal(self) -> Goal | None:
+    def goal_spec(self) -> GoalSpec | None:
         """The task's goal, where it can be exchanged after the fact."""
         return self.scenario.task.goal
 

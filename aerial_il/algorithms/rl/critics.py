@@ -45,12 +45,13 @@ class Target[Network: nn.Module]:
 
     def __init__(self, network: Network) -> None:
         self.network = copy.deepcopy(network).requires_grad_(False)
-        self._copies, self._followed = list(self.network.parameters()), list(network.parameters())
+        self._pairs = list(zip(self.network.parameters(), network.parameters(), strict=True))
 
     @torch.no_grad()
     def follow(self, share: float) -> None:
         """Go that ``share`` of the way to the network as it is now."""
-        torch._foreach_lerp_(self._copies, self._followed, share)
+        for copied, followed in self._pairs:
+            copied.lerp_(followed, share)
 
     def snapshot(self) -> Snapshot:
         return Snapshot(weights_of(self.network))

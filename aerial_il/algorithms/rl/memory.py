@@ -110,9 +110,9 @@ def relabeller(settings: OffPolicyReinforcement, run: OnlineRun) -> Relabeller:
         InvalidValueError: the environment tells no goal, or the policy does not see it.
     """
     env, layout = run.collector.env, run.interface.layout
-    if env.goal is None:
+    if env.goal_spec is None:
         hint = "Set algorithm.hindsight.goals=0."
         raise InvalidValueError(f"{env.spec.robot}:{env.spec.task} tells no goal that could be exchanged. {hint}")
-    env.goal.check(env.spec.observation)
-    columns = GoalColumns(env.goal, layout.spec.observation.parts(layout.names))
+    env.goal_spec.check(env.spec.observation)
+    columns = GoalColumns(env.goal_spec, layout.spec.observation.parts(layout.names))
     return Relabeller(settings.hindsight, columns, run.collector.n, run.rng("hindsight"))

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.network import ChunkNetwork
 
 
@@ -42,10 +43,16 @@ class Smoothness:
         require_not_negative(self, "temporal", "spatial", "radius", "rate_penalty", "jerk_penalty")
 
     def loss(self, actor: ChunkNetwork, obs: Tensor, next_obs: Tensor) -> Tensor | float:
-        """Return what the actor's loss is raised by, for encoded observations (B, Do) and the next ones (B, Do)."""
+        """Return what the actor's loss is raised by, for encoded observations (B, Do) and the next ones (B, Do).
+
+        Raises:
+            InvalidValueError: the actor chooses among a few actions, which nothing moves little by little.
+        """
         if not (self.temporal or self.spatial):
             return 0.0
         here, found = actor(obs[:, None]), torch.zeros(())
+        if not here.requires_grad:
+            raise InvalidValueError("Choices cannot be regularised by temporal and spatial: use rate_penalty instead.")
         if self.temporal:
             found = found + self.temporal * ((here - actor(next_obs[:, None])) ** 2).mean()
         if self.spatial:

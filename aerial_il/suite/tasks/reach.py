@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.control.dynamics import put
-from aerial_il.core.goals import Goal
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import closeness, norm, rotation_cosine, sub
 from aerial_il.core.specs import Field
@@ -52,7 +52,7 @@ class Reach(Task):
     subtasks = ("within_10_cm", "at_position", "at_orientation")
     names = Names(sites=("target",))
     told = ("target",)
-    goal = Goal(
+    goal = GoalSpec(
         achieved=("ee_pos", "ee_rot6d"),
         desired=("target_pos", "target_rot6d"),
         reward=reached,

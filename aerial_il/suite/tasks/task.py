@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.goals import Goal
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.physics.world import Names
@@ -93,7 +93,7 @@ class Task(ABC):
     names: ClassVar[Names] = Names()
     told: ClassVar[tuple[str, ...]] = ()
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
-    goal: ClassVar[Goal | None] = None
+    goal: ClassVar[GoalSpec | None] = None
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels
