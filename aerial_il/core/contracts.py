@@ -300,7 +300,12 @@ class Algorithm(Protocol):
 
     @property
     def rewarded(self) -> bool:
-        """Whether it learns from the environment's reward, and so without demonstrations."""
+        """Whether it learns from the environment's reward."""
+        ...
+
+    @property
+    def demonstrated(self) -> bool:
+        """Whether it learns from demonstrations, and so cannot do without."""
         ...
 
     @property
@@ -312,7 +317,7 @@ class Algorithm(Protocol):
         """Train a policy, or go on where an earlier call was stopped, with the same bytes in the end.
 
         Args:
-            dataset: episodes to learn from; None for an algorithm that is ``rewarded``.
+            dataset: episodes to learn from; None for an algorithm that is not ``demonstrated``.
             policy: configuration of the policy to train.
             kwargs: ``run`` (the folder), ``seed``, ``evaluate`` (``(policy, step) -> named numbers``), ``resume``,
                 ``progress``, and what it ``needs``. There are no more positional arguments.

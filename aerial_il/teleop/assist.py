@@ -15,7 +15,7 @@ FENCE_M = 0.4  # on the last stretch towards a wall of the workspace, speed fall
 FLOOR_M = 0.03  # the tool stays that far above the ground
 FLOOR_STRETCH_M = 0.1
 EASY_TILT, MOST_TILT = 0.35, 0.6  # rad: between them, commands fade out
-STALE_TICKS = 15  # 300 ms without a new message
+STALE_TICKS = 14  # without a new message: 300 ms, with the tick that it came too late for
 
 FENCE_LOW = (float(WORKSPACE_LOW[0]), float(WORKSPACE_LOW[1]), FLOOR_M)
 FENCE_HIGH = tuple(float(x) for x in WORKSPACE_HIGH)

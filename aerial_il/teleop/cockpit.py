@@ -18,6 +18,7 @@ from aerial_il.teleop.frame import DeviceFrame
 from aerial_il.teleop.logbook import Logbook
 from aerial_il.teleop.mapping import Bindings
 from aerial_il.teleop.pilot import Pilot
+from aerial_il.teleop.readings import readings_of
 from aerial_il.teleop.session import FLYING, HOLDS_EPISODE, Event, State, after
 
 COUNTDOWN_TICKS = 100  # 2 s
@@ -49,6 +50,7 @@ class Status:
     counts: Mapping[str, int]
     waiting: int
     time_scale: float
+    numbers: tuple[float, ...]
 
 
 class Cockpit:
@@ -76,6 +78,7 @@ class Cockpit:
         self._counts = logbook.counts()
         self._mode: str | None = None
         self._abandoned = 0
+        self.readings = readings_of(env.spec.observation)
         self._reset()
 
     def tick(self, frame: DeviceFrame) -> None:
@@ -137,7 +140,8 @@ class Cockpit:
 
     def status(self) -> Status:
         """Return what there is to show."""
-        names, command = self.env.spec.subtasks, self._pilot.command if self.is_flying else Command()
+        row, names = self._row(), self.env.spec.subtasks
+        command = self._pilot.command if self.is_flying else Command()
         return Status(
             state=self.state.value,
             tick=self.tick_count,
@@ -159,6 +163,7 @@ class Cockpit:
             counts=self._counts,
             waiting=self.logbook.waiting,
             time_scale=self.time_scale,
+            numbers=tuple(number for reading in self.readings for number in reading.numbers(row)),
         )
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from aerial_il.control.actions import ActionLevel
 from aerial_il.control.vehicle import Vehicle
 from aerial_il.core.errors import UnknownNameError
+from aerial_il.teleop.mapping import TURNS
 
 Vec3 = tuple[float, float, float]
 
@@ -29,6 +30,7 @@ class Command:
         turn: rad/s of the tool about the heading's axes: roll (its left side up), pitch (its point down).
         joints: joint -> rad/s.
         grip: openings per second; positive closes.
+        led: joint -> rad, where a leader arm holds it.
         carry: whether a yaw turns the tool about the base, as a rigid body, or on the spot.
     """
 
@@ -37,6 +39,7 @@ class Command:
     turn: tuple[float, float] = (0.0, 0.0)
     joints: tuple[tuple[int, float], ...] = ()
     grip: float = 0.0
+    led: tuple[tuple[int, float], ...] = ()
     carry: bool = False
 
 
@@ -70,12 +73,13 @@ def command_of(motions: Mapping[str, float], mode: str, *, precise: bool) -> Com
     share = PRECISION if precise else 1.0
     forward, lateral, up, yaw = (share * motions[name] for name in STICKS)
     grip = GRIP_RATE * motions["grip"]
+    roll, pitch = (share * TURN_RATE * motions[name] for name in TURNS)
     if mode == "tool":
-        return Command(_scaled(TOOL_SPEED, forward, lateral, up), YAW_RATE * yaw, grip=grip)
+        return Command(_scaled(TOOL_SPEED, forward, lateral, up), YAW_RATE * yaw, (roll, pitch), grip=grip)
     if mode == "base":
         return Command(_scaled(BASE_SPEED, forward, lateral, up), YAW_RATE * yaw, grip=grip, carry=True)
     if mode == "wrist":
-        turn = (-TURN_RATE * lateral, TURN_RATE * forward)
+        turn = (roll - TURN_RATE * lateral, pitch + TURN_RATE * forward)
         return Command(_scaled(TOOL_SPEED, 0.0, 0.0, up), YAW_RATE * yaw, turn, grip=grip)
     first, last = (int(text) for text in mode.removeprefix("joints ").split("-"))
     rates = (JOINT_RATE * value for value in (forward, lateral, up, yaw))

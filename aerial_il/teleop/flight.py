@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import ssl
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.film import Film
+from aerial_il.teleop.hardware import Attached, Driver
 from aerial_il.teleop.inbox import Inbox
 from aerial_il.teleop.loop import Loop
 from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.readings import readings_of
 from aerial_il.teleop.server import Server
 
 CAMERAS = ("chase", "wrist")
@@ -29,6 +32,7 @@ class Site:
     host: str = "127.0.0.1"
     port: int = 0
     size: tuple[int, int] = (360, 480)
+    tls: ssl.SSLContext | None = None
 
 
 async def fly(
@@ -38,21 +42,29 @@ async def fly(
     site: Site,
     *,
     operator: str,
+    drivers: Mapping[str, Driver] | None = None,
     opened: Callable[[Server], Awaitable[None] | None],
 ) -> None:
     """Serve the page and fly until cancelled or until a part fails.
 
     Args:
         env: what is flown. cockpit: its session. bindings: of the page's devices. site: where the page is served.
-        operator: who flies. opened: called when the page is there.
+        operator: who flies. drivers: name -> how a device is opened that no browser reads.
+        opened: called when the page is there.
     """
     inbox = Inbox(bindings)
-    server = Server(inbox, about(env, bindings, operator, site), host=site.host, port=site.port)
+    server = Server(inbox, about(env, bindings, operator, site), host=site.host, port=site.port, tls=site.tls)
     await server.start()
     film = Film(env.model, CAMERAS, site.size, server.deliver)
     flight = Loop(cockpit, inbox, film.show, server.report)
     server.flight, server.film = flight, film
+    attached = [
+        Attached(name, driver, inbox.note, lost=flight.leave, found=lambda name: flight.tell(f"{name} is back."))
+        for name, driver in (drivers or {}).items()
+    ]
     try:
+        for device in attached:
+            device.start()
         film.start()
         flight.start()
         if (greeting := opened(server)) is not None:
@@ -60,6 +72,8 @@ async def fly(
         while flight.error is None and film.error is None:
             await asyncio.sleep(WATCH_S)
     finally:
+        for device in attached:
+            device.close()
         flight.close()
         film.close()
         await server.close()
@@ -80,5 +94,6 @@ def about(env: BatchEnvironment, bindings: Bindings, operator: str, site: Site) 
         "bindings": bindings.to_dict(),
         "cameras": list(CAMERAS),
         "size": list(site.size),
+        "readings": [reading.to_dict() for reading in readings_of(spec.observation)],
         "rate": round(1.0 / spec.control_dt_s),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
 
 import mujoco
@@ -34,15 +35,22 @@ class Loop:
         self._cockpit, self._device, self._show, self._report = cockpit, device, show, report
         self._thread = threading.Thread(target=self._run, name="flight", daemon=True)
         self._ended, self._left = threading.Event(), threading.Event()
+        self._news: deque[str] = deque(maxlen=8)
         self.error: BaseException | None = None
 
     def start(self) -> None:
         """Begin to fly."""
         self._thread.start()
 
-    def leave(self) -> None:
-        """Tell that nobody is at the controls."""
+    def leave(self, why: str = "") -> None:
+        """Tell that nobody is at the controls, or that a device is gone: what is recorded pauses."""
         self._left.set()
+        self.tell(why)
+
+    def tell(self, news: str) -> None:
+        """Show the person something at the next tick; from any thread."""
+        if news:
+            self._news.append(news)
 
     def close(self) -> None:
         """End the flight; what is finished is kept."""
@@ -59,6 +67,8 @@ class Loop:
                 if self._left.is_set():
                     self._left.clear()
                     cockpit.happen(Event.LOST)
+                while self._news:
+                    cockpit.message = self._news.popleft()
                 cockpit.tick(self._device.frame())
                 self._show(state_of(cockpit.env), cockpit.input_seq)
                 self._report(cockpit.status(), metronome.pace)

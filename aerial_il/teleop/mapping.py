@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,11 +10,19 @@ from typing import Any
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop.frame import AXES, NUM_CONTROLS, DeviceFrame, names_of
 
-MOTIONS: tuple[str, ...] = ("forward", "lateral", "up", "yaw", "grip")  # signed, in [-1, 1]
-HELD: tuple[str, ...] = ("precision", "take_over")
-PRESSED: tuple[str, ...] = ("mode", "record", "save", "discard", "undo", "label", "pause", "camera", "help")
-DIRECTIONS = tuple(f"{motion}{sign}" for motion in MOTIONS for sign in "+-")
-COMMANDS = (*MOTIONS, *DIRECTIONS, *HELD, *PRESSED)
+KEYED: tuple[str, ...] = ("forward", "lateral", "up", "yaw", "grip")  # signed, in [-1, 1]: keys and sticks give them
+TURNS: tuple[str, ...] = ("roll", "pitch")  # given by devices with six axes alone
+MOTIONS: tuple[str, ...] = (*KEYED, *TURNS)
+POSE = tuple(f"pose_{part}" for part in ("x", "y", "z", "roll", "pitch", "yaw"))  # taken while clutched
+JOINTS: tuple[str, ...] = tuple(f"joint_{i}" for i in range(1, 9))  # taken one to one, while led
+FOLLOWED = (*POSE, *JOINTS, "joint_grip")  # places, not speeds: one device only may give each
+HELD: tuple[str, ...] = ("precision", "take_over", "clutch", "lead")
+PRESSED: tuple[str, ...] = (
+    "mode", "record", "save", "discard", "undo", "label", "pause", "camera", "numbers", "help",
+)  # fmt: skip
+DIRECTIONS = tuple(f"{motion}{sign}" for motion in KEYED for sign in "+-")
+COMMANDS = (*MOTIONS, *DIRECTIONS, *FOLLOWED, *HELD, *PRESSED)
+AXIAL = (*MOTIONS, *FOLLOWED)  # commands that take axes
 
 
 @dataclass(frozen=True)
@@ -24,12 +33,18 @@ class Intent:
         analogue: motion -> what sticks and triggers say, in [-1, 1].
         digital: motion -> what keys say: -1, 0 or 1.
         held: commands that are held. pressed: commands that were pressed since the last tick.
+        pose: how far a phone was moved since its clutch was closed: m ahead, left and up, and a rotation vector in
+            rad; None unless one is clutched. joints: joint -> rad, while led. opening: of the gripper, in [0, 1], while
+            led by a device that has one.
     """
 
     analogue: Mapping[str, float] = field(default_factory=dict)
     digital: Mapping[str, float] = field(default_factory=dict)
     held: frozenset[str] = frozenset()
     pressed: frozenset[str] = frozenset()
+    pose: tuple[float, ...] | None = None
+    joints: Mapping[int, float] = field(default_factory=dict)
+    opening: float | None = None
 
 
 @dataclass(frozen=True)
@@ -56,12 +71,21 @@ class Bindings:
     def intent(self, frame: DeviceFrame) -> Intent:
         """Return what ``frame`` asks for; a control pressed and released between two ticks counts for one tick."""
         down = {self.keys[name] for name in names_of(frame.held | frame.edges, self.controls)}
+        begun = frozenset(self.keys[name] for name in names_of(frame.edges, self.controls))
+        led = [name for name in JOINTS if name in self.axes] if "lead" in down else []
         return Intent(
             analogue={motion: self._analogue(frame, motion) for motion in MOTIONS},
             digital={m: float(f"{m}+" in down) - float(f"{m}-" in down) for m in MOTIONS},
             held=frozenset(down & set(HELD)),
-            pressed=frozenset(self.keys[name] for name in names_of(frame.edges, self.controls)) & set(PRESSED),
+            pressed=begun & {*PRESSED, "clutch"},
+            pose=self._pose(frame) if "clutch" in down else None,
+            joints={JOINTS.index(name): math.pi * self._analogue(frame, name) for name in led},
+            opening=self._analogue(frame, "joint_grip") if "lead" in down and "joint_grip" in self.axes else None,
         )
+
+    def _pose(self, frame: DeviceFrame) -> tuple[float, ...]:
+        moved = [self._analogue(frame, name) for name in POSE]
+        return (*moved[:3], *(math.pi * angle for angle in moved[3:]))
 
     def _analogue(self, frame: DeviceFrame, motion: str) -> float:
         signed = (_signed(name) for name in self.axes.get(motion, ()))
@@ -100,7 +124,7 @@ def read_bindings(raw: Mapping[str, Any], controls: Sequence[str], *, device: st
         if command not in COMMANDS:
             raise UnknownNameError(f"command in the mapping of {device}", command, COMMANDS)
         names = [bound] if isinstance(bound, str) else list(bound or [])
-        if command in MOTIONS:
+        if command in AXIAL:
             axes[command] = tuple(_checked_axis(name, device) for name in names)
             continue
         for name in names:
@@ -121,6 +145,10 @@ def together(all_bindings: Iterable[Bindings]) -> Bindings:
     for bindings in all_bindings:
         if shared := keys.keys() & bindings.keys.keys():
             raise InvalidValueError(f"Two devices have a control {min(shared)!r}; name each device once.")
+        if both := bindings.axes.keys() & axes.keys() & set(FOLLOWED):
+            raise InvalidValueError(
+                f"Two devices give {min(both)!r}, of which there can be one. Leave one of them out of devices=[...]."
+            )
         keys |= bindings.keys
         axes |= {m: tuple(dict.fromkeys((*axes.get(m, ()), *found))) for m, found in bindings.axes.items()}
     return Bindings(keys, axes)

@@ -9,7 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from aerial_il.teleop.frame import AXES
+from aerial_il.teleop.devices.phone import Pose, pose_of
+from aerial_il.teleop.frame import STICK_AXES
 
 MAX_BYTES = 4096
 MAX_NAMES, MAX_NAME = 64, 32
@@ -27,7 +28,7 @@ class Message:
 
     Attributes:
         kind: one of ``KINDS``. seq: its number, of an input; that of the picture, of an ack. t: ms, of the page's
-            clock. held, pressed: names of controls. axes: stick positions by name.
+            clock. held, pressed: names of controls. axes: stick positions by name. pose: where a phone is.
     """
 
     kind: str
@@ -36,6 +37,7 @@ class Message:
     held: tuple[str, ...] = ()
     pressed: tuple[str, ...] = ()
     axes: dict[str, float] = field(default_factory=dict)
+    pose: Pose | None = None
 
 
 def read_message(text: str) -> Message:
@@ -55,11 +57,18 @@ def read_message(text: str) -> Message:
     seq, axes = raw.get("seq", 0), raw.get("axes", {})
     if not isinstance(seq, int) or isinstance(seq, bool) or not 0 <= seq < 2**32 or not isinstance(axes, dict):
         raise MessageError("malformed")
-    if not set(axes) <= set(AXES):
+    if not set(axes) <= set(STICK_AXES):
         raise MessageError("malformed")
     checked = {name: _number(value, 1.0) for name, value in axes.items()}
     held, pressed = _names(raw.get("held", [])), _names(raw.get("pressed", []))
-    return Message(raw["type"], seq, _number(raw.get("t", 0.0), 1e15), held, pressed, checked)
+    return Message(raw["type"], seq, _number(raw.get("t", 0.0), 1e15), held, pressed, checked, _pose(raw.get("pose")))
+
+
+def _pose(raw: Any) -> Pose | None:
+    try:
+        return None if raw is None else pose_of(raw)
+    except (TypeError, ValueError) as error:
+        raise MessageError("malformed") from error
 
 
 def _number(value: Any, most: float) -> float:

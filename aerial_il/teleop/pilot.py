@@ -6,19 +6,36 @@ given again, is the same flight to the last bit.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from aerial_il.control.vehicle import Vehicle
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.teleop.assist import DeadMan, eased, tilt_of
-from aerial_il.teleop.command import Command, check_level, command_of, modes_of
+from aerial_il.teleop.command import GRIP_RATE, Command, check_level, command_of, modes_of
+from aerial_il.teleop.follow import Follower, together
 from aerial_il.teleop.frame import DeviceFrame
-from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.mapping import JOINTS, Bindings, Intent
 from aerial_il.teleop.shaping import Shaper
-from aerial_il.teleop.targets import Obs, targets_for
+from aerial_il.teleop.targets import Obs, heading, targets_for
+
+JOINT_LEVELS = ("base_joint", "velocity")
+
+
+def check_leader(level: str, bindings: Bindings) -> None:
+    """Refuse a leader arm where joints are not commanded.
+
+    Raises:
+        InvalidValueError: names the levels where they are.
+    """
+    if level not in JOINT_LEVELS and any(joint in bindings.axes for joint in JOINTS):
+        raise InvalidValueError(
+            f"A leader arm commands joints, which action={level} has none of. Take action=base_joint or "
+            "action=velocity, or leave the arm out of devices=[...]."
+        )
 
 
 class Pilot:
@@ -34,6 +51,7 @@ class Pilot:
 
     def __init__(self, spec: EnvSpec, vehicle: Vehicle, bindings: Bindings, mode: str | None = None) -> None:
         check_level(spec.action.level)
+        check_leader(spec.action.level, bindings)
         self.modes = modes_of(spec.action.level, vehicle)
         if mode is not None and mode not in self.modes:
             raise UnknownNameError("mode", mode, self.modes)
@@ -41,12 +59,13 @@ class Pilot:
         self.bindings, self._spec = bindings, spec
         self._grips = spec.action.labels[-1:] == ("gripper",)
         self._targets = targets_for(spec.action.level, vehicle)
-        self._shaper, self._dead_man = Shaper(), DeadMan()
+        self._shaper, self._dead_man, self._follower = Shaper(), DeadMan(), Follower()
         self.command, self.opening, self.dead, self.precise = Command(), 1.0, True, False
 
     def engage(self, obs: Obs) -> None:
         """Take over at what the vehicle does now, without a jerk."""
         self._shaper.stop()
+        self._follower.let_go()
         self._targets.seat(obs)
         self.command = Command()
         self.opening = float(obs["gripper"][0]) if "gripper" in obs else 1.0
@@ -64,16 +83,33 @@ class Pilot:
             self._shaper.stop()
         if self.dead:
             self._shaper.stop()
+            self._follower.let_go()
             self.command = Command()
         else:
-            self.command = command_of(self._shaper.step(intent), self.mode, precise=self.precise)
+            self.command = self._wanted(intent, obs, dt)
             if "base_rot6d" in obs:
                 self.command = eased(self.command, tilt_of(obs["base_rot6d"]))
         action = self._targets.step(self.command, obs, dt)
         if self._grips:
-            self.opening = min(1.0, max(0.0, self.opening - dt * self.command.grip))
+            closing = self.command.grip if intent.opening is None or self.dead else self._closing(intent.opening, dt)
+            self.opening = min(1.0, max(0.0, self.opening - dt * closing))
             action = np.append(action, self.opening)
         return self._spec.action.clip(action)
+
+    def _wanted(self, intent: Intent, obs: Obs, dt: float) -> Command:
+        """Return what sticks and keys, a clutched phone and a leader arm ask for together."""
+        command = command_of(self._shaper.step(intent), self.mode, precise=self.precise)
+        if intent.joints:
+            command = replace(command, led=tuple(sorted(intent.joints.items())))
+        if intent.pose is None or self.mode.startswith("joints"):
+            self._follower.let_go()
+            return command
+        followed = self._follower.step(intent.pose, heading(obs), dt, closed_now="clutch" in intent.pressed)
+        return together(command, followed if self.mode != "base" else replace(followed, turn=(0.0, 0.0)))
+
+    def _closing(self, opening: float, dt: float) -> float:
+        """Return the rate that brings the gripper to ``opening``, in openings per second."""
+        return min(GRIP_RATE, max(-GRIP_RATE, (self.opening - opening) / dt))
 
     def settings(self) -> dict[str, Any]:
         """Return what a log must be flown with again, as plain values."""

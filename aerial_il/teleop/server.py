@@ -6,20 +6,24 @@ import asyncio
 import hmac
 import json
 import secrets
+import socket as socket_library
+import ssl
 import struct
 import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from aerial_il.core.errors import AerialError
 from aerial_il.teleop.clock import Pace
 from aerial_il.teleop.cockpit import Status
+from aerial_il.teleop.devices.phone import CLUTCH, Phone
 from aerial_il.teleop.film import Film, Shot
 from aerial_il.teleop.inbox import Inbox
 from aerial_il.teleop.loop import Loop
@@ -27,11 +31,27 @@ from aerial_il.teleop.messages import Message, MessageError, read_message
 from aerial_il.teleop.visitors import Visitor, Visitors
 
 PAGE = Path(__file__).parent / "page"
-ASSETS = {"style.css": "text/css", "app.js": "text/javascript", "devices.js": "text/javascript"}
+TYPES = {".css": "text/css", ".js": "text/javascript"}
+ASSETS = {file.name: TYPES[file.suffix] for file in PAGE.iterdir() if file.suffix in TYPES}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-STATUS_PERIOD_S = 0.05
+ANYWHERE = ("0.0.0.0", "::")
+STATUS_PERIOD_S, GUARD_PERIOD_S = 0.05, 1.0
 CLOSING_BYTES = 1 << 20  # a message longer than this closes the connection
-POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'"
+MAX_VISITORS, MAX_CONNECTIONS = 16, 64  # open pages; open connections, those of strangers too
+IDLE_S = 10.0  # a connection that has shown no token for so long is closed
+MAX_DROPPED = 1000  # a page that has sent so many bad messages is closed
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "Referrer-Policy": "no-referrer",  # the token stands in the address
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+}
 
 
 class PortTakenError(AerialError, OSError):
@@ -43,7 +63,7 @@ class Server:
 
     Args:
         inbox: where frames of the controller's devices go. about: what the page says of the flight, as plain values.
-        host, port: where; port 0 for any that is free. token: who knows it may come in.
+        host, port: where; port 0 for any that is free. token: who knows it may come in. tls: for a page over https.
     """
 
     def __init__(
@@ -54,9 +74,11 @@ class Server:
         host: str = "127.0.0.1",
         port: int = 0,
         token: str | None = None,
+        tls: ssl.SSLContext | None = None,
     ) -> None:
         self._inbox, self._about, self._host, self._port = inbox, dict(about), host, port
         self.token = token or secrets.token_urlsafe(16)
+        self._tls, self._phone = tls, Phone()
         self.visitors = Visitors()
         self.flight: Loop | None = None
         self.film: Film | None = None
@@ -65,6 +87,8 @@ class Server:
         self._fresh: dict[Visitor, asyncio.Event] = {}
         self._events: asyncio.AbstractEventLoop | None = None
         self._runner: web.AppRunner | None = None
+        self._guard: asyncio.Task[None] | None = None
+        self._welcome: set[asyncio.BaseTransport | None] = set()
 
     @property
     def port(self) -> int:
@@ -74,7 +98,8 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page, with its token."""
-        return f"http://{self._host}:{self._port}/?token={self.token}"
+        host = self._host if self._host not in ANYWHERE else own_address()
+        return f"{'https' if self._tls else 'http'}://{host}:{self._port}/?token={self.token}"
 
     async def start(self) -> None:
         """Begin to serve.
@@ -89,7 +114,7 @@ class Server:
         app.router.add_get("/{name}", self._asset)
         self._runner = runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
-        site = web.TCPSite(runner, self._host, self._port)
+        site = web.TCPSite(runner, self._host, self._port, ssl_context=self._tls)
         try:
             await site.start()
         except OSError as error:
@@ -98,9 +123,12 @@ class Server:
                 f"port={self._port} on {self._host} is taken by another program. Choose another one, or port=0 for any."
             ) from error
         self._port = runner.addresses[0][1]
+        self._guard = asyncio.create_task(self._turn_out())
 
     async def close(self) -> None:
         """End it, and say good-bye to every page."""
+        if self._guard is not None:
+            self._guard.cancel()
         for visitor in self.visitors:
             with suppress(ConnectionError):
                 await visitor.socket.close(message=b"The flight has ended.")
@@ -131,12 +159,15 @@ class Server:
     async def _asset(self, request: web.Request) -> web.Response:
         name = request.match_info["name"]
         if name not in ASSETS or not self._is_local(request):
-            return web.Response(status=404, text="There is no such page.")
+            return _refusal("There is no such page.", status=404)
         return _file(name, ASSETS[name])
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         if not self._knows_token(request) or not self._is_local(request) or not self._is_own_origin(request):
             return _refusal("The token is missing or wrong, or the page is another one.")
+        if len(self.visitors) >= MAX_VISITORS:
+            return _refusal(f"{MAX_VISITORS} pages are open already; close one.", status=503)
+        self._welcome.add(request.transport)
         socket = web.WebSocketResponse(max_msg_size=CLOSING_BYTES, heartbeat=5.0, compress=False)
         await socket.prepare(request)
         visitor = self.visitors.enter(socket)
@@ -149,10 +180,13 @@ class Server:
                     await self._receive(visitor, message.data)
                 else:
                     self.visitors.drop(visitor, "malformed")
+                if visitor.dropped.total() > MAX_DROPPED:
+                    await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"Too many bad messages.")
         finally:
             for sender in senders:
                 sender.cancel()
             self._fresh.pop(visitor, None)
+            self._welcome.discard(request.transport)
             if self.visitors.leave(visitor):
                 self._let_go()
         return socket
@@ -176,7 +210,7 @@ class Server:
             self._fresh[visitor].set()
         elif message.kind == "ask":
             if self.visitors.ask(visitor):
-                self._inbox.release()
+                self._release()
         elif message.kind == "grant":
             if self.visitors.grant(visitor):
                 self._let_go()
@@ -185,15 +219,21 @@ class Server:
 
     def _take(self, message: Message) -> None:
         if message.kind == "blur":
-            self._inbox.release()
+            self._release()
             return
-        self._inbox.receive(
-            seq=message.seq, held=message.held, pressed=message.pressed, axes=message.axes, t_client=message.t
-        )
+        clutched, closed_now = CLUTCH in message.held, CLUTCH in message.pressed
+        moved, anew = self._phone.move(message.pose, clutched=clutched, closed_now=closed_now)
+        pressed = (*message.pressed, CLUTCH) if anew else message.pressed
+        axes = message.axes | moved
+        self._inbox.receive(seq=message.seq, held=message.held, pressed=pressed, axes=axes, t_client=message.t)
+
+    def _release(self) -> None:
+        self._phone.let_go()
+        self._inbox.release()
 
     def _let_go(self) -> None:
         """Hover: nobody is at the controls."""
-        self._inbox.release()
+        self._release()
         if self.flight is not None:
             self.flight.leave()
 
@@ -226,13 +266,53 @@ class Server:
 
     def _is_local(self, request: web.Request) -> bool:
         """Whether the browser asked for this machine by its own name: a stranger's name may be made to point here."""
-        host = urlsplit(f"//{request.host}").hostname
-        return self._host not in LOOPBACK or host in LOOPBACK
+        host = urlsplit(f"//{request.host}").hostname or ""
+        if self._host in LOOPBACK:
+            return host in LOOPBACK
+        return host in LOOPBACK or _is_number(host) or host in {name.lower() for name in own_names()}
 
     def _is_own_origin(self, request: web.Request) -> bool:
         """Whether a page of this very address asks; programs that are no browsers send no origin."""
         origin = request.headers.get("Origin")
-        return origin is None or urlsplit(origin).netloc == request.host
+        return origin is None or origin == f"{'https' if self._tls else 'http'}://{request.host}"
+
+    async def _turn_out(self) -> None:
+        """Close connections that have shown no token in time, and the oldest of them where there are too many."""
+        since: dict[Any, float] = {}
+        while True:
+            await asyncio.sleep(GUARD_PERIOD_S)
+            assert self._runner is not None
+            assert self._runner.server is not None
+            now = time.monotonic()
+            strangers = [c for c in self._runner.server.connections if c.transport not in self._welcome]
+            since = {c: since.get(c, now) for c in strangers}
+            oldest = sorted(since, key=since.__getitem__)
+            surplus = max(0, len(self._runner.server.connections) - MAX_CONNECTIONS)
+            for connection in (c for i, c in enumerate(oldest) if i < surplus or now - since[c] > IDLE_S):
+                connection.force_close()
+
+
+def own_names() -> tuple[str, ...]:
+    """Return the names by which other machines know this one."""
+    name = socket_library.gethostname()
+    return name, f"{name}.local", socket_library.getfqdn()
+
+
+def own_address() -> str:
+    """Return this machine's address as others reach it; no packet is sent to find it."""
+    with socket_library.socket(socket_library.AF_INET, socket_library.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # kept for documentation (RFC 5737): it leads to the way out
+            return probe.getsockname()[0]
+        except OSError:
+            return "127.0.0.1"
+
+
+def _is_number(host: str) -> bool:
+    try:
+        return bool(ip_address(host))
+    except ValueError:
+        return False
 
 
 def packed(shot: Shot) -> bytes:
@@ -243,10 +323,9 @@ def packed(shot: Shot) -> bytes:
 
 
 def _file(name: str, media_type: str) -> web.Response:
-    headers = {"Content-Security-Policy": POLICY, "Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
     text = (PAGE / name).read_text(encoding="utf-8")
-    return web.Response(text=text, content_type=media_type, charset="utf-8", headers=headers)
+    return web.Response(text=text, content_type=media_type, charset="utf-8", headers=HEADERS)
 
 
-def _refusal(problem: str) -> web.Response:
-    return web.Response(status=403, text=problem)
+def _refusal(problem: str, status: int = 403) -> web.Response:
+    return web.Response(status=status, text=problem, headers=HEADERS)

@@ -37,6 +37,7 @@ from aerial_il.teleop.command import Command, Vec3
 Obs = Mapping[str, np.ndarray]
 
 LEASH_M, LEASH_RAD, JOINT_LEASH_RAD = 0.2, 0.5, 0.3
+LED_RATE = 1.5  # rad/s: as fast as joints follow a leader arm, so that one held elsewhere pulls nothing along at once
 
 
 class Targets(Protocol):
@@ -117,6 +118,8 @@ class BodyTargets:
             actual = float(obs["joint_pos"][joint])
             moved = min(max(self._joints[joint] + dt * rate, actual - JOINT_LEASH_RAD), actual + JOINT_LEASH_RAD)
             self._joints[joint] = min(max(moved, self._vehicle.joint_low[joint]), self._vehicle.joint_high[joint])
+        for joint, rate in led_rates(command, self._vehicle, self._joints, dt):
+            self._joints[joint] += dt * rate
         if not self._vehicle.base_mobility:
             return self._joints.copy()
         self._move_base(command, obs, dt)
@@ -148,10 +151,24 @@ class Rates:
         joints = np.zeros(self._vehicle.num_joints)
         for joint, rate in command.joints:
             joints[joint] = rate
+        if command.led:
+            for joint, rate in led_rates(command, self._vehicle, np.asarray(obs["joint_pos"], float), 2.0 * dt):
+                joints[joint] = rate
         if not self._vehicle.base_mobility:
             return joints
         velocity = fenced(rotate(mat_from_yaw(heading(obs)), command.linear), vector(obs["base_pos"]))
         return np.array([*velocity, command.yaw_rate, *joints])
+
+
+def led_rates(command: Command, vehicle: Vehicle, joints: np.ndarray, time_s: float) -> list[tuple[int, float]]:
+    """Return joint -> rad/s that bring ``joints`` (J,) to where a leader arm holds them within ``time_s``, capped."""
+    found = []
+    for joint, angle in command.led:
+        if joint < vehicle.num_joints:
+            wanted = min(max(angle, vehicle.joint_low[joint]), vehicle.joint_high[joint])
+            most = min(LED_RATE, vehicle.joint_speed[joint])
+            found.append((joint, min(max((wanted - joints[joint]) / time_s, -most), most)))
+    return found
 
 
 def targets_for(level: str, vehicle: Vehicle) -> Targets:

@@ -69,21 +69,27 @@ def guide(obs: Any) -> np.ndarray:
 def demonstrations(count: int, *, ends_at_success: bool = False) -> list[Episode]:
     """Record ``count`` flights of the guide, over the whole time, or until it arrives."""
     env = Drift(count, ends_at_success=ends_at_success)
-    seen, flown, arrived = [env.reset(0)], [], []
+    seen, flown, paid, arrived = [env.reset(0)], [], [], []
     for _ in range(MAX_STEPS):
         result = env.step(guide(seen[-1]))
         seen.append(result.obs)
         flown.append(result.info["executed_action"])
+        paid.append(result.reward)
         arrived.append(result.info["success"])
     when = np.argmax(np.stack(arrived), axis=0) + 1
     lengths = when if ends_at_success else np.full(count, MAX_STEPS)
     return [
-        _episode(i, {k: np.stack([o[k][i] for o in seen[: t + 1]]) for k in seen[0]}, np.stack(flown)[:t, i])
+        _episode(
+            i,
+            {k: np.stack([o[k][i] for o in seen[: t + 1]]) for k in seen[0]},
+            np.stack(flown)[:t, i],
+            np.stack(paid)[:t, i],
+        )
         for i, t in enumerate(lengths)
     ]
 
 
-def _episode(index: int, obs: dict[str, np.ndarray], actions: np.ndarray) -> Episode:
+def _episode(index: int, obs: dict[str, np.ndarray], actions: np.ndarray, rewards: np.ndarray) -> Episode:
     steps, no = len(actions), np.zeros(len(actions), bool)
     return Episode(
         uid=f"demo-{index}",
@@ -95,7 +101,7 @@ def _episode(index: int, obs: dict[str, np.ndarray], actions: np.ndarray) -> Epi
         expert_actions=np.full_like(actions, np.nan),
         is_intervention=no,
         phase=np.full(steps, -1),
-        rewards=np.zeros(steps),
+        rewards=rewards,
         terminated=no,
         truncated=np.arange(steps) == MAX_STEPS - 1,
         states=np.zeros((steps + 1, 0)),

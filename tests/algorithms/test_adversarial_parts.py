@@ -269,12 +269,25 @@ def test_demonstrations_become_transitions() -> None:
     assert few.terminal.sum() == 5, "thinned out, every end that was reached stays"
     _, thin, _ = read_transitions(whole, POLICY, trajectories=3, subsample=4, seed=0)
     assert len(thin.frames) < 0.4 * len(found.frames)
+    np.testing.assert_array_equal(found.rewards, np.concatenate([demo.rewards for demo in whole[:3]]))
     for bounds in ("environment", "demonstrations"):
         interface = fit_interface(layout, found.frames, found.actions, policy=POLICY, bounds=bounds)
         actions = encode_actions(interface, found.actions, found.frames)
         assert np.abs(actions).max() <= 1
         np.testing.assert_allclose(decode(interface, actions, found.frames), found.actions, atol=1e-6)
     np.testing.assert_allclose(encode(interface, found.frames).std(0), 1.0, atol=1e-3)
+
+
+def test_demonstrations_pay_what_they_were_paid_or_what_is_said() -> None:
+    layout, found, data = read_transitions(drift.demonstrations(5), POLICY, trajectories=None, subsample=1, seed=0)
+    interface = fit_interface(layout, found.frames, found.actions, policy=POLICY, bounds="environment")
+    own, said = (found.encoded(interface, absorbing=False, reward=reward)[:, -2] for reward in (None, 0.5))
+    np.testing.assert_allclose(own, found.rewards, rtol=1e-6)
+    assert found.rewards.std() > 0.01
+    assert (said == 0.5).all()
+    other = found._replace(rewards=found.rewards + 1.0)
+    assert other.digest(rewarded=False) == found.digest(rewarded=False) == data["digest"]
+    assert other.digest(rewarded=True) != found.digest(rewarded=True)
 
 
 def test_no_minibatch_has_a_single_row() -> None:

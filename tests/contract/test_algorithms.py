@@ -130,7 +130,7 @@ def short(name: str, steps: int) -> Any:
 def train(settings: Algorithm, run: Path, env: Any = None, demos: list[Episode] | None = None, **options: Any) -> Any:
     """Train with what the algorithm asks for."""
     handed = {"env": env or Line(8), "expert": Guide(), "collect": collect}
-    demos = None if settings.rewarded else demos or demonstrations(10)
+    demos = (demos or demonstrations(10)) if settings.demonstrated else None
     options = {"seed": 3, "progress": False, **{need: handed[need] for need in settings.needs}, **options}
     return settings.train(demos, policy_of(settings), run=run, **options)
 
@@ -228,7 +228,7 @@ def test_impossible_settings_are_refused(name: str) -> None:
 @each
 def test_what_is_no_number_is_refused(tmp_path: Path, name: str) -> None:
     settings = short(name, 96)
-    if not settings.rewarded:
+    if settings.demonstrated:
         demo, *others = demonstrations(4)
         actions = demo.executed_actions.copy()
         actions[3] = np.nan
@@ -250,7 +250,7 @@ def test_the_run_of_another_environment_is_refused(tmp_path: Path, name: str) ->
     env.spec = elsewhere
     with pytest.raises(InvalidValueError, match="holds another run"):
         train(settings, tmp_path / "run", env=env, demos=moved)
-    if "env" in settings.needs and not settings.rewarded:
+    if "env" in settings.needs and settings.demonstrated:
         with pytest.raises(InvalidValueError, match=r"another environment|the environment is"):
             train(settings, tmp_path / "mixed", env=env)
 

@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"\]\((?!https?://|mailto:|#)([^)#\s]+)[^)]*\)")
 CODE = re.compile(r"`((?:aerial_il|tests|conf|setup|docs|notebooks|experiments)/[\w./-]+\.\w+)`")
+SHOWN = re.compile(r"^`([\w./-]+)`\n\n```", re.MULTILINE)  # a file whose content follows, for the reader to write
 HISTORY = "CHANGELOG.md"  # tells of files that are gone
 
 
@@ -22,9 +23,8 @@ def pages() -> list[Path]:
 def missing(page: Path, text: str) -> list[str]:
     """Return what ``text`` links to or names that is not there."""
     links = [name for name in LINK.findall(text) if not (page.parent / name).exists()]
-    paths = [
-        name for name in CODE.findall(text) if not re.search(r"\bNAME\b|\bX\b", name) and not (ROOT / name).exists()
-    ]
+    named = {*CODE.findall(text)} - {*SHOWN.findall(text)}
+    paths = sorted(name for name in named if not re.search(r"\bNAME\b|\bX\b", name) and not (ROOT / name).exists())
     return links + paths
 
 
@@ -36,5 +36,6 @@ def test_what_a_page_names_is_there(page: Path) -> None:
 
 def test_what_is_not_there_is_found() -> None:
     there = "[b](https://example.org/x.md) `aerial_il/robots/NAME.py` `aerial_il/__init__.py`"
-    text = f"[a](nowhere.md) `aerial_il/gone.py` {there}"
+    shown = "`aerial_il/new.py`\n\n```python\npass\n```"
+    text = f"[a](nowhere.md) `aerial_il/gone.py` {there}\n\n{shown}\n"
     assert missing(ROOT / "README.md", text) == ["nowhere.md", "aerial_il/gone.py"]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+import ssl
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from aerial_il.cli.configuration import groups
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.devices import drivers_of
 from aerial_il.teleop.flight import Site, fly
 from aerial_il.teleop.logbook import Logbook
 from aerial_il.teleop.server import Server
@@ -28,15 +31,25 @@ class Flown:
 
 @asynccontextmanager
 async def flown(
-    out: Path, *, countdown: int = 10, port: int = 0, size: tuple[int, int] = (180, 240), **settings: Any
+    out: Path,
+    *,
+    countdown: int = 10,
+    port: int = 0,
+    size: tuple[int, int] = (180, 240),
+    devices: Sequence[str] = ("keyboard", "gamepad", "touch"),
+    hardware: Mapping[str, Mapping[str, Any]] | None = None,
+    tls: ssl.SSLContext | None = None,
+    **settings: Any,
 ) -> AsyncIterator[Flown]:
     """Fly, on a page, into the folder ``out``."""
-    env, bindings = world(**settings), shipped("keyboard", "gamepad", "touch")
+    env, bindings = world(**settings), shipped(*devices)
+    drivers = drivers_of({name: groups.read_option("device", name) for name in devices}, hardware)
     logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
     cockpit = Cockpit(env, bindings, logbook, countdown=countdown)
     there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()
-    site = Site(port=port, size=size)
-    work = asyncio.create_task(fly(env, cockpit, bindings, site, operator="ada", opened=there.set_result))
+    site = Site(port=port, size=size, tls=tls)
+    opened = there.set_result
+    work = asyncio.create_task(fly(env, cockpit, bindings, site, operator="ada", drivers=drivers, opened=opened))
     try:
         await asyncio.wait({work, there}, return_when=asyncio.FIRST_COMPLETED)
         if work.done():

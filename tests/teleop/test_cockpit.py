@@ -17,7 +17,7 @@ from aerial_il.data.replay import replay
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.frame import bits_of
+from aerial_il.teleop.frame import LABELS, bits_of
 from aerial_il.teleop.logbook import Logbook
 from aerial_il.teleop.refly import refly
 from aerial_il.teleop.session import Event, State
@@ -67,7 +67,7 @@ def test_a_log_with_one_bit_changed_is_not_that_flight(tmp_path: Path) -> None:
     cockpit.close()
     episode = read_episode(DatasetFolder(tmp_path).files("failures")[0])
     rows = episode.extras["device"].copy()
-    rows[10, 9] = bits_of(["lateral+"], shipped("scripted").controls)
+    rows[10, LABELS.index("held_low")] = bits_of(["lateral+"], shipped("scripted").controls)
     with pytest.raises(DemoError, match="step 10"):
         refly(env, _with(episode, extras={"device": rows}))
 

@@ -41,6 +41,8 @@ def test_sticks_of_the_standard_mapping_have_y_down() -> None:
         "up": 0.5,
         "yaw": 1.0,
         "grip": 1.0,
+        "roll": 0.0,
+        "pitch": 0.0,
     }
 
 

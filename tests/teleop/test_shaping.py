@@ -41,7 +41,7 @@ def test_outside_the_dead_zone_a_small_sideways_part_is_kept() -> None:
     assert 0.0 < found["lateral"] < 0.05
 
 
-@given(st.lists(st.tuples(*[st.floats(-1, 1)] * 5, st.sampled_from([-1.0, 0.0, 1.0])), max_size=40))
+@given(st.lists(st.tuples(*[st.floats(-1, 1)] * len(MOTIONS), st.sampled_from([-1.0, 0.0, 1.0])), max_size=40))
 def test_shaped_motions_stay_in_bounds_and_never_jump(script: list) -> None:
     shaper, before = Shaper(), dict.fromkeys(MOTIONS, 0.0)
     for *axes, key in script:

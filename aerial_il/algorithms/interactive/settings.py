@@ -24,12 +24,13 @@ class InteractiveSettings:
         keep_checkpoints: how many of the newest rounds' policies stay on disk.
         name: of the algorithm, that of its module.
         needs: what a command hands to ``train``.
-        rewarded: it learns from demonstrations, never from the environment's reward.
+        rewarded, demonstrated: it learns from demonstrations, never from the environment's reward.
     """
 
     name: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ("env", "expert", "collect")
     rewarded: ClassVar[bool] = False
+    demonstrated: ClassVar[bool] = True
 
     rounds: int = 10
     episodes: int = 5

@@ -34,13 +34,14 @@ class OnlineAlgorithm(ABC):
         threads: torch threads; results repeat bit for bit at a fixed number only.
         name: of the algorithm, that of its module.
         needs, worlds: what a command hands to ``train``, and how many worlds that has.
-        rewarded: whether it learns from the environment's reward, and so without demonstrations.
+        rewarded, demonstrated: whether it learns from the environment's reward, and whether from demonstrations.
         trains: kinds of policy.
     """
 
     name: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ("env",)
     rewarded: ClassVar[bool] = True
+    demonstrated: ClassVar[bool] = False
     worlds: ClassVar[int] = 8
     trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig,)
 
@@ -74,7 +75,7 @@ class OnlineAlgorithm(ABC):
 
         Args:
             dataset: episodes of that environment to imitate, failures among them left out; not looked at by an
-                algorithm that learns from the reward.
+                algorithm that is not ``demonstrated``.
             policy: what to train, one of those that the algorithm ``trains``.
             env: a batch environment to act in; it is reset.
             run: folder for configuration, metrics, checkpoints, a learned reward and the finished policy.

@@ -29,37 +29,39 @@ class Transitions(NamedTuple):
 
     Attributes:
         frames, next_frames: (T, Do). actions: (T, Da). terminal: (T,) bool; see :class:`Transition`.
+        rewards: (T,) what the environment paid.
     """
 
     frames: np.ndarray
     actions: np.ndarray
     next_frames: np.ndarray
     terminal: np.ndarray
+    rewards: np.ndarray
 
     def buffer(
-        self, interface: Interface, rng: np.random.Generator, *, absorbing: bool, reward: float = 0.0
+        self, interface: Interface, rng: np.random.Generator, *, absorbing: bool, reward: float | None = 0.0
     ) -> ReplayBuffer:
-        """Return the transitions, each with ``reward``, as a buffer to draw minibatches from by ``rng``."""
+        """Return the transitions, as :meth:`encoded` has them, as a buffer to draw minibatches from by ``rng``."""
         rows = self.encoded(interface, absorbing=absorbing, reward=reward)
         found = ReplayBuffer(len(rows), interface.layout.size, self.actions.shape[1], rng)
         found.add(rows)
         return found
 
-    def encoded(self, interface: Interface, *, absorbing: bool, reward: float = 0.0) -> np.ndarray:
-        """Return the transitions, each with ``reward``, as rows of a replay buffer."""
+    def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
+        """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None."""
         return rows_of(
             encode(interface, self.frames),
             encode_actions(interface, self.actions, self.frames),
-            np.full(len(self.frames), reward),
+            self.rewards if reward is None else np.full(len(self.frames), reward),
             encode(interface, self.next_frames),
             self.terminal,
             absorbing=absorbing,
         )
 
-    def digest(self) -> str:
-        """Return the SHA-256 of all that can be learned from."""
+    def digest(self, *, rewarded: bool) -> str:
+        """Return the SHA-256 of all that is learned from: rewards too, where the algorithm is ``rewarded``."""
         seal = hashlib.sha256()
-        for array in self:
+        for array in self if rewarded else self[:-1]:
             seal.update(np.ascontiguousarray(array).tobytes())
         return seal.hexdigest()
 
@@ -71,6 +73,7 @@ def read_transitions(
     trajectories: int | None,
     subsample: int,
     labels: Labels = "executed",
+    rewarded: bool = False,
     seed: int,
 ) -> tuple[Layout, Transitions, dict[str, Any]]:
     """Return the layout, the transitions of the successful episodes, and which they are, for the run's record.
@@ -79,6 +82,7 @@ def read_transitions(
         trajectories: how many episodes, the first ones; None for all.
         subsample: keep one transition in so many, counted from a random one of the first, and each terminal one.
         labels: which actions, ``executed`` or what the ``expert`` meant.
+        rewarded: whether rewards are learned from, and so belong to the record.
         seed: decides where the counting begins.
 
     Raises:
@@ -91,7 +95,8 @@ def read_transitions(
     rng = named_rng(seed, "subsample")
     parts = [_thin(_transitions_of(episode, layout, labels), subsample, rng) for episode in demos]
     found = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-    return layout, found, {"demonstrations": len(demos), "transitions": len(found.frames), "digest": found.digest()}
+    record = {"demonstrations": len(demos), "transitions": len(found.frames)}
+    return layout, found, {**record, "digest": found.digest(rewarded=rewarded)}
 
 
 def check_same(recorded: EnvSpec, spec: EnvSpec) -> None:
@@ -117,7 +122,7 @@ def _transitions_of(episode: Episode, layout: Layout, labels: Labels) -> Transit
     terminal = np.asarray(episode.terminated, bool).copy()
     terminal[-1] |= episode.success and not episode.truncated[-1]
     actions = episode.labels if labels == "expert" else episode.executed_actions
-    return Transitions(frames[:-1], actions, frames[1:], terminal)
+    return Transitions(frames[:-1], actions, frames[1:], terminal, episode.rewards)
 
 
 def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitions:

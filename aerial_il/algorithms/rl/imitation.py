@@ -33,6 +33,7 @@ class Imitation(OnlineAlgorithm):
     """
 
     rewarded: ClassVar[bool] = False
+    demonstrated: ClassVar[bool] = True
 
     trajectories: int | None = None
     subsample: int = 1
@@ -58,6 +59,7 @@ class Imitation(OnlineAlgorithm):
             trajectories=self.trajectories,
             subsample=self.subsample,
             labels=self.labels,
+            rewarded=self.rewarded,
             seed=seed,
         )
         check_same(layout.spec, env.spec)

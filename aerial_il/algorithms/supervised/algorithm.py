@@ -38,12 +38,13 @@ class SupervisedAlgorithm(ABC):
         mixed_precision: compute in bfloat16 where that loses little, on a GPU; a CPU always computes in float32.
         threads: torch threads; results repeat bit for bit at a fixed number only.
         name: of the algorithm, that of its module.
-        needs, rewarded, worlds: it flies nowhere, learns from no reward, and so needs no worlds.
+        needs, rewarded, demonstrated, worlds: it flies nowhere and learns from demonstrations alone.
     """
 
     name: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
     rewarded: ClassVar[bool] = False
+    demonstrated: ClassVar[bool] = True
     worlds: ClassVar[int] = 1
 
     steps: int = 10_000

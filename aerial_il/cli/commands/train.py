@@ -149,7 +149,7 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
         return demonstrations.open_demonstrations(
             path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm
         )
-    if not getattr(algorithm, "rewarded", False):
+    if getattr(algorithm, "demonstrated", True):
         name = type(algorithm).__module__.rpartition(".")[2]
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"algorithm={name} learns from demonstrations: say dataset=PATH. {hint}")

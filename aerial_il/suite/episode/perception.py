@@ -121,7 +121,9 @@ class Perceived:
         first, self._places = self._places, self._places + size
         if self._places > layout.PAST_SIZE:
             raise InvalidValueError(
-                f"What moves of {self._task.name}'s objects takes {self._places} numbers; at most {layout.PAST_SIZE}."
+                f"What moves of {self._task.name}'s objects takes {self._places} numbers; at most {layout.PAST_SIZE}, "
+                f"where a site takes {POSE_SIZE} and a joint {JOINT_SIZE}. Name one site of each object, and count its "
+                "other points from there, along the axes of site_mat."
             )
         return first
 

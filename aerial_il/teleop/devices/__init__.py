@@ -1,15 +1,24 @@
-"""Devices, one file and one ``conf/device/NAME.yaml`` each; what is needed of one is :class:`Device` alone."""
+"""Devices, one file and one ``conf/device/NAME.yaml`` each.
+
+A module says the names of its ``CONTROLS``; one of a device that no browser reads has a ``DRIVER`` too, whose settings
+are the ``hardware`` of its YAML. Whatever flies is asked as a :class:`Device`.
+"""
 
 from __future__ import annotations
 
 import importlib
+import pkgutil
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import fields
+from types import ModuleType
 from typing import Any, Protocol
 
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.teleop.frame import DeviceFrame
+from aerial_il.teleop.hardware import Driver
 from aerial_il.teleop.mapping import Bindings, read_bindings, together
+
+HARDWARE = "hardware"  # key of a device's YAML beside its commands
 
 
 class Device(Protocol):
@@ -22,7 +31,7 @@ class Device(Protocol):
 
 def names() -> tuple[str, ...]:
     """Return the names of all devices."""
-    return tuple(sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py")))
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
 
 
 def controls_of(name: str) -> tuple[str, ...]:
@@ -31,11 +40,44 @@ def controls_of(name: str) -> tuple[str, ...]:
     Raises:
         UnknownNameError: there is no such device.
     """
-    if name not in names():
-        raise UnknownNameError("device", name, names())
-    return importlib.import_module(f"aerial_il.teleop.devices.{name}").CONTROLS
+    return _module(name).CONTROLS
 
 
 def bindings_of(mappings: Mapping[str, Mapping[str, Any]]) -> Bindings:
     """Return the bindings of the devices named, ``name -> content of its YAML``, used at once."""
-    return together(read_bindings(raw, controls_of(name), device=name) for name, raw in mappings.items())
+    return together(
+        read_bindings({c: bound for c, bound in raw.items() if c != HARDWARE}, controls_of(name), device=name)
+        for name, raw in mappings.items()
+    )
+
+
+def drivers_of(
+    mappings: Mapping[str, Mapping[str, Any]], changed: Mapping[str, Mapping[str, Any]] | None = None
+) -> dict[str, Driver]:
+    """Return how those of the devices named are opened that no browser reads.
+
+    Args:
+        mappings: device -> content of its YAML. changed: device -> settings to take instead of the file's.
+
+    Raises:
+        UnknownNameError: a device without such settings, or one that has no setting of that name.
+    """
+    found = {name: _module(name).DRIVER for name in mappings if hasattr(_module(name), "DRIVER")}
+    for name in changed or {}:
+        if name not in found:
+            raise UnknownNameError("device with hardware settings among devices=[...]", name, found)
+    return {name: _built(name, cls, {**mappings[name].get(HARDWARE, {}), **(changed or {}).get(name, {})})
+            for name, cls in found.items()}  # fmt: skip
+
+
+def _built(name: str, driver: type[Driver], settings: Mapping[str, Any]) -> Driver:
+    known = [field.name for field in fields(driver)]  # pyright: ignore[reportArgumentType]
+    if unknown := settings.keys() - set(known):
+        raise UnknownNameError(f"hardware setting of {name}", min(unknown), known)
+    return driver(**settings)
+
+
+def _module(name: str) -> ModuleType:
+    if name not in names():
+        raise UnknownNameError("device", name, names())
+    return importlib.import_module(f"{__name__}.{name}")

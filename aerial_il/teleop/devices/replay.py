@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
-from aerial_il.teleop.frame import DeviceFrame
+from aerial_il.teleop.frame import LABELS, DeviceFrame
 
 TOPIC = "device"
 CONTROLS: tuple[str, ...] = ()  # those of the recording
@@ -37,4 +37,5 @@ def frames_of(episode: Episode, path: Path | str = "") -> list[DeviceFrame]:
     """
     if TOPIC not in episode.extras:
         raise DemoError(path or episode.uid, "holds no frames of a device: nobody flew it by hand.", topic=f"/{TOPIC}")
-    return [DeviceFrame.from_row(row) for row in episode.extras[TOPIC]]
+    labels = episode.extra_labels.get(TOPIC, LABELS)
+    return [DeviceFrame.from_row(row, labels) for row in episode.extras[TOPIC]]

@@ -1,29 +1,31 @@
 // The page to fly on: what hands do goes out fifty times a second, pictures and figures come in.
 
 import { Gamepad, Keyboard, Touch, sum } from "./devices.js";
+import { buildNumbers, drawNumbers } from "./numbers.js";
 
 const SEND_MS = 20, PING_MS = 500, FIGURES_MS = 250, RETRY_MS = 1000;
-const LOCAL = new Set(["help", "camera"]); // commands that only the page obeys
+const LOCAL = new Set(["help", "camera", "numbers"]); // commands that only the page obeys
 const WORDS = {
   "forward+": "ahead", "forward-": "back", "lateral+": "left", "lateral-": "right", "up+": "up", "up-": "down",
   "yaw+": "turn left", "yaw-": "turn right", "grip+": "close gripper", "grip-": "open gripper", precision: "precise",
   take_over: "take over", mode: "mode", record: "record", save: "keep", discard: "discard", undo: "undo discard",
-  label: "call it a failure", pause: "pause", camera: "swap cameras", help: "help",
+  label: "call it a failure", pause: "pause", camera: "swap cameras", numbers: "numbers", help: "help",
 };
 const HELP = [ // rows of the help: name, commands
   ["ahead, back", "forward+", "forward-"], ["left, right", "lateral+", "lateral-"], ["up, down", "up+", "up-"],
   ["turn left, right", "yaw+", "yaw-"], ["close, open gripper", "grip+", "grip-"], ["precise (hold)", "precision"],
   ["mode", "mode"], ["record, stop", "record"], ["pause", "pause"], ["keep", "save"], ["discard", "discard"],
-  ["undo discard", "undo"], ["call it a failure", "label"], ["swap cameras", "camera"], ["this help", "help"],
+  ["undo discard", "undo"], ["call it a failure", "label"], ["swap cameras", "camera"], ["show numbers", "numbers"],
+  ["this help", "help"],
 ];
 const KEY_NAMES = {
   ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", Space: "space", Enter: "enter", Backspace: "⌫",
   ShiftLeft: "shift", ShiftRight: "shift", Tab: "tab", Escape: "esc", Slash: "?",
 };
 const HINTS = { // state -> commands worth knowing now
-  idle: ["record", "mode", "precision", "grip+", "grip-", "undo", "camera", "help"],
+  idle: ["record", "mode", "precision", "grip+", "grip-", "undo", "camera", "numbers", "help"],
   countdown: ["record"],
-  recording: ["record", "pause", "discard", "mode", "precision", "grip+", "grip-", "camera"],
+  recording: ["record", "pause", "discard", "mode", "precision", "grip+", "grip-", "camera", "numbers"],
   paused: ["pause", "save", "discard"],
   review: ["save", "discard", "label"],
 };
@@ -73,6 +75,7 @@ function used(device, control) {
   const command = page.keys.get(control);
   if (command === "help") showHelp();
   else if (command === "camera") swap();
+  else if (command === "numbers") $("numbers").open = !$("numbers").open;
   else if (control && device !== "gamepad") sendInput(); // a gamepad is read when input is sent anyway
 }
 
@@ -104,6 +107,8 @@ function hello(about) {
   $("instruction").textContent = about.instruction;
   about.cameras.forEach((name, i) => { $(`name-${i}`).textContent = name; });
   for (const i of [0, 1]) { const canvas = $(`canvas-${i}`); [canvas.height, canvas.width] = about.size; }
+  buildNumbers($("readings"), about.readings);
+  $("numbers").hidden = !about.readings.length;
   buildHelp();
 }
 
@@ -151,6 +156,7 @@ function draw() {
   $("gripper").value = status.opening;
   $("gripper").title = `${Math.round(100 * status.opening)} % open`;
   body.classList.toggle("precise", status.precise);
+  drawNumbers($("readings"), page.about.readings, status.numbers);
   drawSubtasks(status);
   drawModes(status);
   drawReview(status);
@@ -341,5 +347,6 @@ new MutationObserver(drawHints).observe(document.body, { attributes: true, attri
 setInterval(sendInput, SEND_MS);
 setInterval(() => send({ type: "ping", t: performance.now() }), PING_MS);
 setInterval(drawFigures, FIGURES_MS);
+$("numbers").open = !matchMedia("(max-width: 52rem), (max-height: 32rem)").matches; // they would hide a phone's picture
 if (matchMedia("(pointer: coarse)").matches) document.body.dataset.device = "touch";
 connect();

@@ -1,0 +1,155 @@
+"""A real browser without a window, driven over its DevTools protocol: real keys, real pointers, real pictures."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import shutil
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import aiohttp
+
+from aerial_il.core.errors import AerialError
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-port=0")
+KEYS = {  # code -> what else the browser wants to know
+    "Tab": ("Tab", 9),
+    "Enter": ("Enter", 13),
+    "Backspace": ("Backspace", 8),
+    "Space": (" ", 32),
+    "ShiftLeft": ("Shift", 16),
+    "ArrowLeft": ("ArrowLeft", 37),
+    "ArrowRight": ("ArrowRight", 39),
+}
+
+
+class BrowserError(AerialError, RuntimeError):
+    """A browser that is not there, or a page that does not show what it should."""
+
+
+class Tab:
+    """One open page."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._socket, self._numbers = socket, count(1)
+        self._answers: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self.errors: list[str] = []
+        self._reader = asyncio.create_task(self._read())
+
+    async def call(self, method: str, **params: Any) -> dict[str, Any]:
+        """Ask the browser for something and return its answer."""
+        number = next(self._numbers)
+        self._answers[number] = asyncio.get_running_loop().create_future()
+        await self._socket.send_str(json.dumps({"id": number, "method": method, "params": params}))
+        return await self._answers[number]
+
+    async def value(self, expression: str) -> Any:
+        """Return what an expression of JavaScript is."""
+        found = await self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        return found["result"].get("value")
+
+    async def until(self, expression: str, timeout_s: float = 20.0) -> None:
+        """Wait for an expression to be true."""
+        for _ in range(int(timeout_s / 0.05)):
+            if await self.value(f"Boolean({expression})"):
+                return
+            await asyncio.sleep(0.05)
+        raise BrowserError(f"never true: {expression}; the page says {await self.value('document.body.innerText')!r}")
+
+    async def key(self, code: str, *, down: bool) -> None:
+        """Press or release a key, as a keyboard does."""
+        letter = code.removeprefix("Key").lower()
+        key, number = KEYS.get(code, (letter, ord(letter[0].upper())))
+        kind = "rawKeyDown" if down else "keyUp"
+        await self.call("Input.dispatchKeyEvent", type=kind, code=code, key=key, windowsVirtualKeyCode=number)
+
+    async def tap(self, code: str) -> None:
+        """Press and release a key."""
+        await self.key(code, down=True)
+        await self.key(code, down=False)
+
+    async def hold(self, code: str, seconds: float) -> None:
+        """Hold a key for a while."""
+        await self.key(code, down=True)
+        await asyncio.sleep(seconds)
+        await self.key(code, down=False)
+
+    async def touch(self, kind: str, *place: float) -> None:
+        """Put a finger down, move it, or lift it (no ``place``)."""
+        points = [{"x": place[0], "y": place[1]}] if place else []
+        await self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    async def look(self, *, width: int, height: int, dark: bool = True, phone: bool = False) -> None:
+        """Give the window a size and a scheme of colours."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 2 if phone else 1, "mobile": phone}
+        await self.call("Emulation.setDeviceMetricsOverride", **size)
+        await self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        await self.call("Emulation.setEmulatedMedia", features=[scheme])
+
+    async def picture(self, target: Path) -> Path:
+        """Save what is seen."""
+        shot = await self.call("Page.captureScreenshot", format="png")
+        target.write_bytes(base64.b64decode(shot["data"]))
+        return target
+
+    async def _read(self) -> None:
+        async for message in self._socket:
+            told = json.loads(message.data)
+            if "id" in told:
+                self._answers.pop(told["id"]).set_result(told.get("result") or {"result": told.get("error", {})})
+            elif told["method"] == "Runtime.exceptionThrown":
+                details = told["params"]["exceptionDetails"]
+                self.errors.append(details.get("exception", {}).get("description", details["text"]))
+
+
+Opener = Callable[[str], Awaitable[Tab]]
+
+
+@asynccontextmanager
+async def browser() -> AsyncIterator[Opener]:
+    """Start a browser; what it yields opens pages.
+
+    Raises:
+        BrowserError: there is none on this machine.
+    """
+    if BROWSER is None:
+        raise BrowserError("No Chromium or Chrome on this machine.")
+    with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        process = await asyncio.create_subprocess_exec(
+            BROWSER, *OPTIONS, f"--user-data-dir={profile}", "about:blank",
+            stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            port = await _port(Path(profile) / "DevToolsActivePort")
+            async with aiohttp.ClientSession() as session:
+                yield lambda url: _open(session, port, url)
+        finally:
+            process.terminate()
+            await process.wait()
+
+
+async def _port(file: Path) -> int:
+    for _ in range(400):
+        if file.exists() and (lines := file.read_text().splitlines()):
+            return int(lines[0])
+        await asyncio.sleep(0.05)
+    raise BrowserError("The browser did not start.")
+
+
+async def _open(session: aiohttp.ClientSession, port: int, url: str) -> Tab:
+    async with session.put(f"http://127.0.0.1:{port}/json/new?about:blank") as answer:
+        address = (await answer.json())["webSocketDebuggerUrl"]
+    tab = Tab(await session.ws_connect(address, max_msg_size=0))
+    for domain in ("Page", "Runtime"):
+        await tab.call(f"{domain}.enable")
+    await tab.call("Emulation.setFocusEmulationEnabled", enabled=True)
+    await tab.call("Page.navigate", url=url)
+    return tab

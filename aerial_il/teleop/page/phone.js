@@ -1,0 +1,44 @@
+// A phone that is moved in the hand: where it is, by WebXR or by its orientation sensor, while its clutch is held.
+
+export const CLUTCH = "phone:clutch";
+
+export class Phone {
+  constructor() { this.latest = null; this.session = null; this.working = ""; }
+
+  // Begin to read it; a browser asks for a gesture, so this is called by a button. Returns what is read, or throws.
+  async begin() {
+    if (!isSecureContext) throw new Error("A phone's pose needs a page over https: start with expose=true.");
+    if (await navigator.xr?.isSessionSupported?.("immersive-ar").catch(() => false)) return this.beginPose();
+    return this.beginOrientation();
+  }
+
+  async beginPose() {
+    this.session = await navigator.xr.requestSession("immersive-ar", { optionalFeatures: ["dom-overlay"], domOverlay: { root: document.body } });
+    const layer = document.createElement("canvas").getContext("webgl", { xrCompatible: true });
+    await this.session.updateRenderState({ baseLayer: new XRWebGLLayer(this.session, layer) });
+    const space = await this.session.requestReferenceSpace("local");
+    const each = (_, frame) => {
+      const found = frame.getViewerPose(space)?.transform;
+      this.latest = found ? { position: xyz(found.position), orientation: [...xyz(found.orientation), found.orientation.w] } : null;
+      this.session?.requestAnimationFrame(each);
+    };
+    this.session.addEventListener("end", () => { this.session = null; this.latest = null; this.working = ""; });
+    this.session.requestAnimationFrame(each);
+    this.working = "pose";
+    return this.working;
+  }
+
+  async beginOrientation() {
+    const asked = await globalThis.DeviceOrientationEvent?.requestPermission?.();
+    if (asked && asked !== "granted") throw new Error("The phone's orientation was not allowed.");
+    addEventListener("deviceorientation", ({ alpha, beta, gamma }) => {
+      this.latest = [alpha, beta, gamma].every(Number.isFinite) ? { angles: [alpha, beta, gamma] } : null;
+    });
+    this.working = "orientation";
+    return this.working;
+  }
+
+  pose() { return this.latest; }
+}
+
+function xyz({ x, y, z }) { return [x, y, z]; }

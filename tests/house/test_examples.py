@@ -1,0 +1,125 @@
+"""The examples of the pages on adding something are whole: put where they belong, they are found, and they run."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import aerial_il
+from aerial_il import benchmarks, robots
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.policies import policy_config
+from aerial_il.suite import tasks
+from aerial_il.suite.tasks import CellError
+from aerial_il.teleop import devices
+from tests.algorithms import drift
+from tests.contract import test_algorithms, test_success
+from tests.contract.test_feasibility import solved
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("docs/adding.md", "docs/writing_a_task.md")
+FILE = re.compile(r"^`((?:aerial_il|conf)/[\w/]+\.\w+)`\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+COUNTED = re.compile(r"^\| \[(\w+)\].*\| (\d+) \|$", re.MULTILINE)
+
+
+def files() -> dict[str, str]:
+    """Return the files that the pages show: path -> content."""
+    return {path: text for page in PAGES for path, text in FILE.findall((ROOT / page).read_text(encoding="utf-8"))}
+
+
+def registries() -> tuple[object, ...]:
+    return (robots.names, robots.get, tasks.names, tasks.get, tasks.cells, benchmarks.names)
+
+
+@pytest.fixture
+def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """All examples, in the folders of their rooms, for one test."""
+    for path, text in files().items():
+        file = tmp_path / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        if file.suffix == ".py":
+            room = importlib.import_module(".".join(Path(path).parent.parts))
+            monkeypatch.setattr(room, "__path__", [*room.__path__, str(file.parent)])
+    known = set(sys.modules)
+    _forget()
+    yield
+    for name in set(sys.modules) - known:
+        if str(tmp_path) in str(getattr(sys.modules[name], "__file__", "")):
+            del sys.modules[name]
+    monkeypatch.undo()
+    _forget()
+
+
+def _forget() -> None:
+    importlib.invalidate_caches()
+    for registry in registries():
+        registry.cache_clear()  # type: ignore[attr-defined]
+
+
+def test_the_robot_flies_and_declines(added: None) -> None:
+    assert solved("two_joint_hexa", "reach") == 4
+    with pytest.raises(CellError, match="two-joint arm cannot follow the handwheel"):
+        aerial_il.load("two_joint_hexa", "rotate_valve")
+
+
+def test_the_policy_learns(added: None, tmp_path: Path) -> None:
+    policy = policy_config("linear")(chunk=1, ensemble=None, anchor=None)
+    settings = BehaviourCloning(steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
+    begun, learned = (
+        BehaviourCloning.train(each, drift.demonstrations(20), policy, run=tmp_path / name, progress=False)
+        for name, each in (("begun", BehaviourCloning(steps=1, validation=0.0)), ("learned", settings))
+    )
+    assert drift.mean_reward(learned) > drift.mean_reward(begun) + 0.05
+
+
+def test_the_algorithm_fulfils_its_contract(added: None, tmp_path: Path) -> None:
+    test_algorithms.test_it_fulfils_the_contract("sac_prior")
+    test_algorithms.test_it_learns_more_than_its_start(tmp_path / "learns", "sac_prior")
+    test_algorithms.test_killed_in_the_middle_it_ends_with_the_same_bytes(tmp_path / "resumes", "sac_prior")
+    test_algorithms.test_impossible_settings_are_refused("sac_prior")
+
+
+def test_the_device_is_bound(added: None) -> None:
+    mapping = yaml.safe_load(files()["conf/device/clicker.yaml"])
+    bindings = devices.bindings_of({"clicker": mapping})
+    assert bindings.keys_of("record") == ("PageDown",)
+    assert set(bindings.controls) == set(devices.controls_of("clicker"))
+
+
+def test_the_benchmark_answers_its_question(added: None, tmp_path: Path) -> None:
+    hovering: Any = benchmarks.get("hovering")
+    report = hovering(episodes=2).run(tmp_path, progress=False)
+    assert report.verdict == "1 of 1 targets met"
+
+
+@pytest.mark.slow
+def test_the_task_is_solved_by_its_expert_and_judged_alike(added: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert solved("fa_hexa_arm4", "touch_point") == 4
+    text = (ROOT / "docs/writing_a_task.md").read_text(encoding="utf-8")
+    rule = re.search(r"^## The second judgement.*?```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    assert rule
+    found = dict(vars(test_success))
+    exec(rule[1], found)
+    monkeypatch.setitem(test_success.RULES, "touch_point", test_success.Rule(found["tips_at_point"], found["TOUCH"]))
+    test_success.check("touch_point", test_success.judged)
+    with pytest.raises(AssertionError, match="the task says True, the instruction False"):
+        test_success.check("touch_point", lambda env: np.ones(env.num_envs, bool))
+
+
+def test_contributing_counts_the_lines_of_the_examples() -> None:
+    counted = dict(COUNTED.findall((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")))
+    shown = {path: len(text.splitlines()) for path, text in files().items()}
+    rooms = {"robot": "robots/", "policy": "policies/", "algorithm": "algorithms/", "benchmark": "benchmarks/"}
+    rooms |= {"device": "device", "task": "touch_point"}
+    assert counted.keys() == rooms.keys()
+    for kind, room in rooms.items():
+        assert int(counted[kind]) == sum(lines for path, lines in shown.items() if room in path), kind
