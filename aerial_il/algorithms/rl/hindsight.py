@@ -2,7 +2,8 @@
 
 An environment says which fields of its observations tell the goal, and what another would have paid
 (:mod:`aerial_il.core.goals`). All transitions are paid by that rule, those with the original goal too. An end by
-success is no end for the critic, for what has been reached can be held; every other end is one.
+success is no end for the critic, for what has been reached can be held; every other end is one. Where episodes end in
+crashes a goal must therefore pay 1 when it is reached, not -1 until then: to crash would be the way out.
 
 Source: M. Andrychowicz et al., "Hindsight Experience Replay", 2017, section 4.5: strategies ``future`` and ``final``.
 """
