@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
-from aerial_il.algorithms.adversarial.discriminator import Reward, cross_entropy
-from aerial_il.algorithms.adversarial.reward_net import RewardNet
+from aerial_il.algorithms.adversarial.discriminator import Reward
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
@@ -109,7 +109,9 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
             for _ in range(learns * imitates * run.updates_due(self.utd_ratio * self.reward_updates)):
                 half = self.batch_size // 2
                 demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.action_noise)
-                run.log(self._discriminate(reward_net, demos, buffer.sample(half)))
+                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=self.gradient_penalty)
+                reward_net.descend(loss)
+                run.log(logged)
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(learns * run.updates_due(self.utd_ratio)):
@@ -121,15 +123,6 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
 
         reward_net.save(run.folder.path)
         return run.finish()
-
-    def _discriminate(self, reward_net: RewardNet, demos: Batch, agent: Batch) -> dict[str, float]:
-        """Take one step of the discriminator's loss."""
-        loss, metrics = cross_entropy(*reward_net.logits(demos, agent))
-        if self.gradient_penalty:
-            penalty = reward_net.gradient_penalty(demos, agent)
-            loss, metrics["reward/gradient_penalty"] = loss + self.gradient_penalty * penalty, penalty.item()
-        reward_net.descend(loss)
-        return metrics
 
     def _minibatch(self, expert_buffer: ReplayBuffer, buffer: ReplayBuffer, reward_net: RewardNet) -> Batch:
         """Return what the agent learns from, paid by the newest reward, or for being alive."""

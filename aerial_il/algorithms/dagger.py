@@ -8,8 +8,9 @@ trained on the union of all rounds:
     pi_i = beta_i pi* + (1 - beta_i) pi^_i          D <- D u {(s, pi*(s)) : s visited by pi_i}
 
 What decides who flies, and which states are labelled, is the gate: a coin (classic), the ensemble's disagreement and
-the risk of failing (ThriftyDAgger), or a supervisor (HG-DAgger). :mod:`aerial_il.algorithms.interactive.gates` names
-the sources. The loss of the supervised learning in each round is that of :mod:`aerial_il.algorithms.bc`.
+the risk of failing (ThriftyDAgger), or a supervisor (HG-DAgger). :mod:`aerial_il.algorithms.interactive.gates` has
+one file for each, with its source. The loss of the supervised learning in each round is that of
+:mod:`aerial_il.algorithms.bc`.
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``, ``queries``
 (steps that the expert labelled), ``interventions`` (times it took over), ``expert_steps`` (steps it flew), the totals
@@ -27,7 +28,8 @@ from typing import ClassVar
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.disagreement import ActionScale
-from aerial_il.algorithms.interactive.gates import CoinGate, GateSettings, Round
+from aerial_il.algorithms.interactive.gates.coin import CoinGate
+from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Mixture
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate

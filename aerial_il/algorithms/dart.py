@@ -36,7 +36,16 @@ from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.supervised.training_set import split
-from aerial_il.core.contracts import BatchEnv, Observation, Policy, SeededPolicy, attach, phase_names_of, phase_of
+from aerial_il.core.contracts import (
+    BatchEnv,
+    Observation,
+    Policy,
+    SeededPolicy,
+    attach,
+    label_of,
+    phase_names_of,
+    phase_of,
+)
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
@@ -163,7 +172,7 @@ class Disturbed:
 
     def act(self, obs: Observation) -> np.ndarray:
         action = np.asarray(self.expert.act(obs), float)
-        self.expert_action = np.asarray(getattr(self.expert, "expert_action", action), float)
+        self.expert_action = label_of(self.expert, action)
         disturbed, kept = action + self._drift, self.noise.correlation
         fresh = np.stack([self._drawn(world) for world in range(len(self._rngs))])
         self._drift = kept * self._drift + np.sqrt(1.0 - kept**2) * fresh

@@ -26,13 +26,13 @@ from typing import ClassVar
 import numpy as np
 
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
-from aerial_il.algorithms.adversarial.discriminator import Reward, cross_entropy
-from aerial_il.algorithms.adversarial.reward_net import RewardNet
+from aerial_il.algorithms.adversarial.discriminator import Reward
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
 from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, rows_of
+from aerial_il.algorithms.rl.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.algorithms.run.checks import (
     require_choice,
@@ -102,7 +102,9 @@ class AdversarialImitation(Imitation, ProximalOnPolicy):
             for _ in range(imitates * self.reward_updates):
                 half = self.reward_batch // 2
                 demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.action_noise)
-                run.log(self._discriminate(reward_net, demos, buffer.sample(half)))
+                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=self.gradient_penalty)
+                reward_net.descend(loss)
+                run.log(logged)
 
             rewards, end_values = self._rewards(rollout, reward_net, reward_norm)
             run.log({"reward/mean": float(rewards.mean())})
@@ -112,15 +114,6 @@ class AdversarialImitation(Imitation, ProximalOnPolicy):
 
         reward_net.save(run.folder.path)
         return run.finish()
-
-    def _discriminate(self, reward_net: RewardNet, demos: Batch, agent: Batch) -> dict[str, float]:
-        """Take one step of the discriminator's loss."""
-        loss, metrics = cross_entropy(*reward_net.logits(demos, agent))
-        if self.gradient_penalty:
-            penalty = reward_net.gradient_penalty(demos, agent)
-            loss, metrics["reward/gradient_penalty"] = loss + self.gradient_penalty * penalty, penalty.item()
-        reward_net.descend(loss)
-        return metrics
 
     def _rewards(
         self, rollout: Rollout, reward_net: RewardNet, reward_norm: RunningMoments

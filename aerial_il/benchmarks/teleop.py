@@ -101,7 +101,7 @@ class Teleop:
             question=self.question,
             settings=asdict(self),
             targets=_targets(page, narrow, silences, cuts),
-            tables={"Page": [{"link": "wide", **page}, {"link": "narrow", **narrow}], "Power cuts": _summary(cuts)},
+            tables={"Page": [page], "Narrow link": [narrow], **({"Power cuts": _summary(cuts)} if cuts else {})},
             notes=(*NOTES, _priority()),
             details={"silences_ms": silences, "cuts": cuts},
             wall_time_s=time.perf_counter() - started,
@@ -247,8 +247,6 @@ def _replayed(env: BatchEnvironment, out: Path) -> Row:
 
 
 def _summary(cuts: Sequence[Row]) -> list[Row]:
-    if not cuts:
-        return []
     lost = [cut["steps"] - cut["recovered"] for cut in cuts]
     return [
         {

@@ -21,7 +21,6 @@ from aerial_il.benchmarks.parts.motions import Kind, Motion, curves, poses
 from aerial_il.benchmarks.parts.progress import bar
 from aerial_il.benchmarks.parts.report import Report, Row, Target
 from aerial_il.control import controller_state
-from aerial_il.control.laws import Law
 from aerial_il.core.arrays import length, rotation_cosine
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite import tiers
@@ -30,7 +29,7 @@ from aerial_il.suite.scenario import Scenario
 
 TASK = "reach"
 STUDIED = ("fa_hexa_arm4", "ua_quad_arm4", "big_four_z1")
-DEFAULT, UNOBSERVED = Law.GEOMETRIC_OBSERVER.label, Law.GEOMETRIC.label
+DEFAULT, UNOBSERVED = "geometric_observer", "geometric"
 KINDS: tuple[Kind, ...] = ("hover", "moving")
 LIMITS_CM: dict[tuple[str, str], dict[str, float]] = {
     (robot, tier): {"hover": hover, "moving": 1.5}

@@ -63,16 +63,12 @@ def _dispatch(words: list[str]) -> int:
     elif {"-h", "--help"} & set(rest):
         print(help.of_command(commands.find(name)))
     else:
-        _run(name, rest)
+        command = commands.find(name)
+        _log_to_stderr()
+        from aerial_il.cli.configuration.compose import run_command
+
+        run_command(command, rest)
     return OK
-
-
-def _run(name: str, rest: list[str]) -> None:
-    command = commands.find(name)
-    _log_to_stderr()
-    from aerial_il.cli.configuration.compose import run_command
-
-    run_command(command, rest)
 
 
 def _log_to_stderr() -> None:

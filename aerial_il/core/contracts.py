@@ -148,6 +148,15 @@ class BatchEnv(Protocol):
         ...
 
 
+@runtime_checkable
+class Pushable(Protocol):
+    """A batch environment whose vehicle can be pushed."""
+
+    def push(self, velocity: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Let the bases gain velocities (n, 3) in m/s, world, at once, in all worlds or in those of ``mask`` (n,)."""
+        ...
+
+
 class BatchEnvBase:
     """Answers of a batch environment without cameras, drawn disturbances, goals and an engine of the suite's."""
 

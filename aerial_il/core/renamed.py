@@ -46,9 +46,12 @@ METRICS: Mapping[str, str] = {
 
 #: Classes that a configuration names by ``_target_``.
 TARGETS: Mapping[str, str] = {
-    "aerial_il.algorithms.parts.gates.CoinGate": "aerial_il.algorithms.interactive.gates.CoinGate",
-    "aerial_il.algorithms.parts.gates.HumanGate": "aerial_il.algorithms.interactive.gates.HumanGate",
-    "aerial_il.algorithms.parts.gates.ThriftyGate": "aerial_il.algorithms.interactive.gates.ThriftyGate",
+    "aerial_il.algorithms.parts.gates.CoinGate": "aerial_il.algorithms.interactive.gates.coin.CoinGate",
+    "aerial_il.algorithms.parts.gates.HumanGate": "aerial_il.algorithms.interactive.gates.human.HumanGate",
+    "aerial_il.algorithms.parts.gates.ThriftyGate": "aerial_il.algorithms.interactive.gates.thrifty.ThriftyGate",
+    "aerial_il.algorithms.interactive.gates.CoinGate": "aerial_il.algorithms.interactive.gates.coin.CoinGate",
+    "aerial_il.algorithms.interactive.gates.HumanGate": "aerial_il.algorithms.interactive.gates.human.HumanGate",
+    "aerial_il.algorithms.interactive.gates.ThriftyGate": "aerial_il.algorithms.interactive.gates.thrifty.ThriftyGate",
     "aerial_il.algorithms.parts.selection.Selection": "aerial_il.algorithms.supervised.selection.Selection",
     "aerial_il.algorithms.parts.supervisors.Corrector": "aerial_il.algorithms.interactive.supervisors.Corrector",
 }

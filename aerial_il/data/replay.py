@@ -8,10 +8,12 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from aerial_il.core.contracts import BatchEnv, StepResult
+from aerial_il.core.contracts import BatchEnv, Pushable, StepResult
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import engine_of
+
+PUSHES = "perturbation"  # topic of what met the vehicle before each step; its first three numbers push the base
 
 
 def replay(env: BatchEnv, episode: Episode, *, starts: Sequence[int] = (0,), path: str | os.PathLike[str] = "") -> int:
@@ -59,6 +61,7 @@ def _replay_some(env: BatchEnv, episode: Episode, starts: np.ndarray, path: str)
     _compare(env, episode, current, active, starts, path)
     compared = 0
     while active.any():
+        _push(env, episode, current, active)
         result = env.step(episode.executed_actions[np.minimum(current, len(episode) - 1)], active)
         _compare_outcome(result, episode, current, active, path)
         current[active] += 1
@@ -66,6 +69,15 @@ def _replay_some(env: BatchEnv, episode: Episode, starts: np.ndarray, path: str)
         compared += int(active.sum())
         active = current < len(episode)
     return compared
+
+
+def _push(env: BatchEnv, episode: Episode, current: np.ndarray, active: np.ndarray) -> None:
+    """Let happen again what somebody let happen to the base before the coming steps."""
+    if PUSHES not in episode.extras or not isinstance(env, Pushable):
+        return
+    velocity = episode.extras[PUSHES][np.minimum(current, len(episode) - 1), :3]
+    if (pushed := active & velocity.any(axis=1)).any():
+        env.push(velocity, pushed)
 
 
 def _compare(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.renamed import METRICS
 from aerial_il.evaluation.result import EvaluationResult
 
 CURVE_POINTS = 300
@@ -88,7 +89,7 @@ def curves_of(rows: Iterable[Mapping[str, Any]]) -> list[Curve]:
 
 
 def read_rows(path: Path) -> Iterable[dict[str, Any]]:
-    """Yield the rows of a ``metrics.jsonl``; a last one cut short by a kill is left out."""
+    """Yield the rows of a ``metrics.jsonl`` by their present names; a last one cut short by a kill is left out."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     except OSError as error:
@@ -98,9 +99,9 @@ def read_rows(path: Path) -> Iterable[dict[str, Any]]:
         if not line.endswith("\n"):
             return  # a row cut short by a kill
         try:
-            row = json.loads(line)
+            row = {METRICS.get(name, name): value for name, value in json.loads(line).items()}
             yield row | {"step": float(row["step"])}
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InvalidValueError(f"{path}, line {number}: not a row of metrics ({error!r}).") from error
 
 

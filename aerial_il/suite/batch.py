@@ -145,6 +145,27 @@ class BatchEnvironment:
         self.simulation.set_state(states, mask)
         return self._seen(mask)
 
+    def push(self, velocity: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Let the bases gain velocities at once, between two steps, as a blow does; the state tells all of it.
+
+        Args:
+            velocity: (n, 3) m/s, world. mask: (n,) bool, the worlds that are pushed; None: all.
+
+        Raises:
+            InvalidValueError: the base of this robot stands fixed.
+        """
+        if not self.scenario.robot.vehicle.base_mobility:
+            raise InvalidValueError(f"The base of {self.spec.robot} stands fixed: it cannot be pushed.")
+        states = self.get_state()
+        states[:, self._base_velocity : self._base_velocity + 3] += velocity
+        self.simulation.set_state(states, mask)
+
+    @property
+    def _base_velocity(self) -> int:
+        """Where the velocity of the base, the first joint, begins in a state."""
+        before = int(STATE) & (int(mujoco.mjtState.mjSTATE_QVEL) - 1)
+        return mujoco.mj_stateSize(self.model, before)
+
     def _seen(self, mask: np.ndarray | None) -> dict[str, np.ndarray]:
         """Observations of all worlds, of which those of ``mask`` (n,) have moved: none but these are rendered anew."""
         requests, (height, width) = self.scenario.camera_requests, self.scenario.image_size

@@ -11,14 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.core.errors import AerialError, SimulationDivergedError, StorageError
+from aerial_il.core.contracts import Policy, SeededPolicy, attach
+from aerial_il.core.errors import AerialError, NonFiniteActionError, SimulationDivergedError, StorageError
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.arbiter import HAND_OVER_TICKS, Arbiter, Turn
 from aerial_il.teleop.command import Command
 from aerial_il.teleop.frame import DeviceFrame
 from aerial_il.teleop.logbook import Logbook
 from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.perturb import KINDS, Perturber, possible, refusal
 from aerial_il.teleop.pilot import Pilot
 from aerial_il.teleop.readings import readings_of
+from aerial_il.teleop.reel import Reel
 from aerial_il.teleop.session import FLYING, HOLDS_EPISODE, Event, State, after
 
 COUNTDOWN_TICKS = 100  # 2 s
@@ -50,6 +54,11 @@ class Status:
     counts: Mapping[str, int]
     waiting: int
     time_scale: float
+    flier: str  # policy, person, or nobody
+    shared: bool  # there is a policy to take over from
+    practice: bool  # nothing is kept
+    marks: Mapping[str, float]  # sub-task -> share of the episode after which it was first solved
+    person_steps: int  # of this episode's, those in which the person had taken over
     numbers: tuple[float, ...]
 
 
@@ -58,6 +67,7 @@ class Cockpit:
 
     Args:
         env: an environment of one world. bindings: what the device's controls mean. logbook: where flights go.
+        policy: what flies unless the person takes over; None if the person always does.
         time_scale: how fast time passes, for the record. countdown: ticks before an episode.
     """
 
@@ -67,6 +77,7 @@ class Cockpit:
         bindings: Bindings,
         logbook: Logbook,
         *,
+        policy: Policy | None = None,
         time_scale: float = 1.0,
         countdown: int = COUNTDOWN_TICKS,
     ) -> None:
@@ -77,8 +88,12 @@ class Cockpit:
         self._flags = np.zeros(len(env.spec.subtasks), bool)
         self._counts = logbook.counts()
         self._mode: str | None = None
-        self._abandoned = 0
+        self._abandoned = self._person_steps = 0
+        self.policy = None if policy is None else attach(policy, env)
+        self.perturbations = possible(env)
         self.readings = readings_of(env.spec.observation)
+        self.practice = False
+        self._look: float | None = None
         self._reset()
 
     def tick(self, frame: DeviceFrame) -> None:
@@ -92,10 +107,10 @@ class Cockpit:
             self._start_over(error)
             return
         try:
-            self._advance(frame)
+            self._advance(frame, self._possible(pressed))
             if self.logbook.settle():
                 self._counts = self.logbook.counts()
-        except (SimulationDivergedError, StorageError) as error:
+        except (SimulationDivergedError, NonFiniteActionError, StorageError) as error:
             self._start_over(error)
 
     def _take_events(self, pressed: frozenset[str]) -> None:
@@ -133,6 +148,40 @@ class Cockpit:
         elif self.state is State.COUNTDOWN:
             self.message = "Get ready."
 
+    def leave(self) -> None:
+        """Tell that nobody is at the controls any more: what is recorded pauses, and practice is over."""
+        self.practise(on=False)
+        self.happen(Event.LOST)
+
+    def practise(self, *, on: bool) -> None:
+        """Begin or end practice, in which nothing is kept; it begins between two episodes only."""
+        if on == self.practice:
+            return
+        if on and self.state is not State.IDLE:
+            self.message = "Finish this episode first: practice begins between two."
+            return
+        self.practice, self.state = on, State.IDLE
+        self._reset()
+        self.message = "Practice: nothing of it is kept." if on else "Practice is over: what you record now is kept."
+
+    def rebind(self, bindings: Bindings) -> bool:
+        """Give the controls other meanings, between two episodes only; return whether it was done."""
+        if self.state is not State.IDLE:
+            self.message = "Finish this episode first: keys change between two."
+            return False
+        self.bindings = bindings
+        self._man()
+        return True
+
+    def look_back(self, share: float) -> None:
+        """Show, while an episode is reviewed, the moment at a share of it in [0, 1]."""
+        self._look = share
+
+    @property
+    def looked_at(self) -> np.ndarray | None:
+        """State (S,) that is looked back at; None for the present one."""
+        return None if self._look is None or self.state is not State.REVIEW else self._reel.at(self._look)
+
     @property
     def is_flying(self) -> bool:
         """Whether time passes."""
@@ -163,6 +212,11 @@ class Cockpit:
             counts=self._counts,
             waiting=self.logbook.waiting,
             time_scale=self.time_scale,
+            flier=self._arbiter.flier.value,
+            shared=self.policy is not None,
+            practice=self.practice,
+            marks={name: round(step / max(1, self._steps), 4) for name, step in self._marks.items()},
+            person_steps=self._person_steps,
             numbers=tuple(number for reading in self.readings for number in reading.numbers(row)),
         )
 
@@ -170,26 +224,38 @@ class Cockpit:
         """Keep what is finished, and leave an open episode for recovery."""
         self.logbook.close()
 
-    def _advance(self, frame: DeviceFrame) -> None:
+    def _possible(self, pressed: frozenset[str]) -> frozenset[str]:
+        """Return what is pressed without disturbances that cannot happen here, which are refused."""
+        impossible = pressed & set(KINDS) - set(self.perturbations)
+        if impossible and self.is_flying:
+            self.message = refusal(self.env, min(impossible))
+        return pressed - impossible
+
+    def _advance(self, frame: DeviceFrame, pressed: frozenset[str]) -> None:
         if self.state is State.COUNTDOWN:
             self._countdown -= 1
             if self._countdown <= 0:
                 self.happen(Event.COUNTED)
         elif self.is_flying:
-            self._fly(frame)
+            self._fly(frame, pressed)
 
-    def _fly(self, frame: DeviceFrame) -> None:
+    def _fly(self, frame: DeviceFrame, pressed: frozenset[str]) -> None:
         recording = self.state is State.RECORDING
-        action = self._pilot.act(frame, self._row())
+        turn = self._arbiter.act(frame, self._obs)
         self._mode = self._pilot.mode
         self._abandoned = self._abandoned + 1 if self._pilot.dead else 0
         if recording:
+            self._reel.keep(self.env.get_state()[0])
+        if kept := recording and not self.practice:
             self.logbook.observe(self._obs)
-        result = self.env.step(action[None])
+        met = self._perturber.step(pressed)
+        self._disturbed += [f"{kind} at step {self._steps}" for kind in KINDS if kept and kind in pressed]
+        result = self.env.step(met.meet(self.env, turn.action)[None])
         self._obs, self._flags = result.obs, result.info["subtasks"][0]
+        if kept:
+            self.logbook.act(frame, turn, met, result)
         if recording:
-            self.logbook.act(frame, action, result)
-            self._steps += 1
+            self._note(turn)
         self._success = bool(result.info["success"][0])
         self._held = self._held + 1 if self._success else 0
         if result.terminated[0]:
@@ -200,6 +266,13 @@ class Cockpit:
         elif recording and self._abandoned >= ABANDONED_TICKS:
             self.happen(Event.LOST)
 
+    def _note(self, turn: Turn) -> None:
+        """Count a step of the episode, and note which sub-tasks it was the first to solve."""
+        self._steps += 1
+        self._person_steps += turn.is_intervention
+        for name in (name for name, met in zip(self.env.spec.subtasks, self._flags, strict=True) if met):
+            self._marks.setdefault(name, self._steps)
+
     def _start_over(self, error: AerialError) -> None:
         """Begin anew after the disk or the physics has failed; an open episode stays for ``aerial-il recover``."""
         self.logbook.start_over()
@@ -208,16 +281,19 @@ class Cockpit:
         self.message = f"Set back to the start: {error}"
 
     def _begin(self) -> None:
-        self._pilot = Pilot(self.env.spec, self.env.scenario.robot.vehicle, self.bindings, self._mode)
-        self._pilot.engage(self._row())
-        self.logbook.begin(self._settings())
-        self._held = self._steps = 0
+        self._man()
+        if not self.practice:
+            self.logbook.begin(self._settings())
+        self._held = self._steps = self._person_steps = 0
+        self._reel, self._marks, self._disturbed = Reel(), {}, []
 
     def _settings(self) -> dict[str, Any]:
-        return {"time_scale": self.time_scale, "success_ticks": SUCCESS_TICKS, **self._pilot.settings()}
+        shared = {} if self.policy is None else {"hand_over_ticks": HAND_OVER_TICKS}
+        return {"time_scale": self.time_scale, "success_ticks": SUCCESS_TICKS, **shared, **self._pilot.settings()}
 
     def _review(self, event: Event) -> None:
-        self._label = self._success
+        self._label, self._look = self._success, None
+        self._reel.keep(self.env.get_state()[0])
         self.message = {
             Event.SUCCEEDED: "Keep it?",
             Event.ENDED: "The flight is over: a crash, or an object out of reach. Keep it as a failure?",
@@ -226,15 +302,15 @@ class Cockpit:
     def _save(self) -> None:
         success = self._success and self._label
         note = "the operator called it a failure" if self._success and not self._label else ""
-        if not self._steps:
+        if self.practice or not self._steps:
             self._drop()
             return
         self.logbook.observe(self._obs)
-        self.logbook.save(success=success, note=note)
+        self.logbook.save(success=success, note="; ".join([*filter(None, [note]), *self._disturbed]))
         self._stored("Saved as a demonstration." if success else "Saved as a failure.")
 
     def _discard(self) -> None:
-        if not self._steps:
+        if self.practice or not self._steps:
             self._drop()
             return
         self.logbook.observe(self._obs)
@@ -243,7 +319,7 @@ class Cockpit:
 
     def _drop(self) -> None:
         self.logbook.forget()
-        self._stored("Nothing was flown, nothing is kept.")
+        self._stored("Practice: nothing is kept." if self.practice else "Nothing was flown, nothing is kept.")
 
     def _stored(self, message: str) -> None:
         self.happen(Event.STORED)
@@ -257,13 +333,22 @@ class Cockpit:
         self.message = f"Brought back: {uid}" if uid else "There is nothing to bring back."
         self._counts = self.logbook.counts()
 
+    def _row(self) -> dict[str, np.ndarray]:
+        return {name: values[0] for name, values in self._obs.items()}
+
     def _reset(self) -> None:
         self._obs = self.env.reset(self.logbook.seed)
         self._flags = np.zeros(len(self.env.spec.subtasks), bool)
         self._success, self._held, self._steps = False, 0, 0
-        self._pilot = Pilot(self.env.spec, self.env.scenario.robot.vehicle, self.bindings, self._mode)
-        self._pilot.engage(self._row())
+        self._reel, self._marks, self._disturbed = Reel(), dict[str, int](), list[str]()
+        self._man()
         self._counts = self.logbook.counts()
 
-    def _row(self) -> dict[str, np.ndarray]:
-        return {name: values[0] for name, values in self._obs.items()}
+    def _man(self) -> None:
+        """Set new hands to the controls, and the policy to the beginning of its flight."""
+        self._pilot = Pilot(self.env.spec, self.env.scenario.robot.vehicle, self.bindings, self._mode)
+        self._arbiter = Arbiter(self._pilot, self.policy)
+        self._arbiter.engage(self._obs)
+        self._perturber = Perturber(self.env, self.logbook.seed)
+        if isinstance(self.policy, SeededPolicy):
+            self.policy.begin(self.env.seeds)

@@ -55,7 +55,7 @@ class Film:
     ) -> None:
         if unknown := set(cameras) - {CHASE, *CAMERAS}:
             raise UnknownNameError("camera", min(unknown), (CHASE, *CAMERAS))
-        self._model, self._cameras, self._size = model, tuple(cameras), size
+        self._model, self.cameras, self._size = model, tuple(cameras), size
         self._deliver, self._least = deliver, 1.0 / max_rate
         self._wake, self._ended = threading.Condition(), False
         self._shown: tuple[np.ndarray, int, float] | None = None
@@ -91,7 +91,7 @@ class Film:
                 begun, (state, input_seq, when) = time.perf_counter(), taken
                 mujoco.mj_setState(self._model, data, state, STATE)
                 mujoco.mj_forward(self._model, data)
-                images = tuple(_jpeg(_picture(renderer, chase, data, name), self.thrift) for name in self._cameras)
+                images = tuple(_jpeg(_picture(renderer, chase, data, name), self.thrift) for name in self.cameras)
                 number += 1
                 self._deliver(Shot(number, input_seq, when, images))
                 time.sleep(max(0.0, begun + self._least - time.perf_counter()))

@@ -9,15 +9,18 @@ from dataclasses import dataclass
 
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.controls import Controls
 from aerial_il.teleop.film import Film
 from aerial_il.teleop.hardware import Attached, Driver
 from aerial_il.teleop.inbox import Inbox
 from aerial_il.teleop.loop import Loop
 from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.perturb import possible
 from aerial_il.teleop.readings import readings_of
 from aerial_il.teleop.server import Server
 
-CAMERAS = ("chase", "wrist")
+CAMERAS = ("chase", "wrist")  # shown at first
+VIEWS = (*CAMERAS, "scene")  # that may be shown
 WATCH_S = 0.25
 
 
@@ -27,12 +30,15 @@ class Site:
 
     Attributes:
         host: ``127.0.0.1`` for this machine alone. port: 0 for any that is free. size: (height, width) of pictures.
+        tls: for a page over https. controls: mappings that may be changed. summary: writes a page about the folder.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
     size: tuple[int, int] = (360, 480)
     tls: ssl.SSLContext | None = None
+    controls: Controls | None = None
+    summary: Callable[[], str] | None = None
 
 
 async def fly(
@@ -53,7 +59,15 @@ async def fly(
         opened: called when the page is there.
     """
     inbox = Inbox(bindings)
-    server = Server(inbox, about(env, bindings, operator, site), host=site.host, port=site.port, tls=site.tls)
+    server = Server(
+        inbox,
+        about(env, bindings, operator, site),
+        host=site.host,
+        port=site.port,
+        tls=site.tls,
+        controls=site.controls,
+        summary=site.summary,
+    )
     await server.start()
     film = Film(env.model, CAMERAS, site.size, server.deliver)
     flight = Loop(cockpit, inbox, film.show, server.report)
@@ -93,6 +107,10 @@ def about(env: BatchEnvironment, bindings: Bindings, operator: str, site: Site) 
         "operator": operator,
         "bindings": bindings.to_dict(),
         "cameras": list(CAMERAS),
+        "views": list(VIEWS),
+        "summary": site.summary is not None,
+        "grips": spec.action.labels[-1:] == ("gripper",),
+        "perturbations": list(possible(env)),
         "size": list(site.size),
         "readings": [reading.to_dict() for reading in readings_of(spec.observation)],
         "rate": round(1.0 / spec.control_dt_s),

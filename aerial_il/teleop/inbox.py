@@ -55,6 +55,12 @@ class Inbox:
             if self._present:
                 self._edges |= bits_of(reading.pressed, self._controls)
 
+    def rebind(self, bindings: Bindings) -> None:
+        """Take frames in the order of other bindings from now on; everything is let go."""
+        with self._lock:
+            self._controls = bindings.controls
+            self._latest, self._edges = DeviceFrame(seq=self._latest.seq), 0
+
     def release(self) -> None:
         """Let everything go: nobody is there any more."""
         with self._lock:

@@ -15,9 +15,12 @@ from aerial_il.data.provenance import Origin
 from aerial_il.data.recording.recorder import Recorded, Recorder
 from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.suite.batch import BatchEnvironment, StepResult
+from aerial_il.teleop import perturb
+from aerial_il.teleop.arbiter import Turn
 from aerial_il.teleop.devices.replay import TOPIC
 from aerial_il.teleop.frame import LABELS, DeviceFrame
 
+POLICY_ACTION = "policy_action"  # topic of what the policy did or would have done, whoever flew
 FLIGHT_KEYS = ("tier", "controller")  # of a specification, that episodes of one session share too
 FIRST_KEYS = ("robot", "task", "tier", "controller", "action.level")  # of those that differ, named first
 
@@ -28,13 +31,26 @@ class Logbook:
     Args:
         env: what is flown. out: the dataset folder; what is there stays, and the session goes on after it.
         operator: who flies. first_seed: of a new folder.
+        policy: name of the policy that the operator may take over from; its own actions are then recorded too.
+        settings: plain values that all episodes carry.
 
     Raises:
         InvalidValueError: the folder holds episodes of another environment; names the keys that differ.
     """
 
-    def __init__(self, env: BatchEnvironment, out: str, *, operator: str, first_seed: int = 0) -> None:
-        self.env, self.folder, self.operator = env, DatasetFolder(out), operator
+    def __init__(
+        self,
+        env: BatchEnvironment,
+        out: str,
+        *,
+        operator: str,
+        first_seed: int = 0,
+        policy: str | None = None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.env, self.folder, self.operator, self.policy = env, DatasetFolder(out), operator, policy
+        self._pilot = f"human:{operator}" if policy is None else f"{policy} with human:{operator}"
+        self._settings = dict(settings or {})
         self._refuse_others()
         self.folder.claim(env.spec)
         self.folder.keep_model(env.model_xml)
@@ -64,8 +80,8 @@ class Logbook:
         """Open the next take of the present seed; ``settings`` say how it is flown, as plain values."""
         origin = Origin(
             self.env.spec,
-            f"human:{self.operator}",
-            {**settings, "take": self._take()},
+            self._pilot,
+            {**self._settings, **settings, "take": self._take()},
             self.env.model_xml,
             engine=self.env.engine,
         )
@@ -83,19 +99,23 @@ class Logbook:
         """Note what the world shows before the coming step, or after the last one."""
         self._recorder.observe(obs, state=self.env.get_state(), sim_time=self.env.sim_time)
 
-    def act(self, frame: DeviceFrame, action: np.ndarray, result: StepResult) -> None:
-        """Note what was commanded, by which frame of the device, and what came of it."""
+    def act(self, frame: DeviceFrame, turn: Turn, met: perturb.Disturbance, result: StepResult) -> None:
+        """Note what was commanded, by which frame of the device and by whom, what it met, and what came of it."""
+        own = {} if self.policy is None else {POLICY_ACTION: turn.policy_action[None]}
+        if perturb.possible(self.env):
+            own[perturb.TOPIC] = met.to_row()[None]
         self._recorder.act(
-            action=action[None],
+            action=turn.action[None],
             executed_action=result.info["executed_action"],
-            expert_action=np.full((1, action.size), np.nan),
-            is_intervention=np.zeros(1, bool),
+            expert_action=turn.label[None],
+            is_intervention=np.full(1, turn.is_intervention),
             phase=np.full(1, -1),
             ctrl=self.env.ctrl,
             reward=result.reward,
             terminated=result.terminated,
             truncated=np.zeros(1, bool),  # a person has all the time that it takes
             **{TOPIC: frame.to_row()[None]},
+            **own,
         )
 
     def save(self, *, success: bool, note: str = "") -> None:
@@ -154,7 +174,9 @@ class Logbook:
             self._recorder.close()
 
     def _new_recorder(self) -> Recorder:
-        return Recorder(self.env.spec, self.env.model.nu, extras={TOPIC: LABELS})
+        own = {} if self.policy is None else {POLICY_ACTION: self.env.spec.action.labels}
+        disturbed = {perturb.TOPIC: perturb.LABELS} if perturb.possible(self.env) else {}
+        return Recorder(self.env.spec, self.env.model.nu, extras={TOPIC: LABELS, **own, **disturbed})
 
     def _finish(self, kind: str, *, success: bool, note: str) -> None:
         path = self.folder.path / kind / f"{self._uid}.mcap"

@@ -14,7 +14,6 @@ from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.teleop.clock import Metronome, Pace
 from aerial_il.teleop.cockpit import Cockpit, Status
 from aerial_il.teleop.devices import Device
-from aerial_il.teleop.session import Event
 
 
 class Loop:
@@ -36,6 +35,7 @@ class Loop:
         self._thread = threading.Thread(target=self._run, name="flight", daemon=True)
         self._ended, self._left = threading.Event(), threading.Event()
         self._news: deque[str] = deque(maxlen=8)
+        self._work: deque[Callable[[Cockpit], None]] = deque(maxlen=64)
         self.error: BaseException | None = None
 
     def start(self) -> None:
@@ -52,6 +52,10 @@ class Loop:
         if news:
             self._news.append(news)
 
+    def do(self, work: Callable[[Cockpit], None]) -> None:
+        """Let something be done to the cockpit on the flight's own thread, before the next tick; from any thread."""
+        self._work.append(work)
+
     def close(self) -> None:
         """End the flight; what is finished is kept."""
         self._ended.set()
@@ -66,11 +70,14 @@ class Loop:
                 metronome.wait()
                 if self._left.is_set():
                     self._left.clear()
-                    cockpit.happen(Event.LOST)
+                    cockpit.leave()
                 while self._news:
                     cockpit.message = self._news.popleft()
+                while self._work:
+                    self._work.popleft()(cockpit)
                 cockpit.tick(self._device.frame())
-                self._show(state_of(cockpit.env), cockpit.input_seq)
+                looked_at = cockpit.looked_at
+                self._show(state_of(cockpit.env) if looked_at is None else looked_at, cockpit.input_seq)
                 self._report(cockpit.status(), metronome.pace)
         except BaseException as error:
             self.error = error

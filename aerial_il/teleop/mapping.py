@@ -18,7 +18,7 @@ JOINTS: tuple[str, ...] = tuple(f"joint_{i}" for i in range(1, 9))  # taken one 
 FOLLOWED = (*POSE, *JOINTS, "joint_grip")  # places, not speeds: one device only may give each
 HELD: tuple[str, ...] = ("precision", "take_over", "clutch", "lead")
 PRESSED: tuple[str, ...] = (
-    "mode", "record", "save", "discard", "undo", "label", "pause", "camera", "numbers", "help",
+    "mode", "record", "save", "discard", "undo", "label", "pause", "camera", "numbers", "help", "gust", "push", "drop",
 )  # fmt: skip
 DIRECTIONS = tuple(f"{motion}{sign}" for motion in KEYED for sign in "+-")
 COMMANDS = (*MOTIONS, *DIRECTIONS, *FOLLOWED, *HELD, *PRESSED)

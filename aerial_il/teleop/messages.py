@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +15,7 @@ from aerial_il.teleop.frame import STICK_AXES
 MAX_BYTES = 4096
 MAX_NAMES, MAX_NAME = 64, 32
 MAX_RATE, BURST = 150.0, 75.0  # messages per second of one page, and at once
-KINDS = ("input", "blur", "ack", "ping", "ask", "grant")
+KINDS = ("input", "blur", "ack", "ping", "ask", "grant", "scrub", "practice", "view", "bind")
 
 
 class MessageError(Exception):
@@ -29,6 +29,8 @@ class Message:
     Attributes:
         kind: one of ``KINDS``. seq: its number, of an input; that of the picture, of an ack. t: ms, of the page's
             clock. held, pressed: names of controls. axes: stick positions by name. pose: where a phone is.
+        share: of the episode, in [0, 1], to look back at. on: whether practice begins or ends.
+        mapping: device -> command -> controls, as the person wants them; empty for those that are shipped.
     """
 
     kind: str
@@ -38,6 +40,9 @@ class Message:
     pressed: tuple[str, ...] = ()
     axes: dict[str, float] = field(default_factory=dict)
     pose: Pose | None = None
+    share: float = 0.0
+    on: bool = False
+    mapping: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
 
 
 def read_message(text: str) -> Message:
@@ -61,7 +66,28 @@ def read_message(text: str) -> Message:
         raise MessageError("malformed")
     checked = {name: _number(value, 1.0) for name, value in axes.items()}
     held, pressed = _names(raw.get("held", [])), _names(raw.get("pressed", []))
-    return Message(raw["type"], seq, _number(raw.get("t", 0.0), 1e15), held, pressed, checked, _pose(raw.get("pose")))
+    share = _number(raw.get("share", 0.0), 1.0)
+    if share < 0.0 or not isinstance(raw.get("on", False), bool):
+        raise MessageError("malformed")
+    return Message(
+        raw["type"],
+        seq,
+        _number(raw.get("t", 0.0), 1e15),
+        held,
+        pressed,
+        checked,
+        _pose(raw.get("pose")),
+        share,
+        raw.get("on", False),
+        _mapping(raw.get("mapping", {})),
+    )
+
+
+def _mapping(raw: Any) -> dict[str, dict[str, tuple[str, ...]]]:
+    """Check the shape of a mapping; what its words mean is for who reads mappings."""
+    if not isinstance(raw, dict) or not all(isinstance(each, dict) and len(each) <= MAX_NAMES for each in raw.values()):
+        raise MessageError("malformed")
+    return {device: {command: _names(found) for command, found in each.items()} for device, each in raw.items()}
 
 
 def _pose(raw: Any) -> Pose | None:

@@ -62,13 +62,29 @@ class Pilot:
         self._shaper, self._dead_man, self._follower = Shaper(), DeadMan(), Follower()
         self.command, self.opening, self.dead, self.precise = Command(), 1.0, True, False
 
-    def engage(self, obs: Obs) -> None:
-        """Take over at what the vehicle does now, without a jerk."""
+    def engage(self, obs: Obs, action: np.ndarray | None = None) -> None:
+        """Take over at what the vehicle does now, without a jerk.
+
+        Args:
+            obs: what the vehicle shows. action: (Da,) commanded last; the gripper goes on by it, for fingers that
+                hold something stand wider than they are told to.
+        """
         self._shaper.stop()
         self._follower.let_go()
         self._targets.seat(obs)
         self.command = Command()
         self.opening = float(obs["gripper"][0]) if "gripper" in obs else 1.0
+        if action is not None and self._grips:
+            self.opening = float(action[-1])
+
+    def watch(self, frame: DeviceFrame) -> Intent:
+        """Note who is there and what the sticks mean; return what they want."""
+        intent = self.bindings.intent(frame)
+        self.dead, self.precise = self._dead_man.step(frame.seq), "precision" in intent.held
+        if "mode" in intent.pressed:
+            self.mode = self.modes[(self.modes.index(self.mode) + 1) % len(self.modes)]
+            self._shaper.stop()
+        return intent
 
     def act(self, frame: DeviceFrame, obs: Obs) -> np.ndarray:
         """Return the action (Da,) of the coming tick.
@@ -76,11 +92,11 @@ class Pilot:
         Args:
             frame: what the device shows. obs: what the vehicle shows, ``name -> (D,)``.
         """
-        intent, dt = self.bindings.intent(frame), self._spec.control_dt_s
-        self.dead, self.precise = self._dead_man.step(frame.seq), "precision" in intent.held
-        if "mode" in intent.pressed:
-            self.mode = self.modes[(self.modes.index(self.mode) + 1) % len(self.modes)]
-            self._shaper.stop()
+        return self.fly(self.watch(frame), obs)
+
+    def fly(self, intent: Intent, obs: Obs) -> np.ndarray:
+        """Return the action (Da,) that ``intent``, which :meth:`watch` returned for this tick, asks for."""
+        dt = self._spec.control_dt_s
         if self.dead:
             self._shaper.stop()
             self._follower.let_go()
@@ -94,6 +110,10 @@ class Pilot:
             closing = self.command.grip if intent.opening is None or self.dead else self._closing(intent.opening, dt)
             self.opening = min(1.0, max(0.0, self.opening - dt * closing))
             action = np.append(action, self.opening)
+        return self.clip(action)
+
+    def clip(self, action: np.ndarray) -> np.ndarray:
+        """Return an action (Da,) within its bounds."""
         return self._spec.action.clip(action)
 
     def _wanted(self, intent: Intent, obs: Obs, dt: float) -> Command:

@@ -10,11 +10,10 @@ import socket as socket_library
 import ssl
 import struct
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from ipaddress import ip_address
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -22,15 +21,17 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from aerial_il.core.errors import AerialError
 from aerial_il.teleop.clock import Pace
-from aerial_il.teleop.cockpit import Status
+from aerial_il.teleop.cockpit import Cockpit, Status
+from aerial_il.teleop.controls import Controls
 from aerial_il.teleop.devices.phone import CLUTCH, Phone
 from aerial_il.teleop.film import Film, Shot
 from aerial_il.teleop.inbox import Inbox
 from aerial_il.teleop.loop import Loop
+from aerial_il.teleop.mapping import Bindings
 from aerial_il.teleop.messages import Message, MessageError, read_message
+from aerial_il.teleop.page import PAGE
 from aerial_il.teleop.visitors import Visitor, Visitors
 
-PAGE = Path(__file__).parent / "page"
 TYPES = {".css": "text/css", ".js": "text/javascript"}
 ASSETS = {file.name: TYPES[file.suffix] for file in PAGE.iterdir() if file.suffix in TYPES}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -44,6 +45,7 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
+DOCUMENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 HEADERS = {
     "Content-Security-Policy": POLICY,
     "Referrer-Policy": "no-referrer",  # the token stands in the address
@@ -64,6 +66,7 @@ class Server:
     Args:
         inbox: where frames of the controller's devices go. about: what the page says of the flight, as plain values.
         host, port: where; port 0 for any that is free. token: who knows it may come in. tls: for a page over https.
+        controls: mappings that may be changed on the page. summary: writes a page about the folder recorded into.
     """
 
     def __init__(
@@ -75,10 +78,13 @@ class Server:
         port: int = 0,
         token: str | None = None,
         tls: ssl.SSLContext | None = None,
+        controls: Controls | None = None,
+        summary: Callable[[], str] | None = None,
     ) -> None:
         self._inbox, self._about, self._host, self._port = inbox, dict(about), host, port
         self.token = token or secrets.token_urlsafe(16)
         self._tls, self._phone = tls, Phone()
+        self._controls, self._summary = controls, summary
         self.visitors = Visitors()
         self.flight: Loop | None = None
         self.film: Film | None = None
@@ -111,6 +117,7 @@ class Server:
         app = web.Application()
         app.router.add_get("/", self._index)
         app.router.add_get("/socket", self._socket)
+        app.router.add_get("/summary", self._summarise)
         app.router.add_get("/{name}", self._asset)
         self._runner = runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
@@ -162,6 +169,18 @@ class Server:
             return _refusal("There is no such page.", status=404)
         return _file(name, ASSETS[name])
 
+    async def _summarise(self, request: web.Request) -> web.Response:
+        if not self._is_local(request) or not self._knows_token(request):
+            return _refusal("The token is missing or wrong. Open the summary from the page that you fly on.")
+        if self._summary is None:
+            return _refusal("This flight has no summary.", status=404)
+        try:
+            text = await asyncio.to_thread(self._summary)
+        except AerialError as error:
+            return _refusal(f"No summary: {error}", status=503)
+        headers = {**HEADERS, "Content-Security-Policy": DOCUMENT_POLICY}
+        return web.Response(text=text, content_type="text/html", charset="utf-8", headers=headers)
+
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         if not self._knows_token(request) or not self._is_local(request) or not self._is_own_origin(request):
             return _refusal("The token is missing or wrong, or the page is another one.")
@@ -174,7 +193,7 @@ class Server:
         self._fresh[visitor] = asyncio.Event()
         senders = [asyncio.create_task(work(visitor)) for work in (self._send_pictures, self._send_status)]
         try:
-            await socket.send_str(json.dumps({"type": "hello", **self._about, "number": visitor.number}))
+            await self._greet(visitor)
             async for message in socket:
                 if message.type is WSMsgType.TEXT:
                     await self._receive(visitor, message.data)
@@ -190,6 +209,9 @@ class Server:
             if self.visitors.leave(visitor):
                 self._let_go()
         return socket
+
+    async def _greet(self, visitor: Visitor) -> None:
+        await visitor.socket.send_str(json.dumps({"type": "hello", **self._about, "number": visitor.number}))
 
     async def _receive(self, visitor: Visitor, text: str) -> None:
         """Do what a message asks for, if it is to be believed."""
@@ -214,10 +236,17 @@ class Server:
         elif message.kind == "grant":
             if self.visitors.grant(visitor):
                 self._let_go()
-        elif visitor is self.visitors.controller:
+        elif visitor is not self.visitors.controller:
+            return
+        elif message.kind == "bind":
+            await self._bind(visitor, message)
+        else:
             self._take(message)
 
     def _take(self, message: Message) -> None:
+        if message.kind in ("scrub", "practice", "view"):
+            self._arrange(message)
+            return
         if message.kind == "blur":
             self._release()
             return
@@ -226,6 +255,40 @@ class Server:
         pressed = (*message.pressed, CLUTCH) if anew else message.pressed
         axes = message.axes | moved
         self._inbox.receive(seq=message.seq, held=message.held, pressed=pressed, axes=axes, t_client=message.t)
+
+    async def _bind(self, visitor: Visitor, message: Message) -> None:
+        """Change what keys and buttons mean, or say why not."""
+        ok, text = False, "Keys cannot be changed in this flight."
+        try:
+            if self._latest.get("state") != "idle":
+                text = "Finish this episode first: keys change between two."
+            elif self._controls is not None and self.flight is not None:
+                bindings = self._controls.change(message.mapping) if message.mapping else self._controls.reset()
+                self.flight.do(lambda cockpit: self._rebind(cockpit, bindings))
+                self._about["bindings"] = bindings.to_dict()
+                for each in self.visitors:
+                    await self._greet(each)
+                ok, text = True, f"Saved in {self._controls.folder}." if message.mapping else "As shipped again."
+        except (AerialError, OSError) as error:
+            text = str(error)
+        await visitor.socket.send_str(json.dumps({"type": "bound", "ok": ok, "text": text}))
+
+    def _rebind(self, cockpit: Cockpit, bindings: Bindings) -> None:
+        if cockpit.rebind(bindings):
+            self._inbox.rebind(bindings)
+
+    def _arrange(self, message: Message) -> None:
+        """Do what changes what is shown or kept, and flies nothing."""
+        if self.flight is None or self.film is None:
+            return
+        if message.kind == "scrub":
+            self.flight.do(lambda cockpit: cockpit.look_back(message.share))
+        elif message.kind == "practice":
+            self.flight.do(lambda cockpit: cockpit.practise(on=message.on))
+        else:
+            main, side = self.film.cameras
+            others = [name for name in self._about["views"] if name != main]
+            self.film.cameras = (main, others[(others.index(side) + 1) % len(others)])
 
     def _release(self) -> None:
         self._phone.let_go()
@@ -256,6 +319,7 @@ class Server:
                 "asked": visitors.asking.number if visitors.asking else 0,
                 "visitors": len(visitors),
                 "dropped": dict(visitors.dropped),
+                "cameras": self.film.cameras if self.film else self._about["cameras"],
             }
             if self._latest:
                 await visitor.socket.send_str(json.dumps({"type": "status", **self._latest, **around}))

@@ -7,14 +7,12 @@ It has the suite's interface and flies hundreds of episodes a second.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from aerial_il.core.contracts import BatchEnvBase
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from tests.algorithms.point_mass import StepResult
+from tests.algorithms.stateless_batch import StatelessBatch
 
 STEPS, LIMIT, PUSH, GAIN = 60, 0.5, 0.3, 0.5
 
@@ -32,27 +30,15 @@ SPEC = EnvSpec(
 )
 
 
-class Corridor(BatchEnvBase):
+class Corridor(StatelessBatch):
     """n points; an episode fails as soon as one leaves the corridor, and succeeds at its end."""
 
     spec = SPEC
-    model, model_xml = SimpleNamespace(nu=0), "<mujoco/>"
 
     def __init__(self, num_envs: int = 5) -> None:
         self.num_envs = num_envs
         self.y, self.slope, self.shift = np.zeros((3, num_envs))
         self.steps = np.zeros(num_envs, int)
-
-    @property
-    def ctrl(self) -> np.ndarray:
-        return np.zeros((self.num_envs, 0))
-
-    @property
-    def sim_time(self) -> np.ndarray:
-        return self.steps * self.spec.control_dt_s
-
-    def get_state(self) -> np.ndarray:
-        return np.zeros((self.num_envs, 0))
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         seeds = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
@@ -73,8 +59,6 @@ class Corridor(BatchEnvBase):
         success = (self.steps >= STEPS) & ~outside
         info = {"success": success, "crash": outside, "subtasks": ~outside[:, None], "executed_action": executed}
         return StepResult(self._observe(), success * 1.0, outside, self.steps >= STEPS, info)
-
-    def close(self) -> None: ...
 
     def _course(self, steps: np.ndarray) -> np.ndarray:
         return np.sin(self.slope * steps + self.shift)

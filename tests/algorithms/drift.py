@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.core.contracts import BatchEnvBase
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
 from tests.algorithms.point_mass import StepResult
+from tests.algorithms.stateless_batch import StatelessBatch
 
 SPEED, EDGE, NEAR, MAX_STEPS = 0.5, 1.5, 0.2, 12
 SPEC = EnvSpec(
@@ -30,7 +30,7 @@ SPEC = EnvSpec(
 )
 
 
-class Drift(BatchEnvBase):
+class Drift(StatelessBatch):
     """n masses."""
 
     spec = SPEC

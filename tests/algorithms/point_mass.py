@@ -7,15 +7,15 @@ episodes a second.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from aerial_il.core.contracts import BatchEnvBase, StepResult
+from aerial_il.core.contracts import StepResult
 from aerial_il.core.seeding import episode_rng, named_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
+from tests.algorithms.stateless_batch import StatelessBatch
 
 LAG, REACH_M, WAIT_STEPS, DWELL_STEPS, LEAD_M = 0.5, 0.03, 8, 10, 0.06
 ROT6D = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -54,27 +54,15 @@ SPEC = EnvSpec(
 )
 
 
-class PointMassBatch(BatchEnvBase):
+class PointMassBatch(StatelessBatch):
     """n point masses that follow commanded positions with a first-order lag."""
 
     spec = SPEC
-    model, model_xml = SimpleNamespace(nu=0), "<mujoco/>"
 
     def __init__(self, num_envs: int) -> None:
         self.num_envs = num_envs
         self.ee, self.cube, self.goal = (np.zeros((num_envs, 3)) for _ in range(3))
         self.gripper, self.steps, self.dwell = np.ones((num_envs, 1)), *np.zeros((2, num_envs), int)
-
-    @property
-    def ctrl(self) -> np.ndarray:
-        return np.zeros((self.num_envs, 0))
-
-    @property
-    def sim_time(self) -> np.ndarray:
-        return self.steps * self.spec.control_dt_s
-
-    def get_state(self) -> np.ndarray:
-        return np.zeros((self.num_envs, 0))
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         seeds = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)

@@ -19,7 +19,10 @@ from scipy import stats
 from aerial_il.algorithms.dart import Disturbed, Noise
 from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.interactive.disagreement import ActionScale, disagreement
-from aerial_il.algorithms.interactive.gates import CoinGate, HumanGate, Round, Thresholds, ThriftyGate, _Thrifty
+from aerial_il.algorithms.interactive.gates.coin import CoinGate
+from aerial_il.algorithms.interactive.gates.gate import Round
+from aerial_il.algorithms.interactive.gates.human import HumanGate
+from aerial_il.algorithms.interactive.gates.thrifty import Thresholds, ThriftyGate, _Thrifty
 from aerial_il.algorithms.interactive.mixture import IGNORED_STEPS, Decision, GateInput, Mixture
 from aerial_il.algorithms.interactive.supervisors import Corrector
 from aerial_il.algorithms.run.folder import read_metrics

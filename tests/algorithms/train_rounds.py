@@ -9,7 +9,8 @@ from typing import Any
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import Dart
-from aerial_il.algorithms.interactive.gates import CoinGate, ThriftyGate
+from aerial_il.algorithms.interactive.gates.coin import CoinGate
+from aerial_il.algorithms.interactive.gates.thrifty import ThriftyGate
 from aerial_il.collection.collect import collect
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode

@@ -8,10 +8,12 @@ from typing import Any
 import pytest
 import yaml
 
-from aerial_il.benchmarks import imitation
+from aerial_il.benchmarks import imitation, tracking
+from aerial_il.benchmarks.controllers import Controllers
 from aerial_il.cli import commands
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
+from aerial_il.control import laws
 
 CLONING = ("imitation", "learning_curve", "dagger")  # studies of what `collect` and `train` do if nothing is said
 DEMONSTRATING = (*CLONING, "pixels", "lerobot")
@@ -38,6 +40,11 @@ def test_the_expert_demonstrates_as_collect_has_it(name: str) -> None:
     usual = commands.find("collect").choices["expert"]
     assert [chosen for group, _, chosen in composed(name) if group == "expert"] == [usual]
     assert build(groups.read_option("bench", name)).expert == groups.read_option("expert", str(usual))
+
+
+def test_the_study_of_controllers_flies_every_law() -> None:
+    assert Controllers().controllers == laws.names()
+    assert laws.names()[:2] == (tracking.DEFAULT, tracking.UNOBSERVED)
 
 
 @pytest.mark.parametrize("name", [*CLONING, "pixels"])

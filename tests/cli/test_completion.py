@@ -35,6 +35,19 @@ def test_every_command_is_offered_first_and_a_given_key_is_not_offered_twice() -
     assert "seed=" not in completion.candidates(["aerial-il", "train", "seed=1", "''"])
 
 
+def test_no_choice_is_shown_by_importing_anything_heavy() -> None:
+    code = """
+import sys
+from aerial_il.cli.configuration import groups
+for group in groups.groups():
+    for name in groups.options(group):
+        groups.read_option(group, name)
+        loaded = {"numba", "torch", "mujoco"} & set(sys.modules)
+        assert not loaded, f"{group}={name} imports {loaded}"
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+
+
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
 @pytest.mark.parametrize(
     ("line", "reply"),

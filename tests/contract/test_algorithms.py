@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -55,27 +54,7 @@ ON_POLICY |= {"step_size": 0.1}
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
 
-class Line(Drift):
-    """n masses on a line that can be recorded too: what an expert is asked in."""
-
-    model, model_xml = SimpleNamespace(nu=0), "<mujoco/>"
-
-    @property
-    def ctrl(self) -> np.ndarray:
-        return np.zeros((self.num_envs, 0))
-
-    @property
-    def sim_time(self) -> np.ndarray:
-        return self.steps * self.spec.control_dt_s
-
-    def get_state(self) -> np.ndarray:
-        return np.zeros((self.num_envs, 0))
-
-    def close(self) -> None:
-        """There is nothing to free."""
-
-
-class Broke(Line):
+class Broke(Drift):
     """Pays a reward that is not a number, from the fifth step of an episode on."""
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
@@ -83,7 +62,7 @@ class Broke(Line):
         return replace(result, reward=np.where(self.steps >= 5, np.nan, result.reward))
 
 
-class Blind(Line):
+class Blind(Drift):
     """Shows a position that is not a number, from the fifth step of an episode on."""
 
     def _observe(self) -> dict[str, np.ndarray]:
@@ -129,7 +108,7 @@ def short(name: str, steps: int) -> Any:
 
 def train(settings: Algorithm, run: Path, env: Any = None, demos: list[Episode] | None = None, **options: Any) -> Any:
     """Train with what the algorithm asks for."""
-    handed = {"env": env or Line(8), "expert": Guide(), "collect": collect}
+    handed = {"env": env or Drift(8), "expert": Guide(), "collect": collect}
     demos = (demos or demonstrations(10)) if settings.demonstrated else None
     options = {"seed": 3, "progress": False, **{need: handed[need] for need in settings.needs}, **options}
     return settings.train(demos, policy_of(settings), run=run, **options)
@@ -246,7 +225,7 @@ def test_what_is_no_number_is_refused(tmp_path: Path, name: str) -> None:
 def test_the_run_of_another_environment_is_refused(tmp_path: Path, name: str) -> None:
     settings, elsewhere = short(name, 8), replace(SPEC, robot="crane")
     train(settings, tmp_path / "run")
-    env, moved = Line(8), [replace(demo, spec=elsewhere, obs=shifted(demo.obs)) for demo in demonstrations(10)]
+    env, moved = Drift(8), [replace(demo, spec=elsewhere, obs=shifted(demo.obs)) for demo in demonstrations(10)]
     env.spec = elsewhere
     with pytest.raises(InvalidValueError, match="holds another run"):
         train(settings, tmp_path / "run", env=env, demos=moved)

@@ -67,8 +67,8 @@ def _forget() -> None:
 
 def test_the_robot_flies_and_declines(added: None) -> None:
     assert solved("two_joint_hexa", "reach") == 4
-    with pytest.raises(CellError, match="two-joint arm cannot follow the handwheel"):
-        aerial_il.load("two_joint_hexa", "rotate_valve")
+    with pytest.raises(CellError, match="its two joints cannot hold a probe still"):
+        aerial_il.load("two_joint_hexa", "inspect_contact")
 
 
 def test_the_policy_learns(added: None, tmp_path: Path) -> None:

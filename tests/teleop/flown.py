@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import ssl
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from aerial_il.cli.configuration import groups
+from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.controls import Controls
 from aerial_il.teleop.devices import drivers_of
 from aerial_il.teleop.flight import Site, fly
 from aerial_il.teleop.logbook import Logbook
@@ -39,15 +41,18 @@ async def flown(
     devices: Sequence[str] = ("keyboard", "gamepad", "touch"),
     hardware: Mapping[str, Mapping[str, Any]] | None = None,
     tls: ssl.SSLContext | None = None,
+    policy: Policy | None = None,
+    controls: Controls | None = None,
+    summary: Callable[[], str] | None = None,
     **settings: Any,
 ) -> AsyncIterator[Flown]:
-    """Fly, on a page, into the folder ``out``."""
+    """Fly, on a page, into the folder ``out``, or watch ``policy`` fly."""
     env, bindings = world(**settings), shipped(*devices)
     drivers = drivers_of({name: groups.read_option("device", name) for name in devices}, hardware)
-    logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
-    cockpit = Cockpit(env, bindings, logbook, countdown=countdown)
+    logbook = Logbook(env, str(out), operator="ada", first_seed=5000, policy=policy and "policy")
+    cockpit = Cockpit(env, bindings, logbook, policy=policy, countdown=countdown)
     there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()
-    site = Site(port=port, size=size, tls=tls)
+    site = Site(port=port, size=size, tls=tls, controls=controls, summary=summary)
     opened = there.set_result
     work = asyncio.create_task(fly(env, cockpit, bindings, site, operator="ada", drivers=drivers, opened=opened))
     try:

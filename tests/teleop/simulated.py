@@ -6,7 +6,7 @@ import fcntl
 import json
 import os
 import pty
-import re
+import select
 import struct
 import threading
 from collections.abc import Callable, Iterator
@@ -97,6 +97,7 @@ class FakeArm:
 
     def unplug(self) -> None:
         self._here = False
+        self._thread.join()  # before its file's number is another one's
         self._path.unlink()
         os.close(self._slave)
         os.close(self._master)
@@ -110,9 +111,16 @@ class FakeArm:
 
     def _answer(self, master: int) -> None:
         with suppress(OSError):
-            while asked := os.read(master, 256):
-                for packet in re.split(rb"(?=\xff\xff[\xfd\xfe])", asked)[1:]:
+            waiting = b""
+            while self._here:
+                if select.select([master], [], [], 0.02)[0]:
+                    waiting += os.read(master, 256)
+                while len(waiting) >= 7 and len(waiting) >= (size := self._size(waiting)):
+                    packet, waiting = waiting[:size], waiting[size:]
                     self._say(master, *self._asked(packet))
+
+    def _size(self, packet: bytes) -> int:
+        return 4 + packet[3] if self.protocol == "feetech" else 7 + int.from_bytes(packet[5:7], "little")
 
     def _say(self, master: int, register: Register, servos: bytes) -> None:
         for servo in servos:

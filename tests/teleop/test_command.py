@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import urllib.request
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from aerial_il.cli.commands import teleop
 from aerial_il.cli.main import BAD_USAGE, main
 
 
@@ -40,10 +42,47 @@ def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) 
     [
         ("action=rotor", "velocity"),
         ("devices=[keybord]", "keyboard"),
-        ("host=0.0.0.0", "this machine alone"),
+        ("host=0.0.0.0", "expose=true"),
         ("time_scale=3", "0.25"),
+        ("devices=[keyboard,leader_arm]", "action=base_joint"),
+        ("hardware=[spacemouse.path:x]", "among devices"),
+        ("hardware=[spacemouse]", "DEVICE.SETTING:VALUE"),
+        ("certificate=x.pem", "key_file"),
+        ("port=-1", "port"),
     ],
 )
 def test_what_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, told: str) -> None:
     assert main(["teleop", f"out={tmp_path / 'ds'}", word]) == BAD_USAGE
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.render
+def test_a_device_that_is_not_plugged_in_is_told_before_anything_flies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["teleop", f"out={tmp_path / 'ds'}", "port=0", "open=false"]
+    nowhere = f"hardware=[spacemouse.path:{tmp_path / 'hidraw0'}]"
+    assert main([*words, "devices=[keyboard,spacemouse]", nowhere]) == BAD_USAGE
+    assert "Is it plugged in?" in capsys.readouterr().err
+    assert main([*words, "devices=[keyboard,leader_arm]", "action=base_joint"]) == BAD_USAGE
+    assert "lerobot-calibrate" in capsys.readouterr().err
+    assert not (tmp_path / "ds").exists()
+
+
+@pytest.mark.render
+def test_a_port_that_is_taken_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        assert main(["teleop", f"out={tmp_path / 'ds'}", f"port={port}", "open=false"]) == BAD_USAGE
+    assert f"port={port} on 127.0.0.1 is taken" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("tls", "expected"), [(None, "SHA-256 fingerprint"), (False, "WARNING")])
+def test_a_page_for_other_machines_tells_its_fingerprint_or_warns(
+    tls: bool | None, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    context = teleop._tls(teleop.Config(out="x", host="0.0.0.0", expose=True, tls=tls))
+    assert (context is None) == (tls is False)
+    assert expected in capsys.readouterr().out
+    assert teleop._tls(teleop.Config(out="x")) is None
+    assert not capsys.readouterr().out

@@ -12,6 +12,7 @@ import pytest
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop import devices, serial_port
+from aerial_il.teleop.devices import leader_arm
 from aerial_il.teleop.devices.leader_arm import LIVE, LeaderArm, OpenArm, Servo, read_calibration
 from aerial_il.teleop.hardware import DeviceError, DeviceLostError, Reading
 from aerial_il.teleop.serial_port import SerialPort
@@ -60,8 +61,10 @@ def test_calibrations_are_those_of_lerobot() -> None:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_packets_that_are_spoilt_are_left_out(tmp_path: Path, protocol: str) -> None:
+def test_packets_that_are_spoilt_are_left_out(tmp_path: Path, protocol: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A third with a wrong checksum, a third with a byte lost: the arm lives on, and never shows what nobody said."""
+    monkeypatch.setattr(leader_arm, "STALE_S", 1.0)  # a machine with much else to do is not what is tried here
+    monkeypatch.setattr(leader_arm, "SILENT_S", 10.0)
     arm, count = FakeArm(tmp_path, protocol), [0]
     port = opened(arm)
 

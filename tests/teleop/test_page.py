@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from pathlib import Path
 
 import pytest
@@ -172,6 +173,32 @@ def test_a_finger_on_the_page_flies_and_records(tmp_path: Path) -> None:
             await tab.touch("touchStart", x, y)
             await tab.touch("touchEnd")
             await in_state(tab, "recording")
+            assert not tab.errors
+
+    together(work())
+
+
+def test_a_phone_that_is_turned_in_the_hand_turns_the_tool_while_its_clutch_is_held(tmp_path: Path) -> None:
+    """Its orientation sensor is the browser's own, told what to show."""
+
+    async def work() -> None:
+        async with flown(tmp_path, devices=("keyboard", "touch", "phone")) as flight, browser() as opened:
+            tab = await opened(flight.server.url)
+            await tab.look(width=390, height=844, phone=True)
+            await tab.until("window.teleop && teleop.shown && teleop.status?.role === 'controller'")
+            await tab.call("DeviceOrientation.setDeviceOrientationOverride", alpha=10, beta=30, gamma=0)
+            await tab.value("document.getElementById('phone-start').click(); 1")
+            await tab.until("!document.getElementById('phone-clutch').hidden")
+            x, y = await middle(tab, "#phone-clutch")
+            await tab.touch("touchStart", x, y)
+            await asyncio.sleep(0.5)
+            before = flight.env.observe()["base_rot6d"][0].copy()
+            await tab.call("DeviceOrientation.setDeviceOrientationOverride", alpha=45, beta=30, gamma=0)
+            await asyncio.sleep(2.0)
+            after = flight.env.observe()["base_rot6d"][0]
+            turned = math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
+            assert turned == pytest.approx(math.radians(35), abs=0.15)
+            await tab.touch("touchEnd")
             assert not tab.errors
 
     together(work())

@@ -12,7 +12,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.adversarial.discriminator import REWARDS, Discriminator, Reward, gradient_penalty
+from aerial_il.algorithms.adversarial.discriminator import (
+    REWARDS,
+    Discriminator,
+    Reward,
+    cross_entropy,
+    gradient_penalty,
+)
 from aerial_il.algorithms.rl.interface import encode, encode_actions
 from aerial_il.algorithms.rl.replay_buffer import Batch
 from aerial_il.algorithms.run.folder import REWARD
@@ -114,6 +120,17 @@ class RewardNet:
 
     def _inputs(self, obs: Tensor, actions: Tensor) -> Tensor:
         return torch.cat([obs, actions], dim=-1) if self.shape["actions"] else obs
+
+
+def discriminator_loss(
+    reward_net: RewardNet, demos: Batch, agent: Batch, *, penalty: float
+) -> tuple[Tensor, dict[str, float]]:
+    """Return ``-log D`` of demonstrations ``- log(1 - D)`` of the agent's ``+ penalty (|grad| - 1)^2``, and metrics."""
+    loss, metrics = cross_entropy(*reward_net.logits(demos, agent))
+    if not penalty:
+        return loss, metrics
+    slope = reward_net.gradient_penalty(demos, agent)
+    return loss + penalty * slope, {**metrics, "reward/gradient_penalty": slope.item()}
 
 
 def load_reward(run: str | os.PathLike[str]) -> tuple[RewardNet, Interface]:

@@ -11,7 +11,16 @@ from typing import Protocol
 import numpy as np
 
 from aerial_il.algorithms.interactive.disagreement import ActionScale
-from aerial_il.core.contracts import BatchEnv, Observation, Policy, SeededPolicy, attach, phase_names_of, phase_of
+from aerial_il.core.contracts import (
+    BatchEnv,
+    Observation,
+    Policy,
+    SeededPolicy,
+    attach,
+    label_of,
+    phase_names_of,
+    phase_of,
+)
 
 IGNORED = 1.0  # distance of action and advice, in deviations of demonstrated actions, that counts as ignoring it
 IGNORED_STEPS = 50  # in a row after which the expert is reset
@@ -118,7 +127,7 @@ class Mixture:
     def act(self, obs: Observation) -> np.ndarray:
         of_learner = np.asarray(self.learner.act(obs), float)
         of_expert = np.asarray(self.expert.act(obs), float)
-        label = np.asarray(getattr(self.expert, "expert_action", of_expert), float)  # before its own perturbation
+        label = label_of(self.expert, of_expert)  # before its own perturbation
         decision = self.gate.decide(GateInput(obs, of_learner, label, self.is_intervention))
         self.is_intervention = decision.expert_flies
         self._reset_ignored(of_learner, label)

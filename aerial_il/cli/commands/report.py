@@ -2,10 +2,12 @@
 
 Of an evaluation: success, metrics, videos, provenance. Of a run: success and loss over training, error by action
 element, whatever else was logged, predictions beside demonstrations, a learned reward, films. Several runs, or the
-folder of a sweep, are grouped by settings, the seeds of each group together.
+folder of a sweep, are grouped by settings, the seeds of each group together. Of a folder of recordings: every episode
+with pictures, its length and smoothness, by who flew it.
 
 Example: aerial-il report runs/pick_bc/evaluation run=runs/pick_bc dataset=datasets/pick
 Example: aerial-il report runs/pick_bc
+Example: aerial-il report datasets/pick_by_hand
 Example: aerial-il report runs/pick_mlp runs/pick_act out=runs/classes.html
 """
 
@@ -41,6 +43,9 @@ def run(config: Config) -> None:
     """Write the page and say where."""
     from aerial_il.evaluation.training_run import find_runs, read_run
 
+    if flown := [place for place in config.result if _is_dataset(place)]:
+        print(f"Report: {_of_session(config, flown)}")
+        return
     runs = [read_run(found) for place in config.result for found in find_runs(place)]
     if not runs:
         page = _of_evaluation(config)
@@ -49,6 +54,21 @@ def run(config: Config) -> None:
     else:
         page = _of_runs(config, runs)
     print(f"Report: {page}")
+
+
+def _is_dataset(place: str) -> bool:
+    from aerial_il.data.folder import KINDS, DatasetFolder
+
+    return Path(place).is_dir() and any(DatasetFolder(place).files(kind) for kind in KINDS)
+
+
+def _of_session(config: Config, flown: list[str]) -> Path:
+    from aerial_il.cli.flights.sessions import write_summary
+    from aerial_il.core.errors import InvalidValueError
+
+    if len(config.result) > 1:
+        raise InvalidValueError(f"{flown[0]} is a folder of recordings: its report is about it alone.")
+    return write_summary(flown[0], config.out)
 
 
 def _of_evaluation(config: Config) -> Path:

@@ -6,6 +6,7 @@ command goes on with the session where it stopped.
 
 Example: aerial-il teleop robot=fa_hexa_arm4 task=reach out=datasets/reach_by_hand
 Example: aerial-il teleop robot=fa_hexa_arm4 task=pick_place tier=gusts time_scale=0.5 out=datasets/pick_by_hand
+Example: aerial-il teleop policy=runs/pick out=datasets/pick_rescued
 Example: aerial-il teleop devices=[keyboard,spacemouse] out=datasets/by_mouse
 """
 
@@ -14,33 +15,53 @@ from __future__ import annotations
 import asyncio
 import getpass
 import ssl
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli.configuration.keys import MISSING, Named, TierName, at_least, check_choices, group, key, output
+from aerial_il.cli.configuration.keys import (
+    MISSING,
+    MaybeLocated,
+    Named,
+    TierName,
+    at_least,
+    check_choices,
+    group,
+    key,
+    output,
+    path,
+)
 from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:
+    from aerial_il.core.contracts import Policy
+    from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.teleop.server import Server
 
 TIME_SCALES = ("1", "0.5", "0.25")
+ROBOT, TASK = "fa_hexa_arm4", "reach"
 LOOPBACK = ("127.0.0.1", "localhost")
 
 
 @dataclass
 class Config:
-    robot: Named = group("which vehicle", "fa_hexa_arm4")
-    task: Named = group("what it does", "reach")
+    policy: MaybeLocated = path(MaybeLocated, "policy that flies until you take over; expert for the task's own")
+    robot: Named | None = group("which vehicle (null: the policy's, or fa_hexa_arm4)")
+    task: Named | None = group("what it does (null: the policy's, or reach)")
     tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
     controller: Named = group("which law flies the base", "geometric_observer")
     out: str = output(MISSING, "folder of the dataset")
-    action: str = key("ee_pose", "action level that is recorded: ee_pose, ee_delta, base_joint or velocity")
+    action: str | None = key(
+        None, "action level: ee_pose, ee_delta, base_joint or velocity (null: the policy's, or ee_pose)"
+    )
     devices: list[str] = key(["keyboard", "gamepad", "touch"], "devices that may be used, files of conf/device")
+    controls: str = key("controls", "folder of your own mappings, which the page writes")
     operator: str | None = key(None, "who flies, for the record (null: the name you are logged in by)")
     seed: int = key(0, "of the first episode of a new folder")
     time_scale: str = key("1", "how fast time passes, for the record too", choices=TIME_SCALES)
-    hardware: dict[str, Any] = key({}, "of devices that no browser reads, e.g. {leader_arm:{port:/dev/ttyACM0}}")
+    hardware: list[str] = key([], "settings of devices that no browser reads, e.g. [leader_arm.port:/dev/ttyACM0]")
     host: str = key("127.0.0.1", "where the page is served; another one than this machine's own needs expose=true")
     expose: bool = key(False, "let other machines reach the page, over https")
     tls: bool | None = key(None, "serve over https (null: where other machines reach it)")
@@ -64,51 +85,78 @@ class Config:
 
 def run(config: Config) -> None:
     """Fly until interrupted, and say what comes next."""
-    import aerial_il
     from aerial_il.cli.configuration import groups, spelling
     from aerial_il.cli.configuration.quoting import command_line
+    from aerial_il.cli.flights.sessions import summary, write_summary
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.cockpit import Cockpit
     from aerial_il.teleop.command import check_level
+    from aerial_il.teleop.controls import Controls
     from aerial_il.teleop.devices import bindings_of, drivers_of
     from aerial_il.teleop.flight import Site, fly
     from aerial_il.teleop.logbook import Logbook
     from aerial_il.teleop.pilot import check_leader
 
     require_rendering("flying by hand")
-    check_level(config.action)
-    mappings = {name: groups.read_option("device", name) for name in config.devices}
-    bindings, drivers = bindings_of(mappings), drivers_of(mappings, config.hardware)
-    check_leader(config.action, bindings)
+    controls = Controls(partial(groups.read_option, "device"), tuple(config.devices), Path(config.controls))
+    mappings = controls.read()
+    for name in controls.own:
+        print(f"Keys of your own: {controls.file(name)}", flush=True)
+    bindings, drivers = bindings_of(mappings), drivers_of(mappings, _settings(config.hardware))
     tls = _tls(config)
-    env = aerial_il.load_batch(
-        config.robot.name,
-        config.task.name,
-        num_envs=1,
-        num_threads=1,
-        tier=config.tier.name,
-        action=config.action,
-        controller=config.controller.name,
-    )
+    policy, env = _aboard(config)
     operator = config.operator or getpass.getuser()
     try:
-        logbook = Logbook(env, config.out, operator=operator, first_seed=config.seed)
+        check_level(env.spec.action.level)
+        check_leader(env.spec.action.level, bindings)
+        for driver in drivers.values():  # what is not plugged in is told before a folder is claimed
+            driver.open().close()
+        logbook = Logbook(env, config.out, operator=operator, first_seed=config.seed, policy=config.policy.path)
     except BaseException:
         env.close()
         raise
     try:
-        cockpit = Cockpit(env, bindings, logbook, time_scale=float(config.time_scale))
-        site = Site(config.host, config.port, (config.size[0], config.size[1]), tls)
+        cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
+        size = config.size[0], config.size[1]
+        site = Site(config.host, config.port, size, tls, controls, partial(summary, config.out))
         opened = partial(_tell, open_page=config.open)
         asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
     except KeyboardInterrupt:
         kept = logbook.counts()
         told = f"{kept['demos']} demonstrations, {kept['failures']} failures, {kept['trash']} in the trash"
         print(f"\n{config.out}: {told}.")
+        if kept["demos"] or kept["failures"]:
+            print(f"Summary: {write_summary(config.out)}")
         if kept["demos"]:
             print(f"Next: {command_line(['validate', spelling.path('path', config.out)])}")
     finally:
         env.close()
+
+
+def _settings(words: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return device -> its settings, of words ``DEVICE.SETTING:VALUE``."""
+    found: dict[str, dict[str, Any]] = {}
+    for word in words:
+        (name, _, value), problem = word.partition(":"), f"hardware={word}: write DEVICE.SETTING:VALUE"
+        device, _, setting = name.partition(".")
+        if not setting or not value:
+            raise InvalidValueError(f"{problem}, e.g. hardware=[leader_arm.port:/dev/ttyACM0].")
+        found.setdefault(device, {})[setting] = int(value) if value.isdecimal() else value
+    return found
+
+
+def _aboard(config: Config) -> tuple[Policy | None, BatchEnvironment]:
+    """Return the policy that flies, if any, and what is flown, with one world."""
+    from aerial_il.cli.flights.environments import EnvironmentReference
+    from aerial_il.cli.flights.pilots import pilot
+
+    robot, task = (group.name if group else None for group in (config.robot, config.task))
+    if config.policy.path is None:
+        policy, where = None, EnvironmentReference(robot=robot or ROBOT, task=task or TASK, action=config.action)
+    else:
+        found = pilot(config.policy.path, robot=robot, task=task, action=config.action)
+        policy, where = found.policy, found.reference
+    return policy, where.load(num_envs=1, threads=1, tier=config.tier.name, controller=config.controller.name)
 
 
 def _tls(config: Config) -> ssl.SSLContext | None:

@@ -40,6 +40,7 @@ from aerial_il.cli.configuration.quoting import command_line
 if TYPE_CHECKING:
     from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
+    from aerial_il.core.contracts import Algorithm
     from aerial_il.data.episode import Episode
 
 COMMAND = "command.json"
@@ -133,7 +134,7 @@ def learn(config: Config) -> None:
     print(f"Policy: {config.run}/policy")
 
 
-def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Episode] | None:
+def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
     from aerial_il.cli.flights import demonstrations
     from aerial_il.core.errors import InvalidValueError
@@ -149,17 +150,16 @@ def _demonstrations(config: Config, algorithm: Any, policy: Any) -> Iterable[Epi
         return demonstrations.open_demonstrations(
             path, limit=config.dataset.episodes, images=policy.images, algorithm=algorithm
         )
-    if getattr(algorithm, "demonstrated", True):
-        name = type(algorithm).__module__.rpartition(".")[2]
+    if algorithm.demonstrated:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
-        raise InvalidValueError(f"algorithm={name} learns from demonstrations: say dataset=PATH. {hint}")
+        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: say dataset=PATH. {hint}")
     return None
 
 
 @contextmanager
-def _rollout_evaluator(config: Config, algorithm: Any) -> Iterator[RolloutEvaluator | None]:
+def _rollout_evaluator(config: Config, algorithm: Algorithm) -> Iterator[RolloutEvaluator | None]:
     """Yield what flies the policy on the way, or None where nobody asked for it."""
-    if not getattr(algorithm, "evaluate_every", 0):
+    if not algorithm.evaluate_every:
         yield None
         return
     from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
@@ -207,7 +207,7 @@ def command(config: Config) -> str:
     )
 
 
-def _training_resources(config: Config, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
+def _training_resources(config: Config, algorithm: Algorithm, policy: Any) -> AbstractContextManager[dict[str, Any]]:
     """Return what an algorithm that flies while it learns is handed."""
     from aerial_il.cli.flights.training_resources import training_resources
 

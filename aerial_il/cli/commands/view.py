@@ -180,13 +180,22 @@ def _page(config: Config, episode: Any, file: Path, out: Path, flags: Any, again
     for note in notes:
         print(note)
     seen = command_line(["view", f"recording={file}", "viewer=rerun"])
-    commands = [again, seen, command_line(["replay", f"path={file}"])]
+    commands = [again, seen, command_line(["replay", f"path={file}"]), *_fly_this(episode)]
     with TemporaryDirectory() as folder:
         film = None if problem else Path(folder) / "film.mp4"
         if film:
             film_recording(episode, film, flags=flags, progress=config.progress)
         page = write_player(out, episode, flags=flags, film=film, note=" ".join(notes), commands=commands)
     print(f"Page: {page}")
+
+
+def _fly_this(episode: Any) -> list[str]:
+    """Return the command by which a person flies the same robot, task, air and start; none for strangers' worlds."""
+    spec = episode.spec
+    if spec.is_outside:
+        return []
+    cell = [f"robot={spec.robot}", f"task={spec.task}", f"tier={spec.tier}", f"controller={spec.controller}"]
+    return [command_line(["teleop", *cell, f"seed={episode.seed}", f"out=datasets/{spec.task}_by_hand"])]
 
 
 def _out(config: Config, viewer: str, name: str) -> Path:

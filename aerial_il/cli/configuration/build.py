@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.renamed import TARGETS
 
 ALLOWED = ("aerial_il", "torch.optim")
 
@@ -24,8 +25,7 @@ def build(settings: Mapping[str, Any]) -> Any:
 
 def build_all(*settings: Mapping[str, Any]) -> list[Any]:
     """Build several objects as :func:`build` does; every ``_target_`` is checked before the first one is imported."""
-    for target in _targets(list(settings)):
-        _check_allowed(target)
+    _check_targets(settings)
     for one in settings:
         if "_target_" not in one:
             raise InvalidValueError(f"Nothing to build: no _target_ among {', '.join(one) or 'no keys'}.")
@@ -39,7 +39,8 @@ def locate(target: str) -> Any:
     try:
         found = getattr(importlib.import_module(module_name), attribute)
     except (ModuleNotFoundError, AttributeError) as error:
-        raise InvalidValueError(f"_target_={target} is not there: {error}.") from error
+        now = f"It is {TARGETS[target]} now." if target in TARGETS else f"{error}."
+        raise InvalidValueError(f"_target_={target} is not there: {now}") from error
     home = getattr(found, "__module__", "") or ""
     if not callable(found) or not _is_allowed(f"{home}."):
         raise InvalidValueError(f"_target_={target} is not a class or function of {' or '.join(ALLOWED)}.")
@@ -51,12 +52,11 @@ def parameters(target: str) -> tuple[str, ...]:
     return tuple(inspect.signature(locate(target)).parameters)
 
 
-def _built(value: Any) -> Any:
+def _built(value: Mapping[str, Any] | list[Any]) -> Any:
     if isinstance(value, list):
-        return [_built(item) for item in value]
-    if not isinstance(value, Mapping):
-        return value
-    inner = {str(k): _built(v) for k, v in value.items() if k != "_target_"}
+        return [_built(item) if isinstance(item, (Mapping, list)) else item for item in value]
+    nested = {str(k): _built(v) for k, v in value.items() if isinstance(v, (Mapping, list))}
+    inner = {str(k): nested.get(str(k), v) for k, v in value.items() if k != "_target_"}
     if "_target_" not in value:
         return inner
     known = parameters(value["_target_"])
@@ -66,13 +66,17 @@ def _built(value: Any) -> Any:
     return locate(value["_target_"])(**inner)
 
 
-def _targets(value: Any) -> list[str]:
-    if isinstance(value, list):
-        return [target for item in value for target in _targets(item)]
-    if not isinstance(value, Mapping):
-        return []
-    own = [str(value["_target_"])] if "_target_" in value else []
-    return own + [target for item in value.values() for target in _targets(item)]
+def _check_targets(settings: Iterable[Mapping[str, Any]]) -> None:
+    """Refuse a ``_target_`` that is not allowed, however deep it stands."""
+    left: list[Any] = list(settings)
+    while left:
+        value = left.pop()
+        if isinstance(value, Mapping):
+            if "_target_" in value:
+                _check_allowed(str(value["_target_"]))
+            left += value.values()
+        elif isinstance(value, list):
+            left += value
 
 
 def _check_allowed(target: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -40,22 +40,14 @@ def prepare(command: Command, words: list[str]) -> list[str]:
         UnknownNameError: an unknown flag, key or group value.
         InvalidValueError: a word that is neither of them.
     """
-    words = _named(command, words)
+    flags, words = _named(command, words)
     chosen = dict(command.choices)
-    chosen |= {k: v for k, _, v in (w.partition("=") for w in words) if k in chosen}
+    chosen |= {key: value for key, _, value in [word.partition("=") for word in words] if key in chosen}
     for group in chosen.keys() - {field.name for field in fields(command.config)}:
         _check_fits(group, chosen)
-    several = bool(_SWEEPING & set(words))
-    prepared = [_prepared(command, word, chosen) for word in words]
-    prepared = [_as_text(command, word, chosen, several) for word in prepared]
-    return _flags_first(prepared + (_sweep_folders(command, prepared) if several else []))
-
-
-def _flags_first(words: list[str]) -> list[str]:
-    """Put flags, with their values, before the overrides: Hydra's parser wants these in one piece."""
-    values = {i + 1 for i, word in enumerate(words) if word in _TAKES_VALUE}
-    flags = [i for i, word in enumerate(words) if word.startswith("--") or word in FLAGS or i in values]
-    return [words[i] for i in flags] + [word for i, word in enumerate(words) if i not in flags]
+    several, texts = bool(_SWEEPING & set(flags)), _texts(command, chosen)
+    prepared = [_prepared(command, word, chosen, texts, literals if several else literal) for word in words]
+    return flags + prepared + (_sweep_folders(command, prepared) if several else [])
 
 
 def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ...]:
@@ -90,30 +82,39 @@ def new_key(old: str, known: Collection[str], renamed: Mapping[str, str]) -> str
     return None
 
 
-def _named(command: Command, words: list[str]) -> list[str]:
-    """Turn bare words into ``key=value`` by their position, and ``--json`` into ``json=true``."""
+def _named(command: Command, words: list[str]) -> tuple[list[str], list[str]]:
+    """Return the flags with their values, which Hydra's parser wants in one piece, and every other word as an override.
+
+    A bare word becomes ``key=value`` by its position, and ``--json`` becomes ``json=true``.
+    """
     places = iter(keys.positional(command.config))
     known = {f.name: f for f in fields(command.config)}
     lists: dict[str, list[str]] = {}
-    named, previous = [], ""
+    flags: list[str] = []
+    named: list[str] = []
     for word in words:
-        bare = _is_bare(word, known) and previous not in _TAKES_VALUE
+        if word.startswith("--") and word[2:] in known:
+            named.append(f"{word[2:]}=true")
+            continue
+        if word.startswith("-") or (flags and flags[-1] in _TAKES_VALUE):
+            if word.startswith("-") and word not in FLAGS:
+                raise UnknownNameError("option", word, FLAGS, f"See: aerial-il {command.name} --help")
+            flags.append(word)
+            continue
+        bare = _is_bare(word, known)
         name = next(iter(lists), None) or next(places, None) if bare else None
         if bare and name is None:
             raise InvalidValueError(f"{word!r} is not KEY=VALUE. See: aerial-il {command.name} --help")
-        if word.startswith("--") and word[2:] in known:
-            word = f"{word[2:]}=true"
         if name is not None and keys.takes_many(known[name]):
             lists.setdefault(name, []).append(word)
         else:
             named.append(f"{name}={word}" if bare else word)
-        previous = word
-    return named + [f"{name}={_list(values)}" for name, values in lists.items()]
+    return flags, named + [f"{name}={_list(values)}" for name, values in lists.items()]
 
 
 def _is_bare(word: str, known: Mapping[str, Any]) -> bool:
     """Whether ``word`` is a value without its key; a path may hold an equals sign, as folders of sweeps do."""
-    if word.startswith(("-", "+", "~")):
+    if word.startswith(("+", "~")):
         return False
     name, equals, _ = word.partition("=")
     return not equals or not _NAME.fullmatch(name) or (name not in known and Path(word).exists())
@@ -123,11 +124,10 @@ def _list(values: list[str]) -> str:
     return "[" + ",".join(literal(value) for value in values) + "]"
 
 
-def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str:
-    if word.startswith("-"):
-        if word not in FLAGS:
-            raise UnknownNameError("option", word, FLAGS, f"See: aerial-il {command.name} --help")
-        return word
+def _prepared(
+    command: Command, word: str, chosen: dict[str, str | None], texts: Mapping[str, Any], quoted: Callable[[str], str]
+) -> str:
+    """Return one override as Hydra takes it: its name checked, a path where it belongs, and what is text ``quoted``."""
     name, equals, value = word.partition("=")
     sign = name[: len(name) - len(name.lstrip("+~"))]
     plain_name = name.lstrip("+~").split("@")[0]
@@ -139,26 +139,18 @@ def _prepared(command: Command, word: str, chosen: dict[str, str | None]) -> str
         _check_added(command, plain_name, chosen)
     field = {f.name: f for f in fields(command.config)}.get(plain_name)
     if field is not None and keys.takes_path(field) and not _all_options(plain_name, value, chosen):
-        return f"{sign}{plain_name}.path={value}"
-    if field is not None and keys.takes_many(field) and not (value.startswith("[") and value.endswith("]")):
+        name = f"{sign}{plain_name}.path"
+    elif field is not None and keys.takes_many(field) and not (value.startswith("[") and value.endswith("]")):
         return f"{sign}{plain_name}={_list([value])}"
-    if field is not None and keys.takes_texts_by_number(command.config, field) and value[:1] + value[-1:] == "{}":
+    elif field is not None and keys.takes_texts_by_number(command.config, field) and value[:1] + value[-1:] == "{}":
         return f"++{plain_name}={mapping(value)}"  # a number is a key that was not there before
-    if field is not None and keys.takes_composition(field) and (plain_name not in chosen or _COMPOSED.search(value)):
-        return f"{sign}{plain_name}.name={value}"
-    if plain_name in chosen and equals:
+    elif field is not None and keys.takes_composition(field) and (plain_name not in chosen or _COMPOSED.search(value)):
+        name = f"{sign}{plain_name}.name"
+    elif plain_name in chosen and equals:
         _check_choice(plain_name, value, field)
-    return word
-
-
-def _as_text(command: Command, word: str, chosen: dict[str, str | None], several: bool) -> str:
-    """Return ``word`` with its value quoted, where the value is text; several of them where a sweep may part them."""
-    name, equals, value = word.partition("=")
-    texts = _texts(command, chosen)
     usual = texts.get(name.lstrip("+"), False)
-    if word.startswith("-") or not equals or usual is False or (value == "null" and usual is None):
-        return word
-    return f"{name}={literals(value) if several else literal(value)}"
+    is_text = equals and usual is not False and not (value == "null" and usual is None)
+    return f"{name}={quoted(value)}" if is_text else name + equals + value
 
 
 def _texts(command: Command, chosen: dict[str, str | None]) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -14,7 +16,7 @@ log = logging.getLogger(__name__)
 
 
 def open_demonstrations(
-    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: object = None
+    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: Algorithm | None = None
 ) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
 
@@ -27,7 +29,7 @@ def open_demonstrations(
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
-    failures = bool(getattr(getattr(algorithm, "selection", None), "failures", 0.0))
+    failures = isinstance(algorithm, BehaviourCloning) and algorithm.selection.failures > 0
     if limit is None:
         return open_dataset(path, cameras=tuple(images), failures=failures)
     if failures:

@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aerial_il.cli.flights.environments import EnvironmentReference
-    from aerial_il.core.contracts import Policy
+    from aerial_il.core.contracts import Algorithm, Policy
     from aerial_il.core.specs import EnvSpec
-
-WORLDS = 64
 
 
 @contextmanager
 def training_resources(
-    algorithm: Any,
+    algorithm: Algorithm,
     dataset: str | None,
     *,
     reference: EnvironmentReference | None = None,
@@ -38,14 +36,14 @@ def training_resources(
         images: camera fields that the policy sees.
         expert: file of an expert from outside; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
-        num_envs: worlds flown at once; None as the algorithm likes best (its ``worlds``).
+        num_envs: worlds flown at once; None for the algorithm's ``worlds``.
         threads: of the simulation, or processes of worlds from outside; 0 for all cores.
 
     Raises:
         UnknownNameError: the task has no expert.
         InvalidValueError: an environment from outside without one, or nothing says where to fly.
     """
-    needs = getattr(algorithm, "needs", ())
+    needs = algorithm.needs
     if not needs:
         yield {}
         return
@@ -58,7 +56,7 @@ def training_resources(
         spec = aerial_il.open_dataset(dataset).spec
         asked = _expert(spec, expert, typed) if "expert" in needs else None
         where = reference_of(spec, images=images, typed=typed)
-    env = where.load(num_envs=num_envs or getattr(algorithm, "worlds", WORLDS), threads=threads, tier=tier)
+    env = where.load(num_envs=num_envs or algorithm.worlds, threads=threads, tier=tier)
     try:
         handed = {"env": env, "expert": asked, "collect": collect}
         yield {name: handed[name] for name in needs}

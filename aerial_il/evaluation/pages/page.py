@@ -10,8 +10,10 @@ from typing import Any
 
 from aerial_il.core.files import write_atomic
 from aerial_il.evaluation.pages.charts import tick_label
+from aerial_il.teleop.page import PAGE
 
 TEMPLATES = Path(__file__).parent / "templates"
+COLOURS = PAGE  # the folder of theme.css, which the page to fly on has too
 END_WORDS = {"success": "success", "crash": "crash", "dropped": "dropped", "timeout": "out of time"}
 MEDIA_TYPES = {".mp4": "video/mp4", ".jpg": "image/jpeg", ".png": "image/png"}
 
@@ -22,17 +24,22 @@ def write_page(path: str | os.PathLike[str], template: str, **values: Any) -> Pa
     Args:
         path: destination, an HTML file. template: name of a ``.html.j2`` file. values: what it asks for; all of it.
     """
+    return write_atomic(path, page_text(template, **values))
+
+
+def page_text(template: str, **values: Any) -> str:
+    """Return a page as text; arguments as of :func:`write_page`."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     pages = Environment(
-        loader=FileSystemLoader(TEMPLATES),
+        loader=FileSystemLoader([TEMPLATES, COLOURS]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     pages.filters |= {"number": number, "seconds": seconds, "percent": percent, "words": words, "cell": cell}
-    return write_atomic(path, pages.get_template(template).render(**values))
+    return pages.get_template(template).render(**values)
 
 
 def data_uri(path: Path) -> str:

@@ -27,6 +27,7 @@ LIVE = "arm:live"
 CONTROLS = (LIVE,)
 PERIOD_S, ANSWER_S = 0.01, 0.02  # between two readings, and at most until all servos have answered
 STALE_S, SILENT_S = 0.15, 1.0  # a servo without an answer for so long stops the arm; all of them: the arm is gone
+GREETINGS = 50  # times that they are asked at first
 JUMP_STEPS = 400  # 35 degrees from one reading to the next: believed only when it is said twice
 MOST_JOINTS = len(LEADER_AXES) - 1
 
@@ -100,8 +101,10 @@ class OpenArm:
             DeviceError: names those that are not.
         """
         found: dict[str, int] = {}
-        for _ in range(5):
+        for _ in range(GREETINGS):
             found |= self._asked(self._language.homing)
+            if len(found) == len(self._servos):
+                break
         if missing := [f"{name} ({servo.id})" for name, servo in self._servos.items() if name not in found]:
             raise DeviceError(
                 f"leader_arm: at {self._arm.port} no answer from {', '.join(missing)}. Is the arm powered, and is "
@@ -197,7 +200,7 @@ class LeaderArm:
         """Open its line, and hear whether all servos are there."""
         if self.port is None or self.calibration is None:
             raise DeviceError(
-                "leader_arm: say where it is, hardware={leader_arm:{port:/dev/ttyACM0,calibration:FILE.json}}; the "
+                "leader_arm: say where it is, hardware=[leader_arm.port:/dev/ttyACM0,leader_arm.calibration:FILE]; the "
                 "file is the one of lerobot-calibrate."
             )
         self.servos()

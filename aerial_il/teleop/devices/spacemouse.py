@@ -154,7 +154,7 @@ def plugged_in(folder: Path = HIDRAW) -> Path:
     where = "" if sys.platform == "linux" else " It is read on Linux only."
     raise DeviceError(
         "spacemouse: none is plugged in (`lsusb` should show 256f:... or 046d:c62...). Plug it in, name its file with "
-        f"hardware={{spacemouse:{{path:/dev/hidrawN}}}}, or leave spacemouse out of devices=[...].{where}"
+        f"hardware=[spacemouse.path:/dev/hidrawN], or leave spacemouse out of devices=[...].{where}"
     )
 
 

@@ -39,6 +39,25 @@ export class Phone {
   }
 
   pose() { return this.latest; }
+
+  // A button that begins to read it, and the clutch that is held then.
+  buttons(touch) {
+    const [start, clutch] = ["use the phone", "hold to move"].map((text) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = text;
+      return button;
+    });
+    start.id = "phone-start";
+    clutch.id = "phone-clutch";
+    clutch.hidden = true;
+    touch.button(clutch, CLUTCH);
+    start.addEventListener("click", () => this.begin().then(
+      () => { start.hidden = true; clutch.hidden = false; },
+      (problem) => { start.textContent = problem.message; },
+    ));
+    return [start, clutch];
+  }
 }
 
 function xyz({ x, y, z }) { return [x, y, z]; }

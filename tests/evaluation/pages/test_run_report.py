@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation.curves import training_curves
 from aerial_il.evaluation.films.video import Footage
 from aerial_il.evaluation.pages import run_figures
 from aerial_il.evaluation.pages.report import write_report
@@ -48,6 +49,16 @@ def make_other(folder: Path, config: dict[str, Any], rows: list[dict[str, float]
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     (folder / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     return folder
+
+
+def test_a_run_of_an_earlier_version_shows_its_metrics_by_their_present_names(tmp_path: Path) -> None:
+    rows = [{"step": k, "reward/told_expert": 0.1 * k, "actor/moved": 0.2, "loss": 1.0} for k in range(3)]
+    old = read_run(make_other(tmp_path / "old", {"algorithm": "gail", "settings": {}}, rows))
+    assert {curve.name for curve in training_curves(old.path)} == {"reward/acc_expert", "actor/approx_kl", "loss"}
+    assert [row["reward/acc_expert"] for row in old.rows] == [0.0, 0.1, 0.2]
+    page = write_run_report(tmp_path / "page.html", old).read_text()
+    assert "acc_expert" in page
+    assert "told_expert" not in page
 
 
 def make_dagger(folder: Path) -> Path:

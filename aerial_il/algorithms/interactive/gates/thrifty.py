@@ -1,107 +1,25 @@
-"""Gates, which decide when the expert flies: a coin, the ensemble's disagreement and the risk, or a supervisor.
-
-A gate's settings are a frozen dataclass that says how many policies it compares (``ensemble``) and how many flights the
-learner makes alone before each round (``alone``); its ``open`` makes the gate of one round from those.
+"""The gate of ThriftyDAgger and EnsembleDAgger: the expert is called where the ensemble disagrees or failure is likely.
 
 Sources:
-    S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret online
-    learning", AISTATS 2011: algorithm 3.1 (DAgger).
     K. Menda, K. Driggs-Campbell and M. Kochenderfer, "EnsembleDAgger", IROS 2019: novelty as the ensemble's variance.
     R. Hoque et al., "ThriftyDAgger: budget-aware novelty and risk gating for interactive imitation learning",
     CoRL 2021: section 4 (novelty, risk, switching back, thresholds from quantiles).
-    M. Kelly et al., "HG-DAgger: interactive imitation learning with human experts", ICRA 2019: algorithm 1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal, get_args
+from dataclasses import dataclass
 
 import numpy as np
 
 from aerial_il.algorithms.interactive.disagreement import ActionScale, actions_along, disagreement
+from aerial_il.algorithms.interactive.gates.gate import Round
 from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
 from aerial_il.algorithms.interactive.risk import RiskModel, fit_risk
-from aerial_il.algorithms.interactive.supervisors import Corrector, Supervisor
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-
-Beta = Literal["exponential", "linear", "zero"]
-
-
-@dataclass(frozen=True)
-class Round:
-    """What a gate may be made from.
-
-    Attributes:
-        number: of the round, from 1; 0 is the first training on demonstrations.
-        seed: of the run.
-        members: the learner first, then the others of its ensemble.
-        dataset: labelled episodes that they were trained on.
-        probes: flights of learners alone, of this round and those before.
-    """
-
-    number: int
-    seed: int
-    members: Sequence[ChunkPolicy]
-    dataset: Sequence[Episode]
-    probes: Sequence[Episode]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CoinGate:
-    """Classic DAgger: every state is labelled; in each step the expert flies with probability beta.
-
-    Attributes:
-        beta: ``exponential`` (decay to the power of the round), ``linear`` (from 1 to 0 over some rounds), or ``zero``
-            (1 in round 0, which is the demonstrations, and 0 afterwards).
-        decay: of the exponential schedule, in [0, 1].
-        over: rounds of the linear schedule.
-    """
-
-    ensemble: ClassVar[int] = 1
-    alone: ClassVar[int] = 0
-
-    beta: Beta = "exponential"
-    decay: float = 0.7
-    over: int = 15
-
-    def __post_init__(self) -> None:
-        if self.beta not in get_args(Beta):
-            raise InvalidValueError(f"Unknown beta schedule {self.beta!r}. Valid: {', '.join(get_args(Beta))}.")
-        if not 0 <= self.decay <= 1:
-            raise InvalidValueError(f"decay is {self.decay}; a share of flying that decays lies in [0, 1].")
-        if self.over < 1:
-            raise InvalidValueError(f"over is {self.over}; a linear schedule takes at least 1 round.")
-
-    def share(self, number: int) -> float:
-        """Return beta in round ``number``: 1 in round 0, never rising."""
-        if self.beta == "exponential":
-            return self.decay**number
-        return max(0.0, 1.0 - number / self.over) if self.beta == "linear" else float(number == 0)
-
-    def open(self, of: Round) -> Gate:
-        return _Coin(self.share(of.number), of.seed, of.number)
-
-
-class _Coin:
-    """Tosses a coin per world and step; each episode has a stream of its own."""
-
-    def __init__(self, beta: float, seed: int, number: int) -> None:
-        self._beta, self._names = beta, ("dagger coin", str(seed), str(number))
-        self._rngs: list[np.random.Generator] = []
-
-    def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
-        fresh = [named_rng(int(seed), *self._names) for seed in seeds]
-        kept = fresh if len(self._rngs) != len(seeds) else self._rngs
-        self._rngs = [new if due else old for new, old, due in zip(fresh, kept, mask, strict=True)]
-
-    def decide(self, given: GateInput) -> Decision:
-        tossed = np.array([rng.random() for rng in self._rngs])
-        return Decision(tossed < self._beta, np.ones(len(tossed), bool))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,42 +142,6 @@ class _Thrifty:
         calm = risk <= self.thresholds.calm
         self._leave = flies & (self._flown_steps >= self.least) & agreed & calm & ~alarming
         return Decision(flies, flies)
-
-
-@dataclass(frozen=True, kw_only=True)
-class HumanGate:
-    """HG-DAgger: a supervisor takes over when it sees fit and hands back; only what the expert flew is learned.
-
-    Attributes:
-        supervisor: who decides: a person, or a script in their place.
-    """
-
-    ensemble: ClassVar[int] = 1
-    alone: ClassVar[int] = 0
-
-    supervisor: Supervisor = field(default_factory=Corrector)
-
-    def open(self, of: Round) -> Gate:
-        return _Supervised(self.supervisor, ActionScale.of(of.members[0]))
-
-
-class _Supervised:
-    """Does what the supervisor says."""
-
-    def __init__(self, supervisor: Supervisor, scale: ActionScale) -> None:
-        self._supervisor, self._scale = supervisor, scale
-
-    def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
-        self._supervisor.reset(mask)
-
-    def decide(self, given: GateInput) -> Decision:
-        """A supervisor watches all the time, as a person does; only what it flies is asked for."""
-        distance = self._scale.distance(given.learner_action, given.expert_action)
-        flies = np.asarray(self._supervisor.holds(given.obs, distance, given.expert_flew), bool)
-        return Decision(flies, flies)
-
-
-GateSettings = CoinGate | ThriftyGate | HumanGate
 
 
 def _mean_discrepancy(learner: ChunkPolicy, dataset: Sequence[Episode], scale: ActionScale) -> float:

@@ -1,0 +1,1 @@
+"""Gates, which decide step by step whether the learner or the expert flies: one file each."""
