@@ -116,8 +116,9 @@ class NaturalGradientAgent:
         settings = self.settings
         found = self._baseline.advantages(rollout, rewards, gamma=settings.gamma, gae_lambda=settings.gae_lambda)
         advantages = (found.advantages - found.advantages.mean()) / (found.advantages.std() + 1e-8)
-        seen = (tensor(np.asarray(rollout.flat(name), np.float32)) for name in ("obs", "next_obs", "raw"))
-        metrics = self.improve(*seen, advantages)
+        names = ("obs", "next_obs", "raw")
+        obs, after, raw = (tensor(np.asarray(rollout.flat(name), np.float32)) for name in names)
+        metrics = self.improve(obs, after, raw, advantages)
         critic_loss = self._baseline.fit(found, epochs=settings.epochs, batch_size=settings.batch_size)
         return {**metrics, "critic/loss": critic_loss, "critic/value": found.value}
 

@@ -72,7 +72,8 @@ class Baseline:
         after = np.where(rollout.terminal, 0.0, self.values(rollout.next_obs))
         found = gae(rewards, values, after, rollout.ended, gamma=gamma, gae_lambda=gae_lambda)
         arrays = (rollout.flat("obs"), found.ravel(), (found + values).ravel())
-        return Estimated(*(tensor(np.asarray(array, np.float32)) for array in arrays), float(values.mean()))
+        obs, advantages, targets = (tensor(np.asarray(array, np.float32)) for array in arrays)
+        return Estimated(obs, advantages, targets, float(values.mean()))
 
     def fit(self, found: Estimated, *, epochs: int, batch_size: int) -> float:
         """Learn the targets in several passes; return the mean loss."""
