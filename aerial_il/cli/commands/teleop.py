@@ -69,6 +69,7 @@ class Config:
     key_file: str | None = key(None, "PEM file of the certificate's key")
     port: int = key(8642, "of the page; 0 for any that is free")
     size: list[int] = key([360, 480], "height and width of the pictures")
+    ui: str = key("browser", "browser, or window: one without tabs, by Chromium", choices=("browser", "window"))
     open: bool = key(True, "open the page, where there is a screen")
 
     def __post_init__(self) -> None:
@@ -96,8 +97,10 @@ def run(config: Config) -> None:
     from aerial_il.teleop.flight import Site, fly
     from aerial_il.teleop.logbook import Logbook
     from aerial_il.teleop.pilot import check_leader
+    from aerial_il.teleop.window import window_program
 
     require_rendering("flying by hand")
+    program = window_program() if config.ui == "window" else None
     controls = Controls(partial(groups.read_option, "device"), tuple(config.devices), Path(config.controls))
     mappings = controls.read()
     for name in controls.own:
@@ -119,7 +122,7 @@ def run(config: Config) -> None:
         cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
         size = config.size[0], config.size[1]
         site = Site(config.host, config.port, size, tls, controls, partial(summary, config.out))
-        opened = partial(_tell, open_page=config.open)
+        opened = partial(_tell, open_page=config.open, program=program)
         asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
     except KeyboardInterrupt:
         kept = logbook.counts()
@@ -182,17 +185,18 @@ def _tls(config: Config) -> ssl.SSLContext | None:
     return context
 
 
-def _tell(server: Server, open_page: bool) -> None:
+def _tell(server: Server, open_page: bool, program: str | None) -> None:
     """Say where the page is, and open it where there is a screen."""
     import socket
     import webbrowser
 
     from aerial_il.evaluation.films.window import has_screen
+    from aerial_il.teleop.window import open_window
 
     print(f"Fly here: {server.url}", flush=True)
     if has_screen():
         if open_page:
-            webbrowser.open(server.url)
+            open_window(program, server.url) if program else webbrowser.open(server.url)
     else:
         tunnel = f"ssh -N -L {server.port}:127.0.0.1:{server.port} {getpass.getuser()}@{socket.gethostname()}"
         print(f"From another machine, first: {tunnel}", flush=True)
