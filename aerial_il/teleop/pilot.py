@@ -23,6 +23,7 @@ from aerial_il.teleop.shaping import Shaper
 from aerial_il.teleop.targets import Obs, heading, targets_for
 
 JOINT_LEVELS = ("base_joint", "velocity")
+PILOT = 2  # raised by who changes what a frame does: speeds, ramps, the dead man; logs of before are refused by name
 
 
 def check_leader(level: str, bindings: Bindings) -> None:
@@ -133,4 +134,4 @@ class Pilot:
 
     def settings(self) -> dict[str, Any]:
         """Return what a log must be flown with again, as plain values."""
-        return {"mode": self.mode, "bindings": self.bindings.to_dict()}
+        return {"pilot": PILOT, "mode": self.mode, "bindings": self.bindings.to_dict()}

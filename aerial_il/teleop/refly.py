@@ -17,7 +17,7 @@ from aerial_il.teleop.devices.replay import Replay, frames_of
 from aerial_il.teleop.logbook import POLICY_ACTION
 from aerial_il.teleop.mapping import Bindings
 from aerial_il.teleop.perturb import TOPIC, Perturber
-from aerial_il.teleop.pilot import Pilot
+from aerial_il.teleop.pilot import PILOT, Pilot
 
 
 def refly(env: BatchEnvironment, episode: Episode, path: Path | str = "") -> int:
@@ -27,11 +27,12 @@ def refly(env: BatchEnvironment, episode: Episode, path: Path | str = "") -> int
         env: an environment of one world like the one that was flown. episode: the recording. path: for errors.
 
     Raises:
-        DemoError: nobody flew it by hand, or the first step that differs.
+        DemoError: nobody flew it by hand, another version of the pilot did, or the first step that differs.
     """
     place = str(path or episode.uid)
     check_engine(env.engine, episode, place)
     frames, settings = frames_of(episode, place), episode.provenance["settings"]
+    _check_pilot(settings.get("pilot", 1), place)
     bindings = Bindings.from_dict(settings["bindings"])
     obs, device = env.reset(episode.seed), Replay(frames)
     pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, bindings, settings["mode"])
@@ -65,6 +66,12 @@ class Logged:
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         pass
+
+
+def _check_pilot(flown: int, path: str) -> None:
+    if flown != PILOT:
+        hint = "Its frames mean something else now. `aerial-il replay` still flies its actions again."
+        raise DemoError(path, "was flown by another version of the pilot.", expected=PILOT, got=flown, hint=hint)
 
 
 def _compare(path: str, step: int, field: str, got: np.ndarray, recorded: np.ndarray) -> None:

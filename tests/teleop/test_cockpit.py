@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -70,6 +71,18 @@ def test_a_log_with_one_bit_changed_is_not_that_flight(tmp_path: Path) -> None:
     rows[10, LABELS.index("held_low")] = bits_of(["lateral+"], shipped("scripted").controls)
     with pytest.raises(DemoError, match="step 10"):
         refly(env, _with(episode, extras={"device": rows}))
+
+
+def test_a_log_of_another_version_of_the_pilot_is_refused_by_that_name(tmp_path: Path) -> None:
+    env = world()
+    cockpit = cockpit_of(env, tmp_path)
+    recorded(cockpit)
+    cockpit.close()
+    episode = read_episode(DatasetFolder(tmp_path).files("failures")[0])
+    settings = {key: value for key, value in episode.provenance["settings"].items() if key != "pilot"}
+    with pytest.raises(DemoError, match="another version of the pilot"):
+        refly(env, _with(episode, provenance={**episode.provenance, "settings": settings}))
+    assert replay(env, episode) == len(episode)
 
 
 def test_recordings_with_and_without_frames_are_read_copied_and_salvaged(tmp_path: Path) -> None:
@@ -215,7 +228,12 @@ def test_a_full_disk_is_told_and_the_flight_goes_on(tmp_path: Path, monkeypatch:
 
     with monkeypatch.context() as patch:
         patch.setattr("aerial_il.data.recording.writer.EpisodeWriter.append", full)
-        fly(cockpit, schedule((1, 2, ["record"])), 120)
+        device = Scripted(schedule((1, 2, ["record"])), cockpit.bindings)
+        for _ in range(400):  # another thread writes: it may take some ticks until its failure is met
+            cockpit.tick(device.frame())
+            if "No space left" in cockpit.message:
+                break
+            sleep(0.002)
     assert "No space left" in cockpit.message
     assert cockpit.state is State.IDLE
     recorded(cockpit)

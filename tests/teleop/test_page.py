@@ -87,6 +87,7 @@ def test_a_gamepad_flies_and_one_that_is_unplugged_hovers(tmp_path: Path) -> Non
             assert await tab.value("document.body.dataset.device") == "gamepad"
             await tab.value("window.mock.connected = false; 1")
             await tab.until("teleop.status.speed === 0")
+            assert "Gamepad unplugged" in await tab.value("document.getElementById('banner').innerText")
             await tab.value("window.mock.connected = true; window.mock.axes[3] = 0; 1")
             await tab.value("window.mock.buttons[9] = {pressed: true, value: 1}; 1")
             await in_state(tab, "recording")

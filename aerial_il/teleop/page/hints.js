@@ -39,7 +39,7 @@ export function buildButtons() {
   const row = make("div", "", { class: "perturbations", role: "group", "aria-label": "Perturbations" });
   row.append(...buttons.filter(({ dataset }) => PERTURBATIONS.includes(dataset.command)));
   $("pads").replaceChildren(...buttons.filter(({ dataset }) => !PERTURBATIONS.includes(dataset.command)), row);
-  if (page.keys.has(CLUTCH)) $("pads").append(...phone.buttons(touch));
+  if (page.keys.has(CLUTCH)) $("pads").prepend(...phone.buttons(touch)); // first, where a thumb is
 }
 
 // A button that gives a command while it is pressed.
