@@ -30,7 +30,7 @@ from aerial_il.algorithms.adversarial.action_noise import sample_demos
 from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
 from aerial_il.algorithms.rl.imitation import Imitation
-from aerial_il.algorithms.rl.off_policy import OffPolicy, RandomActions, collect_step
+from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
 from aerial_il.algorithms.run.checks import (
@@ -42,11 +42,12 @@ from aerial_il.algorithms.run.checks import (
 )
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscriminatorActorCritic(Imitation, OffPolicy):
-    """Settings of a run, beside those of :class:`Imitation` and :class:`OffPolicy`.
+class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
+    """Settings of a run, beside those of :class:`Imitation` and :class:`SoftOffPolicy`.
 
     Attributes:
         bc_pretrain_steps: minibatches of behavioural cloning before the first flight; the clone then acts in place of
@@ -87,7 +88,7 @@ class DiscriminatorActorCritic(Imitation, OffPolicy):
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        agent = SoftActorCritic(self, run.build_actor(), run.sizes)
+        agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
         reward_net = self._build_reward_net(run.sizes)
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))

@@ -14,7 +14,8 @@ one file for each, with its source. The loss of the supervised learning in each 
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``, ``queries``
 (steps that the expert labelled), ``interventions`` (times it took over), ``expert_steps`` (steps it flew), the totals
-of all rounds, and ``evaluate/<name>`` from flights of the learner alone.
+of all rounds, and ``evaluate/<name>`` from flights of the learner alone. With somebody at the controls also
+``solved_alone``: flights that were solved and in which they never took over.
 
 Source: S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret
 online learning", AISTATS 2011, algorithm 3.1.
@@ -30,10 +31,12 @@ from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.disagreement import ActionScale
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
+from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.interactive.mixture import Mixture
-from aerial_il.algorithms.interactive.rounds import Rounds
+from aerial_il.algorithms.interactive.rounds import Operator, Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
@@ -61,19 +64,38 @@ class DAgger(InteractiveAlgorithm):
     def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
         for number in rounds.left():
             if number:
-                rounds.fly(number, lambda number=number: self._mixture(rounds, number))
+                rounds.fly(number, lambda number=number: self._pilot(rounds, number))
             rounds.learn(number)
-            beta = {"beta": self.gate.share(number)} if number and isinstance(self.gate, CoinGate) else {}
-            rounds.end_round(number, evaluate, beta)
+            rounds.end_round(number, evaluate, self._more(rounds, number) if number else {})
         return rounds.finish()
 
-    def _mixture(self, rounds: Rounds, number: int) -> Policy:
-        """Return the mixture of learner and expert that flies round ``number``."""
+    def _more(self, rounds: Rounds, number: int) -> dict[str, float]:
+        """Return what else there is to log of round ``number``."""
+        if isinstance(rounds.problem.expert, Operator):
+            return {"solved_alone": rounds.costs[-1].solved_alone}
+        return {"beta": self.gate.share(number)} if isinstance(self.gate, CoinGate) else {}
+
+    def _pilot(self, rounds: Rounds, number: int) -> Policy:
+        """Return what flies round ``number``: the mixture of learner and expert, or the learner, whom somebody watches.
+
+        Raises:
+            InvalidValueError: somebody at the controls, and a gate that would decide in their place.
+        """
         assert rounds.learner is not None
+        if not isinstance(rounds.problem.expert, Operator):
+            return self._mixture(rounds, number, rounds.learner, rounds.problem.expert)
+        if not isinstance(self.gate, HumanGate):
+            raise InvalidValueError(
+                f"The gate is {type(self.gate).__name__}, and somebody sits at the controls, who decides by themselves "
+                "when to take over. Say algorithm=hg_dagger."
+            )
+        return rounds.learner
+
+    def _mixture(self, rounds: Rounds, number: int, learner: ChunkPolicy, expert: Policy) -> Policy:
         others = [self._member(rounds, number, k) for k in range(1, self.gate.ensemble)]
         probes = rounds.alone(number, self.gate.alone) if self.gate.alone else []
-        of = Round(number, rounds.problem.seed, [rounds.learner, *others], rounds.dataset, probes)
-        return Mixture(rounds.learner, rounds.problem.expert, self.gate.open(of), ActionScale.of(rounds.learner))
+        of = Round(number, rounds.problem.seed, [learner, *others], rounds.dataset, probes)
+        return Mixture(learner, expert, self.gate.open(of), ActionScale.of(learner))
 
     def _member(self, rounds: Rounds, number: int, k: int) -> ChunkPolicy:
         """Return member k > 0 of the ensemble: other first weights, and episodes drawn with replacement."""

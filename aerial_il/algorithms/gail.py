@@ -30,7 +30,7 @@ from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
 from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.rl.imitation import Imitation
-from aerial_il.algorithms.rl.on_policy import OnPolicy, Rollout, collect_rollout
+from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.rl.returns import RunningMoments
@@ -47,8 +47,8 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdversarialImitation(Imitation, OnPolicy):
-    """Settings of a run, beside those of :class:`Imitation` and :class:`OnPolicy`.
+class AdversarialImitation(Imitation, ProximalOnPolicy):
+    """Settings of a run, beside those of :class:`Imitation` and :class:`ProximalOnPolicy`.
 
     Attributes:
         bc_pretrain_steps: minibatches of behavioural cloning before the first flight. warmup: environment steps in
@@ -86,7 +86,7 @@ class AdversarialImitation(Imitation, OnPolicy):
         require_choice(self, "reward", Reward)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = ProximalActorCritic(self, run.build_actor(), run.sizes[0])
+        agent = ProximalActorCritic(self, run.build_actor(SquashedGaussian), run.sizes[0])
         reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))

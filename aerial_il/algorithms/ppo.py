@@ -18,36 +18,40 @@ defaults are those of its table 3.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from aerial_il.algorithms.rl.baseline import Critic, minibatches
 from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
-from aerial_il.algorithms.rl.on_policy import OnPolicy, Rollout, collect_rollout
+from aerial_il.algorithms.rl.interface import standardised
+from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
 from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.reinforcement import Reinforcement
 from aerial_il.algorithms.rl.replay_buffer import ReplayBuffer
 from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
+from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
+from aerial_il.policies.categorical import CategoricalConfig
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density
+from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProximalPolicyOptimisation(OnPolicy):
-    """Settings of a run; see :class:`OnPolicy`."""
+class ProximalPolicyOptimisation(Reinforcement, ProximalOnPolicy):
+    """Settings of a run; see :class:`Reinforcement` and :class:`ProximalOnPolicy`."""
 
     name: ClassVar[str] = "ppo"
+    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig, CategoricalConfig)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = ProximalActorCritic(self, run.build_actor(), run.sizes[0])
+        agent = ProximalActorCritic(self, run.build_actor(StochasticNetwork), run.sizes[0], smoothness=self.smoothness)
         obs_norm, reward_norm = RunningMoments(run.sizes[0]), RewardNorm(run.collector.n, self.gamma)
         run.begin(agent.actor, {"agent": agent, "obs_norm": obs_norm, "reward_norm": reward_norm})
         run.interface = standardised(run.interface, obs_norm)
@@ -63,22 +67,31 @@ class ProximalPolicyOptimisation(OnPolicy):
         return run.finish()
 
 
-def standardised(interface: Interface, obs_norm: RunningMoments) -> Interface:
-    """Return the interface with observations standardised by their moments so far."""
-    return replace(interface, obs=obs_norm.normaliser()) if obs_norm.count else interface
+class Advantages(NamedTuple):
+    """T * n steps: obs, next_obs (·, Do), raw (·, R), advantages (·,) and the critic's targets (·,)."""
+
+    obs: Tensor
+    next_obs: Tensor
+    raw: Tensor
+    advantages: Tensor
+    targets: Tensor
 
 
-class ProximalActorCritic:
+class ProximalActorCritic[Actor: StochasticNetwork]:
     """Actor and critic, moved by several passes over a rollout.
 
     Args:
         settings: of the algorithm.
         actor: the policy's network.
         obs_size: Do.
+        smoothness: how the actor is held back from rough actions; None for not at all.
     """
 
-    def __init__(self, settings: OnPolicy, actor: SquashedGaussian, obs_size: int) -> None:
+    def __init__(
+        self, settings: ProximalOnPolicy, actor: Actor, obs_size: int, *, smoothness: Smoothness | None = None
+    ) -> None:
         self.settings, self.actor, critic = settings, actor, Critic(obs_size, settings.critic_hidden)
+        self._smoothness = smoothness or Smoothness()
         self._actor, self._critic = (
             TrainState(actor, adam(actor, settings.lr)),
             TrainState(critic, adam(critic, settings.lr)),
@@ -86,7 +99,7 @@ class ProximalActorCritic:
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw actions (n, Da), their forms before the tanh (n, Da) and log densities (n,) for observations (n, Do)."""
+        """Draw actions (n, Da), what makes them (n, R) and log densities (n,) for observations (n, Do)."""
         drawn = self.actor.sample(tensor(obs)[:, None])
         return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
 
@@ -123,23 +136,22 @@ class ProximalActorCritic:
         targets = (advantages + values).ravel()
         for part in (self._actor, self._critic):
             part.set_lr(self.settings.lr * left)
-        arrays = (rollout.flat("obs"), rollout.flat("raw"), advantages.ravel(), targets)
-        obs, raw, advantages, targets = (tensor(np.asarray(array, np.float32)) for array in arrays)
-        return {**self._passes(obs, raw, advantages, targets, improve=improve), "critic/value": float(values.mean())}
+        seen = (rollout.flat(name) for name in ("obs", "next_obs", "raw"))
+        data = Advantages(*(tensor(np.asarray(a, np.float32)) for a in (*seen, advantages.ravel(), targets)))
+        return {**self._passes(data, improve=improve), "critic/value": float(values.mean())}
 
-    def _passes(
-        self, obs: Tensor, raw: Tensor, advantages: Tensor, targets: Tensor, *, improve: bool
-    ) -> dict[str, float]:
+    def _passes(self, data: Advantages, *, improve: bool) -> dict[str, float]:
         """Go over a rollout several times; a pass that moved the actor too far, ``1.5 target_kl``, is its last."""
         with torch.no_grad():
-            old_log_prob = self._log_prob(obs, raw)
+            old_log_prob, _ = self.actor.judge(data.obs[:, None], data.raw)
         passes: list[np.ndarray] = []
         for _ in range(self.settings.epochs):
             rows = []
-            for i in minibatches(len(obs), self.settings.batch_size):
-                critic_loss = self.critic_loss(obs[i], targets[i])
+            for i in minibatches(len(data.obs), self.settings.batch_size):
+                part = Advantages(*(column[i] for column in data))
+                critic_loss = self.critic_loss(part.obs, part.targets)
                 self._critic.descend(critic_loss, clip_norm=self.settings.clip_norm)
-                actor_loss, approx_kl, clipped = self.actor_loss(obs[i], raw[i], advantages[i], old_log_prob[i])
+                actor_loss, approx_kl, clipped = self.actor_loss(part, old_log_prob[i])
                 if improve:
                     self._actor.descend(actor_loss, clip_norm=self.settings.clip_norm)
                 rows.append((actor_loss.item(), critic_loss.item(), approx_kl, clipped))
@@ -152,47 +164,23 @@ class ProximalActorCritic:
         """Return the critic's mean squared error."""
         return ((self._critic.network(obs) - targets) ** 2).mean()
 
-    def actor_loss(
-        self, obs: Tensor, raw: Tensor, advantages: Tensor, old_log_prob: Tensor
-    ) -> tuple[Tensor, float, float]:
+    def actor_loss(self, part: Advantages, old_log_prob: Tensor) -> tuple[Tensor, float, float]:
         """Return the clipped objective's loss, the divergence from the acting policy, and the share clipped."""
         clip = self.settings.clip
-        mean, log_std = self.actor.gaussian(obs[:, None])
-        log_ratio = log_density(raw, mean, log_std).sum(-1) - old_log_prob
+        log_prob, entropy = self.actor.judge(part.obs[:, None], part.raw)
+        log_ratio = log_prob - old_log_prob
         ratio = log_ratio.exp()
-        gain = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+        gain = (part.advantages - part.advantages.mean()) / (part.advantages.std() + 1e-8)
         kept = torch.minimum(ratio * gain, ratio.clamp(1 - clip, 1 + clip) * gain)
-        loss = -kept.mean() - self.settings.entropy * log_std.sum(-1).mean()
+        loss = -kept.mean() - self.settings.entropy * entropy.mean()
+        loss = loss + self._smoothness.loss(self.actor, part.obs, part.next_obs)
         with torch.no_grad():
             approx_kl = (ratio - 1 - log_ratio).mean().item()
             clipped = ((ratio - 1).abs() > clip).float().mean().item()
         return loss, approx_kl, clipped
-
-    def _log_prob(self, obs: Tensor, raw: Tensor) -> Tensor:
-        return log_density(raw, *self.actor.gaussian(obs[:, None])).sum(-1)
 
     def snapshot(self) -> Snapshot:
         return Snapshot(joined({"actor": self._actor, "critic": self._critic}).arrays)
 
     def restore(self, saved: Snapshot) -> None:
         separate(saved, {"actor": self._actor, "critic": self._critic})
-
-
-class Critic(nn.Module):
-    """A perceptron with tanh from observations (B, Do) to values (B,)."""
-
-    def __init__(self, inputs: int, hidden: Sequence[int]) -> None:
-        super().__init__()
-        parts = [part for a, b in pairwise((inputs, *hidden)) for part in (nn.Linear(a, b), nn.Tanh())]
-        self.layers = nn.Sequential(*parts, nn.Linear(hidden[-1], 1))
-
-    def forward(self, obs: Tensor) -> Tensor:
-        return self.layers(obs)[..., 0]
-
-
-def minibatches(count: int, batch_size: int) -> list[Tensor]:
-    """Return rows in random order, in minibatches; a last row left alone, which has no spread, joins others."""
-    parts = list(torch.randperm(count).split(batch_size))
-    if len(parts) > 1 and len(parts[-1]) == 1:
-        parts[-2:] = [torch.cat(parts[-2:])]
-    return parts

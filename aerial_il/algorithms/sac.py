@@ -19,11 +19,8 @@ I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, for the absorbing state
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -31,38 +28,41 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss, bc_pretrain
-from aerial_il.algorithms.rl.off_policy import OffPolicy, RandomActions, collect_step
+from aerial_il.algorithms.rl.critics import Critics, Target
+from aerial_il.algorithms.rl.memory import Memory
+from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, rows_of
-from aerial_il.algorithms.run.state import Snapshot, below, joined, separate
-from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of
+from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
+from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
+from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
-CRITICS = 2
-
 
 @dataclass(frozen=True, kw_only=True)
-class SoftActorCriticLearning(OffPolicy):
-    """Settings of a run; see :class:`OffPolicy`."""
+class SoftActorCriticLearning(OffPolicyReinforcement, SoftOffPolicy):
+    """Settings of a run; see :class:`OffPolicyReinforcement` and :class:`SoftOffPolicy`."""
 
     name: ClassVar[str] = "sac"
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = SoftActorCritic(self, run.build_actor(), run.sizes)
+        agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes, smoothness=self.smoothness)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
-        run.begin(agent.actor, {"agent": agent, "replay_buffer": buffer, "random_actions": blind})
+        memory = Memory(self, run, self.buffer_size)
+        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **memory.parts})
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            step = collect_step(run.collector, run.interface, blind if warming_up else agent)
-            buffer.add(rows_of(*step, absorbing=False))
+            memory.step(blind if warming_up else agent)
+            if not warming_up:
+                memory.settle()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(buffer.sample(self.batch_size)))
+                run.log(agent.update(memory.sample(self.batch_size)))
             run.end_turn()
 
         return run.finish()
@@ -75,18 +75,26 @@ class SoftActorCritic:
         settings: of the algorithm.
         actor: the policy's network.
         sizes: elements of an observation and of an action, Do and Da.
+        smoothness: how the actor is held back from rough actions; None for not at all.
     """
 
-    def __init__(self, settings: OffPolicy, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        settings: SoftOffPolicy,
+        actor: SquashedGaussian,
+        sizes: tuple[int, int],
+        *,
+        smoothness: Smoothness | None = None,
+    ) -> None:
         self.settings, self.actor, self._updates = settings, actor, 0
+        self._smoothness = smoothness or Smoothness()
         critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
         self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
         self._actor_state = TrainState(improved, adam(improved, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._targets = copy.deepcopy(critics).requires_grad_(False)
-        self._pairs = list(zip(self._targets.parameters(), critics.parameters(), strict=True))
+        self._targets = Target(critics)
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
@@ -117,10 +125,11 @@ class SoftActorCritic:
         self._updates += 1
         if improve and self._updates % self.settings.actor_every == 0:
             pull = bc_weight * bc_loss(self.actor, demos) if demos is not None else 0.0
+            pull += self._smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
             actor_loss, alpha_loss, found = self.actor_and_alpha_loss(batch)
             self._actor_state.descend(actor_loss + pull + alpha_loss)  # the first two reach the actor, the last alpha
             metrics |= found
-        self._follow()
+        self._targets.follow(self.settings.tau)
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
@@ -135,7 +144,7 @@ class SoftActorCritic:
         """Return ``r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
         alive = 1.0 - batch.next_obs[:, -1]
         actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])
-        worth = self._targets(batch.next_obs, alive[:, None] * actions).min(0).values
+        worth = self._targets.network(batch.next_obs, alive[:, None] * actions).min(0).values
         soft_value = worth - self._log_alpha.exp() * alive * log_prob
         return batch.rewards + self.settings.gamma * batch.continues * soft_value
 
@@ -151,36 +160,13 @@ class SoftActorCritic:
         found = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
         return actor_loss, alpha_loss, found
 
-    @torch.no_grad()
-    def _follow(self) -> None:
-        for target, current in self._pairs:
-            target.lerp_(current, self.settings.tau)
+    @property
+    def _parts(self) -> dict[str, Stateful]:
+        return {"actor": self._actor_state, "critics": self._critics, "targets": self._targets}
 
     def snapshot(self) -> Snapshot:
-        arrays = joined({"actor": self._actor_state, "critics": self._critics}).arrays
-        targets = {f"targets.{name}": array for name, array in weights_of(self._targets).items()}
-        return Snapshot({**arrays, **targets}, {"updates": self._updates})
+        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
 
     def restore(self, saved: Snapshot) -> None:
-        separate(saved, {"actor": self._actor_state, "critics": self._critics})
-        load_weights(self._targets, below("targets.", saved.arrays))
+        separate(saved, self._parts)
         self._updates = saved.values["updates"]
-
-
-class Critics(nn.Module):
-    """Two perceptrons side by side, each layer one multiplication: (B, Do + 1), (B, Da) -> (2, B)."""
-
-    def __init__(self, inputs: int, hidden: Sequence[int]) -> None:
-        super().__init__()
-        self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
-        for a, b in pairwise((inputs, *hidden, 1)):
-            bound = 1.0 / math.sqrt(a)
-            self.weights.append(nn.Parameter(torch.empty(CRITICS, a, b).uniform_(-bound, bound)))
-            self.biases.append(nn.Parameter(torch.empty(CRITICS, 1, b).uniform_(-bound, bound)))
-
-    def forward(self, obs: Tensor, actions: Tensor) -> Tensor:
-        x = torch.cat([obs, actions], dim=-1).expand(CRITICS, -1, -1)
-        *hidden, last = zip(self.weights, self.biases, strict=True)
-        for weight, bias in hidden:
-            x = torch.relu(torch.baddbmm(bias, x, weight))
-        return torch.baddbmm(last[1], x, last[0])[..., 0]

@@ -21,21 +21,22 @@ from typing import ClassVar
 import numpy as np
 
 from aerial_il.algorithms.rl.imitation import Imitation
-from aerial_il.algorithms.rl.off_policy import OffPolicy, RandomActions, collect_step
+from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class SoftQImitation(Imitation, OffPolicy):
-    """Settings of a run; see :class:`Imitation` and :class:`OffPolicy`."""
+class SoftQImitation(Imitation, SoftOffPolicy):
+    """Settings of a run; see :class:`Imitation` and :class:`SoftOffPolicy`."""
 
     name: ClassVar[str] = "sqil"
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = SoftActorCritic(self, run.build_actor(), run.sizes)
+        agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing, reward=1.0)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))

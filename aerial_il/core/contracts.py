@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import EnvSpec
 
 if TYPE_CHECKING:
@@ -73,6 +74,11 @@ class BatchEnv(Protocol):
     @property
     def engine(self) -> str | None:
         """Version of the suite's simulation; None for an environment that is not the suite's."""
+        ...
+
+    @property
+    def goal_spec(self) -> GoalSpec | None:
+        """Goal that can be exchanged after the fact, None where there is none."""
         ...
 
     @property
@@ -152,10 +158,11 @@ class Pushable(Protocol):
 
 
 class BatchEnvBase:
-    """Answers of a batch environment without cameras, without drawn disturbances, and with no engine of the suite's."""
+    """Answers of a batch environment without cameras, drawn disturbances, goals and an engine of the suite's."""
 
     ends_at_success: bool = True
     engine: str | None = None
+    goal_spec: GoalSpec | None = None
     camera_names: tuple[str, ...] = ()
 
     def drawn(self, seed: int) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.contracts import Actuated, BatchEnv, StepResult
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import EnvSpec
 
 
@@ -35,6 +36,10 @@ class BatchEnvWrapper:
     @property
     def engine(self) -> str | None:
         return self.env.engine
+
+    @property
+    def goal_spec(self) -> GoalSpec | None:
+        return self.env.goal_spec
 
     @property
     def camera_names(self) -> tuple[str, ...]:

@@ -85,6 +85,24 @@ class NonFiniteActionError(AerialError, RuntimeError):
         super().__init__(f"Non-finite {what} in world {shown}; no action can be trusted.")
 
 
+class NoRewardError(AerialError, RuntimeError):
+    """A training in which every step and every episode was paid alike, so that there was nothing to learn.
+
+    Args:
+        steps: environment steps flown. paid: what each was paid.
+    """
+
+    def __init__(self, steps: int, paid: float) -> None:
+        self.steps, self.paid = steps, paid
+        super().__init__(
+            f"In {steps} environment steps no reward but {paid:g} has come, and no episode was worth more than any "
+            "other: there is nothing to learn from. The last checkpoint is intact. Begin with demonstrations, pay "
+            "densely (algorithm.reward=environment), give hindsight where the task tells a goal "
+            "(algorithm.hindsight.goals=4), or wait longer: the same command with a larger algorithm.reward_patience "
+            "goes on from here."
+        )
+
+
 class TrainingDivergedError(AerialError, RuntimeError):
     """A loss or gradient that is not finite; nothing of that step is kept.
 

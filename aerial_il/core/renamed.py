@@ -21,6 +21,19 @@ ALGORITHM_KEYS: Mapping[str, str] = {
     "warm": "warm_start",
 }
 
+#: Settings of algorithms that earlier versions did not write, and the values by which they ran.
+ADDED: Mapping[str, object] = {
+    "reward": "environment",
+    "smoothness.temporal": 0.0,
+    "smoothness.spatial": 0.0,
+    "smoothness.radius": 0.05,
+    "smoothness.rate_penalty": 0.0,
+    "smoothness.jerk_penalty": 0.0,
+    "hindsight.goals": 0,
+    "hindsight.strategy": "future",
+    "obs_norm": False,
+}
+
 #: Names of numbers in ``metrics.jsonl``.
 METRICS: Mapping[str, str] = {
     "reward/told_expert": "reward/acc_expert",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +15,8 @@ from aerial_il.evaluation.traces import Trace
 
 End = Literal["success", "crash", "dropped", "timeout"]
 ENDS: tuple[End, ...] = ("success", "crash", "dropped", "timeout")
+FAST_HZ = 5.0  # above which changes of an action are no manoeuvre but shaking
+LEAST_STEPS = 16  # of an episode whose frequencies can be told
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,9 @@ class EpisodeRecord:
         subtasks: sub-task -> time at which it was first done, None if never.
         force_in_band_raw: share of the time in contact, up to the end, in which the force before the sensor's filter
             was as the task asks.
+        action_rate_rms: unit -> root mean square of the executed action's first derivative, e.g. ``m/s``.
+        action_fast_share: share of the executed action's changes that lies above ``FAST_HZ``, by their power; None for
+            short episodes, and where actions follow each other too slowly to tell.
     """
 
     seed: int
@@ -55,6 +60,8 @@ class EpisodeRecord:
     contact_time_s: float
     subtasks: Mapping[str, float | None]
     force_in_band_raw: float | None = None
+    action_rate_rms: Mapping[str, float] = field(default_factory=dict)
+    action_fast_share: float | None = None
 
     @property
     def success(self) -> bool:
@@ -98,6 +105,7 @@ METRICS = (
     Metric("ee_error_mean_m", "End-effector tracking error, mean", "m", lambda e: e.ee_error_mean_m, "lower"),
     Metric("ee_error_max_m", "End-effector tracking error, largest", "m", lambda e: e.ee_error_max_m, "lower"),
     Metric("effort_mean", "Control effort, squared rotor use", "", lambda e: e.effort_mean, "lower"),
+    Metric("action_fast_share", f"Action changes above {FAST_HZ:g} Hz", "", lambda e: e.action_fast_share, "lower"),
     Metric("contact_events", "Unwanted contacts", "", lambda e: e.contact_events, "lower"),
     Metric("contact_time_s", "Time in unwanted contact", "s", lambda e: e.contact_time_s, "lower"),
     Metric("force_in_band_raw", "Time with the unfiltered force as asked", "", lambda e: e.force_in_band_raw, "higher"),
@@ -105,14 +113,24 @@ METRICS = (
 
 
 def metrics_of(episodes: Sequence[EpisodeRecord]) -> tuple[Metric, ...]:
-    """Return every metric that these episodes have: the common ones and one jerk per unit of the action."""
-    units = dict.fromkeys(unit for episode in episodes for unit in episode.action_jerk_rms)
-    return (RETURN, *METRICS, *map(_jerk_metric, units))
+    """Return every metric that these episodes have: the common ones, a jerk and a rate per unit of the action."""
+    jerks = dict.fromkeys(unit for episode in episodes for unit in episode.action_jerk_rms)
+    rates = dict.fromkeys(unit for episode in episodes for unit in episode.action_rate_rms)
+    return (RETURN, *METRICS, *map(_jerk_metric, jerks), *map(_rate_metric, rates))
 
 
 def _jerk_metric(unit: str) -> Metric:
-    label = f"Action jerk ({unit.replace('^3', '³').replace('^4', '⁴')})"
+    label = f"Action jerk ({_raised(unit)})"
     return Metric(f"action_jerk_rms[{unit}]", label, unit, lambda e: e.action_jerk_rms.get(unit), "lower")
+
+
+def _rate_metric(unit: str) -> Metric:
+    label = f"Action rate ({_raised(unit)})"
+    return Metric(f"action_rate_rms[{unit}]", label, unit, lambda e: e.action_rate_rms.get(unit), "lower")
+
+
+def _raised(unit: str) -> str:
+    return unit.replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
 
 
 def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
@@ -133,6 +151,8 @@ def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
         ee_error_max_m=float(error.max()) if error.size else None,
         effort_mean=float(trace.effort.mean()) if np.isfinite(trace.effort).all() else None,
         action_jerk_rms=action_jerk_rms(trace.executed, spec.action.units, dt),
+        action_rate_rms=action_rate_rms(trace.executed, spec.action.units, dt),
+        action_fast_share=action_fast_share(spec.action.low, spec.action.high, trace.executed, dt),
         contact_events=onsets,
         contact_time_s=_tidy(np.count_nonzero(touching) * dt),
         subtasks={name: _first_time(trace.subtasks[:, k], dt) for k, name in enumerate(spec.subtasks)},
@@ -156,11 +176,36 @@ def action_jerk_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> d
     Returns:
         ``unit/s^3`` -> value, by third finite differences; empty for fewer than four steps.
     """
-    if len(actions) < 4:
+    return {_per_s3(unit): value for unit, value in _derivative_rms(actions, units, dt_s, order=3).items()}
+
+
+def action_rate_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> dict[str, float]:
+    """Return the root mean square first derivative of an action sequence, ``unit/s`` -> value; see above."""
+    return {_per_s(unit): value for unit, value in _derivative_rms(actions, units, dt_s, order=1).items()}
+
+
+def _derivative_rms(actions: np.ndarray, units: Sequence[str], dt_s: float, *, order: int) -> dict[str, float]:
+    if len(actions) <= order:
         return {}
-    squared = (np.diff(actions, n=3, axis=0) / dt_s**3) ** 2
+    squared = (np.diff(actions, n=order, axis=0) / dt_s**order) ** 2
     of_unit = {unit: [k for k, other in enumerate(units) if other == unit] for unit in units}
-    return {_per_s3(unit): float(np.sqrt(squared[:, columns].mean())) for unit, columns in of_unit.items()}
+    return {unit: float(np.sqrt(squared[:, columns].mean())) for unit, columns in of_unit.items()}
+
+
+def action_fast_share(low: np.ndarray, high: np.ndarray, actions: np.ndarray, dt_s: float) -> float | None:
+    """Return the share of an action's changes from step to step that lies above ``FAST_HZ``, by their power.
+
+    Args:
+        low, high: (Da,) bounds, by which elements of different units are made comparable; unbounded ones are left out.
+        actions: (T, Da) executed. dt_s: time between two of them.
+    """
+    bounded = np.isfinite(high - low)
+    if len(actions) < LEAST_STEPS or not bounded.any() or 0.5 / dt_s <= FAST_HZ:
+        return None
+    changes = np.diff(actions[:, bounded] / (high - low)[bounded], axis=0)
+    power = (np.abs(np.fft.rfft(changes, axis=0)) ** 2).sum(axis=1)
+    fast = np.fft.rfftfreq(len(changes), dt_s) > FAST_HZ
+    return float(power[fast].sum() / power.sum()) if power.sum() > 0 else 0.0
 
 
 def aggregate(episodes: Sequence[EpisodeRecord]) -> dict[str, Any]:
@@ -217,6 +262,10 @@ def _first_time(flags: np.ndarray, dt_s: float) -> float | None:
 def _last_known(values: np.ndarray) -> float | None:
     known = values[np.isfinite(values)]
     return float(known[-1]) if known.size else None
+
+
+def _per_s(unit: str) -> str:
+    return f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit or '1'}/s"
 
 
 def _per_s3(unit: str) -> str:

@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.layers import check_choice, check_layers
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, masked_mean
+from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 
 Activation = Literal["relu", "tanh"]
@@ -61,7 +61,7 @@ class SquashedGaussianConfig(PolicyConfig):
         return SquashedGaussian(self, obs_size, action_size)
 
 
-class SquashedGaussian(ChunkNetwork):
+class SquashedGaussian(StochasticNetwork):
     """A perceptron to the mean and logarithmic deviation of a Gaussian ``u``; the action is ``tanh(u)``."""
 
     def __init__(self, config: SquashedGaussianConfig, obs_size: int, action_size: int) -> None:
@@ -94,6 +94,9 @@ class SquashedGaussian(ChunkNetwork):
             log_std = self.free.expand_as(mean)
         return mean, log_std.clamp(LOG_STD_LOW, LOG_STD_HIGH)
 
+    def distribution(self, obs: Tensor) -> tuple[Tensor, ...]:
+        return self.gaussian(obs)
+
     def sample(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Draw actions, differentiably.
 
@@ -104,6 +107,17 @@ class SquashedGaussian(ChunkNetwork):
         mean, log_std = self.gaussian(obs)
         raw = mean + log_std.exp() * torch.randn_like(mean)
         return torch.tanh(raw), raw, log_density(raw, mean, log_std).sum(-1)
+
+    def judge(self, obs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+        """Return log densities (B,) of samples before the tanh (B, Ta * Da), and the Gaussian's entropies (B,)."""
+        mean, log_std = self.gaussian(obs)
+        return log_density(drawn, mean, log_std).sum(-1), log_std.sum(-1)
+
+    def divergence(self, of: tuple[Tensor, ...], against: tuple[Tensor, ...]) -> Tensor:
+        """Return divergences (B,) of the Gaussians, which the tanh leaves as they are."""
+        (mean, log_std), (other, other_log_std) = of, against
+        spread = ((2 * log_std).exp() + (mean - other) ** 2) / (2 * (2 * other_log_std).exp())
+        return (other_log_std - log_std + spread - 0.5).sum(-1)
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         mean, log_std = self.gaussian(obs)

@@ -10,6 +10,7 @@ import numpy as np
 from aerial_il.control.vehicle import Gains
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.episode.assessment import Assessment
@@ -64,6 +65,11 @@ class BatchEnvironment:
     @property
     def spec(self) -> EnvSpec:
         return self.scenario.spec
+
+    @property
+    def goal_spec(self) -> GoalSpec | None:
+        """The task's goal, where it can be exchanged after the fact."""
+        return self.scenario.task.goal
 
     @property
     def seeds(self) -> np.ndarray:

@@ -88,6 +88,7 @@ class Server:
         self.visitors = Visitors()
         self.flight: Loop | None = None
         self.film: Film | None = None
+        self.lesson: dict[str, Any] = {}  # how a policy that learns from the flights gets on
         self._latest: dict[str, Any] = {}
         self._shot: Shot | None = None
         self._fresh: dict[Visitor, asyncio.Event] = {}
@@ -319,6 +320,7 @@ class Server:
                 "asked": visitors.asking.number if visitors.asking else 0,
                 "visitors": len(visitors),
                 "dropped": dict(visitors.dropped),
+                "lesson": self.lesson,
                 "cameras": self.film.cameras if self.film else self._about["cameras"],
             }
             if self._latest:

@@ -45,13 +45,20 @@ async def served(task: str, out: Path, seed: int, *, realtime: bool, settings: l
     )
     assert process.stdout is not None
     try:
-        async for line in process.stdout:
-            if line.startswith(b"Fly here: "):
-                break
-        yield line.decode().split()[-1]
+        lines = [line async for line in _until(process.stdout, b"Fly here: ")]
+        yield lines[-1].decode().split()[-1]
     finally:
         process.send_signal(signal.SIGINT)
         await process.communicate()
+
+
+async def _until(stream: asyncio.StreamReader, start: bytes) -> AsyncIterator[bytes]:
+    """Read lines up to the first one that begins so."""
+    async for line in stream:
+        yield line
+        if line.startswith(start):
+            return
+    raise EOFError(f"the server ended before it had said {start.decode()!r}")
 
 
 async def stranger_at(tab: Tab, hands: str) -> Stranger:

@@ -41,11 +41,14 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
         ["algorithm=dagger", "dataset=demos", "run=new"],
         ["env=gymnasium:CartPole-v1", "algorithm=gail", "policy=squashed_gaussian", "dataset=demos", "run=new"],
     ],
-    "teleop": [["robot=quad", "task=hover", "out=demos", "open=false", "port=0"]],
+    "teleop": [
+        ["robot=quad", "task=hover", "out=demos", "open=false", "port=0"],
+        ["robot=quad", "task=hover", "policy=policy", "out=flown", "open=false", "port=0"],
+    ],
     "validate": [["demos"], ["demos", "replay=true"]],
     "view": [["policy=policy", "out=seen.html"], ["policy=policy", "out=seen.rrd"], ["recording=demos"]],
 }
-CLOSED = ("bench", "demo", "docs", "doctor", "list")  # take no policy, dataset or run of somebody else's
+CLOSED = ("bench", "demo", "docs", "doctor", "film", "list")  # take no policy, dataset or run of somebody else's
 FLYING = [("evaluate", 0), ("evaluate", 1), ("train", 1), ("train", 2), ("view", 0)]
 
 

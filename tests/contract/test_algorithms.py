@@ -29,6 +29,8 @@ from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
 from aerial_il.data.episode import Episode
+from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
 from tests.algorithms.point_mass import StepResult
@@ -36,6 +38,7 @@ from tests.algorithms.point_mass import StepResult
 NAMES = algorithms.list_algorithms()
 each = pytest.mark.parametrize("name", NAMES)
 POLICY = SquashedGaussianConfig(hidden=(32, 32))
+CHOICES = CategoricalConfig(hidden=(32, 32), choices="bounds")
 LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to what its first step has reached
 
 CLONES = BehaviourCloning(
@@ -45,7 +48,9 @@ ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_fl
 NETWORKS = {"critic_hidden": (32, 32), "reward_hidden": (32,), "gamma": 0.9, "gradient_penalty": 1.0}
 ONLINE: dict[str, Any] = {**NETWORKS, **ALONE, "steps": 1_200, "warmup": 200, "batch_size": 64, "lr": 3e-3}
 OFF_POLICY = {**ONLINE, "utd_ratio": 0.5, "tau": 0.05, "actor_every": 1, "reward_lr": 2e-3, "reward_updates": 1.0}
+OFF_POLICY |= {"exploration": 0.5, "target_every": 1}
 ON_POLICY = {**ONLINE, "steps": 10_240, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
+ON_POLICY |= {"step_size": 0.1}
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
 
@@ -106,7 +111,12 @@ def train(settings: Algorithm, run: Path, env: Any = None, demos: list[Episode] 
     handed = {"env": env or Drift(8), "expert": Guide(), "collect": collect}
     demos = (demos or demonstrations(10)) if settings.demonstrated else None
     options = {"seed": 3, "progress": False, **{need: handed[need] for need in settings.needs}, **options}
-    return settings.train(demos, POLICY, run=run, **options)
+    return settings.train(demos, policy_of(settings), run=run, **options)
+
+
+def policy_of(settings: Algorithm) -> PolicyConfig:
+    """Return a small policy of a kind that the algorithm trains."""
+    return POLICY if isinstance(POLICY, getattr(settings, "trains", type(POLICY))) else CHOICES
 
 
 @each
@@ -159,7 +169,7 @@ def test_killed_in_the_middle_it_ends_with_the_same_bytes(tmp_path: Path, name: 
     assert run == whole
     other = train(settings, tmp_path / "other", seed=4)
     assert (tmp_path / "other" / "policy" / ARRAYS).read_bytes() != whole, "another seed gives other bytes"
-    assert other.config == POLICY
+    assert other.config == policy_of(settings)
 
 
 def weight(policy: Any, step: int) -> dict[str, float]:

@@ -7,7 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from aerial_il.evaluation.metrics import EpisodeRecord, action_jerk_rms, aggregate, measure, metrics_of, spread
+from aerial_il.evaluation.metrics import (
+    EpisodeRecord,
+    action_fast_share,
+    action_jerk_rms,
+    action_rate_rms,
+    aggregate,
+    measure,
+    metrics_of,
+    spread,
+)
 from aerial_il.evaluation.traces import Trace
 from tests.evaluation.hover import DT_S, SPEC
 
@@ -107,3 +116,35 @@ def test_a_record_survives_its_dictionary() -> None:
     record = measure(trace(), SPEC)
     assert EpisodeRecord.from_dict(record.to_dict()) == record
     assert set(record.to_dict()) == {f.name for f in dataclasses.fields(record)} - {"return_"} | {"return", "success"}
+
+
+def test_rate_of_a_ramp_is_its_slope() -> None:
+    time_s = np.arange(20) * DT_S
+    actions = np.stack([3 * time_s, 4 * time_s, 0 * time_s], axis=1)
+    rate = action_rate_rms(actions, ("m", "m", "m/s"), DT_S)
+    assert rate == pytest.approx({"m/s": np.sqrt((3**2 + 4**2) / 2), "m/s^2": 0.0}, abs=1e-9)
+
+
+def test_shaking_is_fast_and_a_manoeuvre_is_not() -> None:
+    low, high, time_s = np.array([-1.0]), np.array([1.0]), np.arange(200) * 0.02
+    shares = [action_fast_share(low, high, np.sin(2 * np.pi * hz * time_s)[:, None], 0.02) for hz in (1.0, 12.0)]
+    assert shares[0] is not None
+    assert shares[1] is not None
+    assert shares[0] < 0.05
+    assert shares[1] > 0.95
+
+
+def test_what_cannot_be_told_of_frequencies_is_none() -> None:
+    low, high, still = np.array([-1.0]), np.array([1.0]), np.zeros((200, 1))
+    assert action_fast_share(low, high, still, 0.02) == 0.0
+    assert action_fast_share(low, high, still[:10], 0.02) is None, "too short"
+    assert action_fast_share(low, high, still, 0.1) is None, "5 Hz is the fastest there is"
+    assert action_fast_share(-np.inf * high, high, still, 0.02) is None, "nothing to compare with"
+
+
+def test_records_of_before_are_read_without_the_new_numbers() -> None:
+    raw = measure(trace(), SPEC).to_dict()
+    del raw["action_rate_rms"], raw["action_fast_share"]
+    old = EpisodeRecord.from_dict(raw)
+    assert (old.action_rate_rms, old.action_fast_share) == ({}, None)
+    assert not any(metric.key.startswith("action_rate") for metric in metrics_of([old]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -228,7 +229,12 @@ def test_a_full_disk_is_told_and_the_flight_goes_on(tmp_path: Path, monkeypatch:
 
     with monkeypatch.context() as patch:
         patch.setattr("aerial_il.data.recording.writer.EpisodeWriter.append", full)
-        fly(cockpit, schedule((1, 2, ["record"])), 120)
+        device = Scripted(schedule((1, 2, ["record"])), cockpit.bindings)
+        for _ in range(400):  # another thread writes: it may take some ticks until its failure is met
+            cockpit.tick(device.frame())
+            if "No space left" in cockpit.message:
+                break
+            sleep(0.002)
     assert "No space left" in cockpit.message
     assert cockpit.state is State.IDLE
     recorded(cockpit)

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from aerial_il.algorithms.interactive.rounds import Collect, InteractiveProblem, Rounds
+from aerial_il.algorithms.interactive.rounds import Collect, InteractiveProblem, Operator, Rounds
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import BatchEnv, Policy
@@ -27,7 +27,7 @@ class InteractiveAlgorithm(InteractiveSettings, ABC):
         *,
         run: str | os.PathLike[str],
         env: BatchEnv,
-        expert: Policy,
+        expert: Policy | Operator,
         collect: Collect,
         seed: int = 0,
         evaluate: Evaluate | None = None,
@@ -40,7 +40,8 @@ class InteractiveAlgorithm(InteractiveSettings, ABC):
             dataset: demonstrations to begin with, flown in the same kind of environment; failures are left out.
             policy: what to train.
             run: folder of the run; see :mod:`aerial_il.algorithms.interactive.rounds`.
-            env: batch environment to fly in. expert: whom to ask. collect: records flights.
+            env: batch environment to fly in. expert: whom to ask, or who sits at the controls. collect: records
+                flights.
             seed: decides weights, minibatches, coins and the seeds of the flights.
             evaluate: ``(policy, round) -> named numbers`` from flights on seeds of its own.
             resume: continue what ``run`` holds; a finished run returns its policy at once.

@@ -17,6 +17,7 @@ class FlightCosts:
     Attributes:
         flights, successes: how many. steps: control steps flown. queries: steps that the expert labelled.
         interventions: times that it took over. expert_steps: steps that it flew.
+        solved_alone: successes in which it never took over.
     """
 
     flights: int = 0
@@ -25,6 +26,7 @@ class FlightCosts:
     queries: int = 0
     interventions: int = 0
     expert_steps: int = 0
+    solved_alone: int = 0
 
     @staticmethod
     def of(episodes: Sequence[Episode]) -> FlightCosts:
@@ -35,6 +37,7 @@ class FlightCosts:
             queries=sum(int(e.asked.sum()) for e in episodes),
             interventions=sum(map(_interventions, episodes)),
             expert_steps=sum(int(e.is_intervention.sum()) for e in episodes),
+            solved_alone=sum(e.success and not e.is_intervention.any() for e in episodes),
         )
 
 

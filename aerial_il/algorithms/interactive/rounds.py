@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from aerial_il.algorithms.interactive.costs import FlightCosts, metrics_of
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
@@ -66,13 +66,37 @@ class Collect(Protocol):
     ) -> object: ...
 
 
+@runtime_checkable
+class Operator(Protocol):
+    """Somebody at the controls, a person or a model of one, who watches a learner fly and takes over as they see fit.
+
+    What they do is no function of the seed, so what they have finished is kept through any kill.
+    """
+
+    def record(
+        self, env: Any, learner: Policy, out: str | os.PathLike[str], *, seeds: range, tags: Mapping[str, Any]
+    ) -> None:
+        """Record flights until ``out`` holds as many as there are ``seeds``; those it holds already count.
+
+        Args:
+            env: one world, of a kind that they can fly. learner: flies while nobody takes over. out: a dataset folder.
+            seeds: from the first on, one after another. tags: plain values for the provenance.
+        """
+        ...
+
+    def told(self, rounds: Sequence[FlightCosts], message: str) -> None:
+        """Take note of how the rounds so far went, and of what happens now."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class InteractiveProblem:
     """What an interactive run learns on.
 
     Attributes:
         settings: of its algorithm. policy: what is trained. seed: decides all randomness.
-        env: a batch environment. expert: whom it learns from; it can take over from any state.
+        env: a batch environment. expert: whom it learns from; it can take over from any state. An operator records
+            the flights themselves.
         collect: records flights. progress: show progress bars.
     """
 
@@ -80,7 +104,7 @@ class InteractiveProblem:
     policy: PolicyConfig
     seed: int
     env: BatchEnv
-    expert: Policy
+    expert: Policy | Operator
     collect: Collect
     progress: bool
 
@@ -174,6 +198,8 @@ class Rounds:
     def learn(self, number: int) -> ChunkPolicy:
         """Train the learner on the whole dataset, at length in the first and the last round."""
         settings, place = self._settings, self._place(number) / TRAINING
+        if isinstance(self.problem.expert, Operator):
+            self.problem.expert.told(self.costs, f"Round {number} of {settings.rounds}: it learns.")
         training = settings.training if number in (0, settings.rounds) else settings.between
         initial = self.learner if settings.warm_start else None
         self._train(training, self.dataset, place, self.problem.seed, initial)
@@ -225,13 +251,21 @@ class Rounds:
         return metrics_of(self.costs, self.demos, self.dataset)
 
     def _record(self, folder: Path, pilot: Policy, which: range, *, number: int, name: str) -> None:
-        """Record flights, all or none: a kill in between leaves nothing, and the next call flies the same."""
+        """Record flights, all or none: a kill in between leaves nothing, and the next call flies the same.
+
+        An operator goes on after the flights that were finished.
+        """
         aside, seed, settings = folder.with_name(f"{folder.name}.flying"), self.problem.seed, self._settings
-        shutil.rmtree(aside, ignore_errors=True)
         first = FIRST_SEED + SEEDS_PER_RUN * seed + number * max(1, settings.seeds_per_round)
+        seeds = range(first + which.start, first + which.stop)
         tags = {"algorithm": settings.name, "run_seed": seed, "round": number}
-        options = {"policy_name": name, "settings": tags, "progress": self.problem.progress}
-        self.problem.collect(self.problem.env, pilot, [first + i for i in which], aside, **options)
+        if isinstance(self.problem.expert, Operator):
+            self.problem.expert.told(self.costs, f"Round {number} of {settings.rounds}: watch it fly.")
+            self.problem.expert.record(self.problem.env, pilot, aside, seeds=seeds, tags=tags)
+        else:
+            shutil.rmtree(aside, ignore_errors=True)
+            options = {"policy_name": name, "settings": tags, "progress": self.problem.progress}
+            self.problem.collect(self.problem.env, pilot, list(seeds), aside, **options)
         os.replace(aside, folder)
         sync_folder(folder.parent)
 

@@ -35,6 +35,7 @@ class OnlineAlgorithm(ABC):
         name: of the algorithm, that of its module.
         needs, worlds: what a command hands to ``train``, and how many worlds that has.
         rewarded, demonstrated: whether it learns from the environment's reward, and whether from demonstrations.
+        trains: kinds of policy.
     """
 
     name: ClassVar[str]
@@ -42,6 +43,7 @@ class OnlineAlgorithm(ABC):
     rewarded: ClassVar[bool] = True
     demonstrated: ClassVar[bool] = False
     worlds: ClassVar[int] = 8
+    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig,)
 
     steps: int = 300_000
     gamma: float = 0.99
@@ -74,7 +76,7 @@ class OnlineAlgorithm(ABC):
         Args:
             dataset: episodes of that environment to imitate, failures among them left out; not looked at by an
                 algorithm that is not ``demonstrated``.
-            policy: what to train, a ``squashed_gaussian``.
+            policy: what to train, one of those that the algorithm ``trains``.
             env: a batch environment to act in; it is reset.
             run: folder for configuration, metrics, checkpoints, a learned reward and the finished policy.
             seed: decides initial weights, exploration, minibatches and which episodes are flown.
@@ -86,7 +88,7 @@ class OnlineAlgorithm(ABC):
             InvalidValueError: nothing to learn from, another kind of policy or environment, or ``run`` holds another.
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
-        problem = self.problem(dataset, check_policy(policy), env, seed)
+        problem = self.problem(dataset, check_policy(policy, self.trains), env, seed)
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
             return self.learn(opened) if opened else load_policy(run)
 
@@ -94,9 +96,7 @@ class OnlineAlgorithm(ABC):
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         """Collect and learn until the run has no steps left; return the trained policy."""
 
-    def problem(
-        self, dataset: Iterable[Episode] | None, policy: SquashedGaussianConfig, env: BatchEnv, seed: int
-    ) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Return what is learned on: here the environment and its reward alone."""
         interface = plain_interface(Layout.of(env.spec, policy), policy)
         return Problem(self.name, seed, policy, env, interface)

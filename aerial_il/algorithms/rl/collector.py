@@ -7,10 +7,12 @@ environment can save its state.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
@@ -19,16 +21,36 @@ from aerial_il.policies.parts.layout import Layout
 FIRST_SEED = 1_000_000  # far from the seeds of demonstrations and evaluations, which count from 0 and from 10000
 
 
+RECENT = 4  # actions that a jerk is made of
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardScheme:
+    """What a step is paid.
+
+    Attributes:
+        sparse: 1 for success in place of what the environment pays.
+        smoothness: what rough actions cost.
+        patience: environment steps after which a run stops that no reward has told anything yet; 0 for never.
+    """
+
+    sparse: bool = False
+    smoothness: Smoothness = field(default_factory=Smoothness)
+    patience: int = 0
+
+
 class Transition(NamedTuple):
     """One step of n worlds, in the environment's units.
 
     Attributes:
         frames: (n, Do) what was seen.
         actions: (n, Da) what was executed.
-        rewards: (n,) what the environment paid.
+        rewards: (n,) what it was paid, penalties taken off.
         next_frames: (n, Do) what was seen afterwards, before any reset.
         terminal: (n,) bool, the episode ended because of what happened: a crash, or success.
         truncated: (n,) bool, it was only cut: the world would have gone on.
+        success: (n,) bool, the task is done.
+        penalties: (n,) what rough actions cost.
     """
 
     frames: np.ndarray
@@ -37,6 +59,8 @@ class Transition(NamedTuple):
     next_frames: np.ndarray
     terminal: np.ndarray
     truncated: np.ndarray
+    success: np.ndarray
+    penalties: np.ndarray
 
 
 class Collector:
@@ -46,14 +70,18 @@ class Collector:
         env: a batch environment; it is reset.
         layout: how its observations become frames.
         seed: decides the seeds of its episodes.
+        scheme: what they pay; None for what the environment does.
 
     Attributes:
         frames: (n, Do) what the worlds show now, positions in the world.
         steps: environment steps of all worlds together.
+        informed: whether two steps, or two episodes, have been paid differently: only then is there something to learn.
     """
 
-    def __init__(self, env: BatchEnv, layout: Layout, *, seed: int) -> None:
+    def __init__(self, env: BatchEnv, layout: Layout, *, seed: int, scheme: RewardScheme | None = None) -> None:
         self.env, self.layout, self.n = env, layout, env.num_envs
+        self.scheme, self.informed = scheme or RewardScheme(), False
+        self._first: dict[str, float] = {}
         self._ends_at_success = env.ends_at_success
         self._seeds = FIRST_SEED * (1 + seed) + np.arange(self.n, dtype=np.int64)
         self._next = int(self._seeds[-1]) + 1
@@ -80,11 +108,20 @@ class Collector:
             raise
         success = np.asarray(result.info.get("success", np.zeros(self.n)), bool)
         terminal = result.terminated | (success & ~result.truncated & self._ends_at_success)
-        transition = Transition(self.frames, actions, result.reward, after, terminal, result.truncated & ~terminal)
-        self._returns += result.reward
+        paid, penalties = success.astype(float) if self.scheme.sparse else result.reward, self._penalties()
+        cut = result.truncated & ~terminal
+        transition = Transition(self.frames, actions, paid - penalties, after, terminal, cut, success, penalties)
+        self._returns += paid
         self.steps += self.n
+        self._listen("reward", paid)
+        self._listen("return", self._returns[terminal | cut])
         self.frames = self._auto_reset(after, terminal | result.truncated, success)
         return transition
+
+    @property
+    def first_reward(self) -> float:
+        """What the first step of all was paid."""
+        return self._first["reward"]
 
     def episode_means(self) -> dict[str, float]:
         """Return mean return, length and success of the episodes that ended since the last report, and their number."""
@@ -107,7 +144,9 @@ class Collector:
             "frames": self.frames.copy(),
             "flown": self._actions[:, : max(1, int(self._ages.max()))].copy(),
         }
-        return Snapshot(arrays, {"next": self._next, "steps": self.steps, "ended": [list(e) for e in self._ended]})
+        told = {"informed": self.informed, "first": dict(self._first)}
+        ended = [list(episode) for episode in self._ended]
+        return Snapshot(arrays, {"next": self._next, "steps": self.steps, "ended": ended, **told})
 
     def restore(self, saved: Snapshot) -> None:
         """Play again what was done since the last resets.
@@ -119,6 +158,7 @@ class Collector:
         self._returns, self._actions = saved.arrays["returns"].copy(), saved.arrays["flown"].copy()
         self._next, self.steps = saved.values["next"], saved.values["steps"]
         self._ended = [list(episode) for episode in saved.values["ended"]]
+        self.informed, self._first = saved.values.get("informed", False), dict(saved.values.get("first", {}))
         obs = self.env.reset(self._seeds)
         for age in range(int(self._ages.max(initial=0))):
             obs = self.env.step(self._actions[:, age], self._ages > age).obs
@@ -128,6 +168,21 @@ class Collector:
                 "The environment does not repeat itself: the same seeds and actions led elsewhere than before, so the "
                 "run cannot go on exactly. Start it again with resume=false."
             )
+
+    def _penalties(self) -> np.ndarray:
+        """Return what the last action of each world costs for its roughness, (n,)."""
+        smoothness = self.scheme.smoothness
+        if not (smoothness.rate_penalty or smoothness.jerk_penalty):
+            return np.zeros(self.n)
+        low, high = self.env.spec.action.low, self.env.spec.action.high
+        when = np.maximum(self._ages[:, None] - RECENT + np.arange(RECENT), 0)
+        recent = self._actions[np.arange(self.n)[:, None], when]
+        return smoothness.penalties((2.0 * recent - low - high) / (high - low), self._ages)
+
+    def _listen(self, what: str, values: np.ndarray) -> None:
+        """Note whether ``values`` (k,) tell apart what was done."""
+        if not self.informed and len(values):
+            self.informed = bool((values != self._first.setdefault(what, float(values[0]))).any())
 
     def _record(self, actions: np.ndarray) -> None:
         oldest = int(self._ages.max())

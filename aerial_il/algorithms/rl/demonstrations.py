@@ -19,7 +19,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
 from aerial_il.policies.parts.layout import Interface, Layout
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicyConfig
 
 Labels = Literal["executed", "expert"]
 
@@ -68,7 +68,7 @@ class Transitions(NamedTuple):
 
 def read_transitions(
     dataset: Iterable[Episode],
-    policy: SquashedGaussianConfig,
+    policy: PolicyConfig,
     *,
     trajectories: int | None,
     subsample: int,

@@ -13,7 +13,7 @@ from aerial_il.algorithms.rl.online_run import Problem
 from aerial_il.algorithms.run.checks import require_choice, require_positive
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicyConfig
 
 Control = Literal["none", "random_actions", "constant_reward"]
 
@@ -51,9 +51,7 @@ class Imitation(OnlineAlgorithm):
         require_choice(self, "labels", Labels)
         require_choice(self, "control", Control)
 
-    def problem(
-        self, dataset: Iterable[Episode] | None, policy: SquashedGaussianConfig, env: BatchEnv, seed: int
-    ) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations; in the control run ``random_actions`` the environment is flown in their place."""
         layout, demos, record = read_transitions(
             dataset or (),

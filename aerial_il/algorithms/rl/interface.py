@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
+from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.categorical import CategoricalConfig
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
 Bounds = Literal["environment", "demonstrations"]
 MARGIN, NARROWEST = 1.1, 0.02  # of demonstrated ranges: room beyond them, and the least share of the environment's
+NO_SCORES = (
+    "The actions of {} are no scores of choices, each from 0 to 1: set policy.choices=bounds, or choose "
+    "policy=squashed_gaussian and an algorithm that trains it."
+)
 ANCHORED = "There are no demonstrations to take another range from: set policy.anchor=null and policy.relative=false."
 
 
-def check_policy(policy: object) -> SquashedGaussianConfig:
-    """Return ``policy`` if reinforcement learning can train it.
+def check_policy(policy: object, kinds: tuple[type[PolicyConfig], ...] = (SquashedGaussianConfig,)) -> PolicyConfig:
+    """Return ``policy`` if it is one of ``kinds``, and reinforcement learning can train it.
 
     Raises:
         InvalidValueError: it is another policy, sees images, or acts on more than one observation or step.
     """
-    if not isinstance(policy, SquashedGaussianConfig):
+    if not isinstance(policy, PolicyConfig) or not isinstance(policy, kinds):
         name = getattr(policy, "name", type(policy).__name__)
-        raise InvalidValueError(f"policy={name} has no density to explore with; choose policy=squashed_gaussian.")
+        choices = " or ".join(f"policy={kind.__module__.rpartition('.')[2]}" for kind in kinds)
+        raise InvalidValueError(f"policy={name} is none that can explore here; choose {choices}.")
     if (policy.history, policy.chunk) != (1, 1):
         found = f"history={policy.history} and chunk={policy.chunk}"
         raise InvalidValueError(f"Reinforcement learning acts step by step: history and chunk must be 1, got {found}.")
@@ -34,20 +43,28 @@ def check_policy(policy: object) -> SquashedGaussianConfig:
     return policy
 
 
-def plain_interface(layout: Layout, policy: SquashedGaussianConfig) -> Interface:
+def plain_interface(layout: Layout, policy: PolicyConfig) -> Interface:
     """Return the interface without demonstrations: observations as they are, actions in the environment's bounds.
 
     Raises:
-        InvalidValueError: actions are unbounded, or anchored ones have no bounds in the environment.
+        InvalidValueError: actions are unbounded, no scores of choices where these are wanted, or anchored: those have
+            no bounds in the environment.
     """
     low, high = action_bounds(layout)
+    if isinstance(policy, CategoricalConfig) and policy.choices == "one_hot" and ((low != 0) | (high != 1)).any():
+        raise InvalidValueError(NO_SCORES.format(layout.spec.task))
     _refuse_anchor(layout, ANCHORED)
     obs = Normaliser(np.zeros(layout.size, np.float32), np.ones(layout.size, np.float32))
     return Interface(layout, obs, _between(low, high), policy.obs_clip, Switches.none(len(low)))
 
 
+def standardised(interface: Interface, obs_norm: RunningMoments) -> Interface:
+    """Return the interface with observations standardised by their moments so far."""
+    return replace(interface, obs=obs_norm.normaliser()) if obs_norm.count else interface
+
+
 def fit_interface(
-    layout: Layout, frames: np.ndarray, actions: np.ndarray, *, policy: SquashedGaussianConfig, bounds: Bounds
+    layout: Layout, frames: np.ndarray, actions: np.ndarray, *, policy: PolicyConfig, bounds: Bounds
 ) -> Interface:
     """Return the interface fitted to demonstrations.
 

@@ -22,38 +22,64 @@ class OffPolicy(OnlineAlgorithm):
     Attributes:
         warmup: environment steps with random actions, before anything is learned.
         utd_ratio: gradient steps of the critics for each environment step (updates to data).
-        actor_every: of these, how many for each one of actor and temperature.
         batch_size: transitions in a minibatch.
         buffer_size: transitions kept.
-        lr: learning rate of actor, critics and temperature, at the start; it changes linearly.
+        lr: learning rate of all that is learned, at the start; it changes linearly.
         lr_floor: what is left of it at the end, as a share; 1 for all. Below that the final policy swings less.
-        tau: share by which target critics follow at each update.
-        critic_hidden: widths of the critics.
-        alpha: temperature at the start.
-        entropy: target entropy for each action element.
+        tau: share by which targets follow at each update.
     """
 
     warmup: int = 5_000
     utd_ratio: float = 1.0
-    actor_every: int = 2
     batch_size: int = 256
     buffer_size: int = 1_000_000
     lr: float = 3e-4
     lr_floor: float = 1.0
     tau: float = 0.005
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "warmup", "utd_ratio", "batch_size", "buffer_size", "lr", "tau")
+        require_share(self, "lr_floor", "tau")
+
+    def lr_at(self, left: float) -> float:
+        """Return the learning rate when the share ``left`` of the training is left."""
+        return self.lr * (self.lr_floor + (1.0 - self.lr_floor) * left)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicyActorCritic(OffPolicy):
+    """Settings of those that have an actor, which critics of actions improve.
+
+    Attributes:
+        actor_every: how many of the critics' gradient steps for each one of the actor.
+        critic_hidden: widths of the critics.
+    """
+
+    actor_every: int = 2
     critic_hidden: tuple[int, ...] = (256, 256)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "actor_every")
+        require_widths(self, "critic_hidden")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftOffPolicy(OffPolicyActorCritic):
+    """Settings of those whose actor is paid for its entropy as well.
+
+    Attributes:
+        alpha: temperature at the start: what entropy is paid.
+        entropy: target entropy for each action element.
+    """
+
     alpha: float = 0.1
     entropy: float = -1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "warmup", "utd_ratio", "actor_every", "batch_size", "buffer_size", "lr", "tau", "alpha")
-        require_share(self, "lr_floor", "tau")
-        require_widths(self, "critic_hidden")
-
-    def lr_at(self, left: float) -> float:
-        """Return the learning rate when the share ``left`` of the training is left."""
-        return self.lr * (self.lr_floor + (1.0 - self.lr_floor) * left)
+        require_positive(self, "alpha")
 
 
 class Collected(NamedTuple):

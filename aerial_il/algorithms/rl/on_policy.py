@@ -21,35 +21,53 @@ class OnPolicy(OnlineAlgorithm):
 
     Attributes:
         rollout: environment steps in a rollout, of all worlds together.
-        epochs: passes over it. batch_size: transitions in a minibatch.
         lr: learning rate at the start; it falls linearly to zero.
         gae_lambda: lambda of the generalised advantages.
-        clip: how far the ratio of probabilities counts.
-        entropy: weight of the entropy. clip_norm: largest gradient norm.
-        target_kl: where a rollout's updates of the actor stop; 0 for nowhere.
         critic_hidden: widths of the critic.
     """
 
     rollout: int = 2048
-    epochs: int = 10
-    batch_size: int = 64
     lr: float = 3e-4
     gae_lambda: float = 0.95
-    clip: float = 0.2
-    entropy: float = 0.0
-    clip_norm: float = 0.5
-    target_kl: float = 0.0
     critic_hidden: tuple[int, ...] = (64, 64)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "epochs", "lr", "clip", "clip_norm")
-        require_not_negative(self, "entropy", "target_kl")
-        for name in ("rollout", "batch_size"):
-            if not getattr(self, name) >= 2:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; advantages are compared, so at least 2.")
+        require_positive(self, "lr")
+        require_compared(self, "rollout")
         require_share(self, "gae_lambda")
         require_widths(self, "critic_hidden")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProximalOnPolicy(OnPolicy):
+    """Settings of those that move over a rollout several times, the actor never far from where it acted.
+
+    Attributes:
+        epochs: passes over a rollout. batch_size: transitions in a minibatch.
+        clip: how far the ratio of probabilities counts.
+        entropy: weight of the entropy. clip_norm: largest gradient norm.
+        target_kl: where a rollout's updates of the actor stop; 0 for nowhere.
+    """
+
+    epochs: int = 10
+    batch_size: int = 64
+    clip: float = 0.2
+    entropy: float = 0.0
+    clip_norm: float = 0.5
+    target_kl: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "epochs", "clip", "clip_norm")
+        require_not_negative(self, "entropy", "target_kl")
+        require_compared(self, "batch_size")
+
+
+def require_compared(settings: object, name: str) -> None:
+    """Raise :class:`InvalidValueError` unless the named setting is at least two steps."""
+    if not getattr(settings, name) >= 2:
+        raise InvalidValueError(f"{name} is {getattr(settings, name)}; advantages are compared, so at least 2.")
 
 
 class Rollout(NamedTuple):
@@ -57,7 +75,8 @@ class Rollout(NamedTuple):
 
     Attributes:
         frames: (T, n, Do) in the world. obs, next_obs: (T, n, Do) encoded; ``next_obs`` was seen before any reset.
-        actions: (T, n, Da) normalised. raw: (T, n, Da) before the tanh. log_prob: (T, n) logarithm of their density.
+        actions: (T, n, Da) normalised. raw: (T, n, R) what was drawn to make them: their forms before the tanh, or
+            the numbers of choices. log_prob: (T, n) logarithm of their density.
         rewards: (T, n) of the environment. terminal, truncated: (T, n) bool; see :class:`Transition`.
     """
 
@@ -83,7 +102,7 @@ class Rollout(NamedTuple):
 
 
 class StochasticActor(Protocol):
-    """Draws actions (n, Da), their forms before the tanh (n, Da) and log densities (n,) for observations (n, Do)."""
+    """Draws actions (n, Da), what makes them (n, R) and log densities (n,) for observations (n, Do)."""
 
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
 

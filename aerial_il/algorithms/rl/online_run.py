@@ -6,14 +6,14 @@ import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import torch
 from tqdm import tqdm
 
-from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.demonstrations import Transitions
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
@@ -22,12 +22,12 @@ from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.core.contracts import BatchEnv
-from aerial_il.core.errors import TrainingDivergedError
+from aerial_il.core.errors import NoRewardError, TrainingDivergedError
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import named_rng, torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.squashed_gaussian import SquashedGaussian, SquashedGaussianConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 
 HINT = "Lower the learning rate; the last checkpoint is intact."
 
@@ -60,15 +60,17 @@ class Problem:
         interface: the way into and out of its network.
         demos: transitions to imitate, or flown at random in a control run; None where the reward teaches.
         dataset: which demonstrations these are, for the run's configuration.
+        scheme: what its steps are paid.
     """
 
     algorithm: str
     seed: int
-    policy: SquashedGaussianConfig
+    policy: PolicyConfig
     env: BatchEnv
     interface: Interface
     demos: Transitions | None = None
     dataset: Mapping[str, Any] | None = None
+    scheme: RewardScheme = field(default_factory=RewardScheme)
 
     def describe(self) -> dict[str, Any]:
         """Return what determines the run besides its settings and policy."""
@@ -103,10 +105,11 @@ class OnlineRun:
         self._origin = {**problem.describe(), "provenance": provenance()}
         self._evaluate, self._progress = evaluate, progress
         self.interface, self.elapsed_s, self._means = problem.interface, 0.0, MetricMeans()
-        self.collector = Collector(problem.env, problem.interface.layout, seed=problem.seed)
+        layout, scheme = problem.interface.layout, problem.scheme
+        self.collector = Collector(problem.env, layout, seed=problem.seed, scheme=scheme)
         self._clock, self._before = time.perf_counter(), 0
         self._parts: dict[str, Stateful] = {}
-        self._actor: SquashedGaussian
+        self._actor: ChunkNetwork
         self._bar: tqdm
 
     @property
@@ -121,15 +124,17 @@ class OnlineRun:
         assert self._problem.demos is not None, "the algorithm asked for demonstrations when the run was opened"
         return self._problem.demos
 
-    def build_actor(self) -> SquashedGaussian:
-        """Return a new network of the policy."""
-        return self._problem.policy.build(*self.sizes)
+    def build_actor[Network: ChunkNetwork](self, kind: type[Network]) -> Network:
+        """Return a new network of the policy, which the algorithm knows to be of this ``kind``."""
+        found = self._problem.policy.build(*self.sizes)
+        assert isinstance(found, kind), "the algorithm says which policies it trains"
+        return found
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return a generator of its own for each ``purpose``."""
         return named_rng(self._problem.seed, self._problem.algorithm, purpose)
 
-    def begin(self, actor: SquashedGaussian, parts: Mapping[str, Stateful]) -> None:
+    def begin(self, actor: ChunkNetwork, parts: Mapping[str, Stateful]) -> None:
         """Go on from the newest checkpoint, if there is one, with ``actor`` and all ``parts`` that change."""
         self._actor, self._parts = actor, {"collector": self.collector, "run": self, **parts}
         if self.folder.resumed:
@@ -195,6 +200,7 @@ class OnlineRun:
             self.folder.save(step, pack(self._parts, self.policy()), keep=settings.keep_checkpoints)
         if self._signals.pending:
             self._signals.stop()
+        self._refuse_silence()
 
     def finish(self) -> ChunkPolicy:
         """Save the trained policy and return it; from now on the run is finished."""
@@ -202,6 +208,13 @@ class OnlineRun:
         policy = self.policy()
         self.folder.finish(policy)
         return policy
+
+    def _refuse_silence(self) -> None:
+        """End a run in which no reward has told anything for too long; what it has done is kept."""
+        step, patience = self.collector.steps, self._problem.scheme.patience
+        if patience and step >= patience and not self.collector.informed and not self._done:
+            self.folder.save(step, pack(self._parts, self.policy()), keep=self._settings.keep_checkpoints)
+            raise NoRewardError(step, self.collector.first_reward)
 
     @property
     def _done(self) -> bool:

@@ -18,6 +18,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.policies.parts.layout import Interface
 
 
 class Batch(NamedTuple):
@@ -99,6 +100,13 @@ class ReplayBuffer:
         """Draw ``count`` transitions with replacement."""
         index = torch.from_numpy(self._rng.integers(0, self._size, count))
         return split(self._rows.index_select(0, index), self._widths)
+
+    def standardise(self, interface: Interface) -> None:
+        """Let rows that were kept with plain observations be as if ``interface`` had standardised them."""
+        obs, _, next_obs, _, _ = self._rows[: self._size].split(self._widths, dim=1)
+        for seen in (obs[:, :-1], next_obs[:, :-1]):
+            normalised = interface.obs.normalise(seen.numpy()).clip(-interface.obs_clip, interface.obs_clip)
+            seen.copy_(torch.from_numpy(normalised))
 
     def snapshot(self) -> Snapshot:
         values = {"at": self._at, "rng": self._rng.bit_generator.state}

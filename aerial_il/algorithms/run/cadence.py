@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 Evaluate = Callable[[ChunkPolicy, int], Mapping[str, float]]  # (policy, step) -> named numbers
-CADENCE = ("log_every", "validate_every", "evaluate_every", "checkpoint_every", "keep_checkpoints")
+CADENCE = ("log_every", "validate_every", "evaluate_every", "checkpoint_every", "keep_checkpoints", "reward_patience")
 
 
 def due(every: int, step: int, *, since: int | None = None) -> bool:

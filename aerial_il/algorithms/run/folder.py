@@ -24,7 +24,7 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import write_atomic, write_json
 from aerial_il.core.provenance import provenance
-from aerial_il.core.renamed import ALGORITHM_KEYS
+from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS
 from aerial_il.core.renamed import METRICS as METRIC_NAMES
 from aerial_il.policies import FINAL
 
@@ -193,7 +193,7 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     text = yaml.safe_dump(dict(config), sort_keys=False)
     if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
         before, now = (_flat(yaml.safe_load(t), cadence) for t in ((path / CONFIG).read_text(), text))
-        before = {_new_key(key): value for key, value in before.items()}
+        before = {**_unsaid(now), **{_new_key(key): value for key, value in before.items()}}
         differing = sorted(k for k in before.keys() | now.keys() if before.get(k) != now.get(k))
         if differing:
             changes = "; ".join(f"{k}: {before.get(k)!r} then, {now.get(k)!r} now" for k in differing)
@@ -201,6 +201,12 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     with _writing(path / CONFIG):
         write_atomic(path / CONFIG, text)
         write_json(path / PROVENANCE, provenance())
+
+
+def _unsaid(now: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of the settings in ``now`` that an earlier version did not write, as it ran."""
+    added = {f"settings.{name}": value for name, value in ADDED.items()}
+    return {key: value for key, value in added.items() if key in now}
 
 
 def _new_key(key: str) -> str:

@@ -50,6 +50,19 @@ class TrainState[Network: nn.Module]:
         from_arrays(self.optimizer, below("optimizer.", saved.arrays))
 
 
+class Weights:
+    """A network that is moved without an optimiser, as one part of a run's state."""
+
+    def __init__(self, network: nn.Module) -> None:
+        self._network = network
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot({name: array.copy() for name, array in weights_of(self._network).items()})
+
+    def restore(self, saved: Snapshot) -> None:
+        load_weights(self._network, saved.arrays)
+
+
 def adam(network: nn.Module, lr: float) -> torch.optim.Adam:
     """Return Adam over ``network``, its step compiled into one loop over all weights."""
     return torch.optim.Adam(network.parameters(), lr=lr, fused=True)

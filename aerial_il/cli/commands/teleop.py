@@ -38,7 +38,6 @@ from aerial_il.core.errors import InvalidValueError
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Policy
     from aerial_il.suite.batch import BatchEnvironment
-    from aerial_il.teleop.server import Server
 
 TIME_SCALES = ("1", "0.5", "0.25")
 ROBOT, TASK = "fa_hexa_arm4", "reach"
@@ -88,6 +87,7 @@ def run(config: Config) -> None:
     """Fly until interrupted, and say what comes next."""
     from aerial_il.cli.configuration import groups, spelling
     from aerial_il.cli.configuration.quoting import command_line
+    from aerial_il.cli.flights.page import greet
     from aerial_il.cli.flights.sessions import summary, write_summary
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.cockpit import Cockpit
@@ -122,7 +122,7 @@ def run(config: Config) -> None:
         cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
         size = config.size[0], config.size[1]
         site = Site(config.host, config.port, size, tls, controls, partial(summary, config.out))
-        opened = partial(_tell, open_page=config.open, program=program)
+        opened = partial(greet, open_page=config.open, program=program)
         asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
     except KeyboardInterrupt:
         kept = logbook.counts()
@@ -183,21 +183,3 @@ def _tls(config: Config) -> ssl.SSLContext | None:
         print("The browser will not know this certificate; compare its fingerprint before you go on.", flush=True)
     print(f"SHA-256 fingerprint: {told}", flush=True)
     return context
-
-
-def _tell(server: Server, open_page: bool, program: str | None) -> None:
-    """Say where the page is, and open it where there is a screen."""
-    import socket
-    import webbrowser
-
-    from aerial_il.evaluation.films.window import has_screen
-    from aerial_il.teleop.window import open_window
-
-    print(f"Fly here: {server.url}", flush=True)
-    if has_screen():
-        if open_page:
-            open_window(program, server.url) if program else webbrowser.open(server.url)
-    else:
-        tunnel = f"ssh -N -L {server.port}:127.0.0.1:{server.port} {getpass.getuser()}@{socket.gethostname()}"
-        print(f"From another machine, first: {tunnel}", flush=True)
-    print("Ctrl-C ends the session; everything that is saved stays.", flush=True)

@@ -6,7 +6,7 @@ The environment is that of its demonstrations; an algorithm that needs none flie
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -34,7 +34,8 @@ def training_resources(
         dataset: folder of the demonstrations, which say what environment they come from.
         reference: where to fly without any; beside them, what the user typed of theirs.
         images: camera fields that the policy sees.
-        expert: file of an expert from outside; None for the task's own.
+        expert: file of an expert from outside, ``human`` for a person on the page, ``driver`` for a model of one;
+            None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
         num_envs: worlds flown at once; None for the algorithm's ``worlds``.
         threads: of the simulation, or processes of worlds from outside; 0 for all cores.
@@ -49,17 +50,20 @@ def training_resources(
         return
     import aerial_il
     from aerial_il.cli.flights.environments import EnvironmentReference, reference_of
+    from aerial_il.cli.flights.page import OPERATORS, operator
     from aerial_il.collection.collect import collect
 
     where, asked, typed = reference or EnvironmentReference(), None, reference.env if reference else None
     if dataset is not None:
         spec = aerial_il.open_dataset(dataset).spec
-        asked = _expert(spec, expert, typed) if "expert" in needs else None
+        asked = _expert(spec, expert, typed) if "expert" in needs and expert not in OPERATORS else None
         where = reference_of(spec, images=images, typed=typed)
-    env = where.load(num_envs=num_envs or algorithm.worlds, threads=threads, tier=tier)
+    worlds = 1 if expert in OPERATORS else num_envs or algorithm.worlds
+    env = where.load(num_envs=worlds, threads=1 if expert in OPERATORS else threads, tier=tier)
     try:
-        handed = {"env": env, "expert": asked, "collect": collect}
-        yield {name: handed[name] for name in needs}
+        with operator(expert, env) if expert in OPERATORS else nullcontext(asked) as teacher:
+            handed = {"env": env, "expert": teacher, "collect": collect}
+            yield {name: handed[name] for name in needs}
     finally:
         env.close()
 

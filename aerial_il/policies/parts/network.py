@@ -46,6 +46,33 @@ class ChunkNetwork(nn.Module, ABC):
         """
 
 
+class StochasticNetwork(ChunkNetwork, ABC):
+    """A network that draws its actions and knows how likely each was: what policy gradients move.
+
+    Its distribution is told by some tensors, as :meth:`distribution` returns them.
+    """
+
+    @abstractmethod
+    def distribution(self, obs: Tensor) -> tuple[Tensor, ...]:
+        """Return what tells the distributions for ``obs`` (B, To, Do)."""
+
+    @abstractmethod
+    def sample(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Draw for ``obs`` (B, To, Do).
+
+        Returns:
+            Actions (B, Ta * Da); what was drawn to make them (B, R); the logarithm of their density (B,).
+        """
+
+    @abstractmethod
+    def judge(self, obs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+        """Return log densities (B,) of what was ``drawn`` (B, R), and entropies (B,) but for a constant."""
+
+    @abstractmethod
+    def divergence(self, of: tuple[Tensor, ...], against: tuple[Tensor, ...]) -> Tensor:
+        """Return Kullback-Leibler divergences (B,) between two of :meth:`distribution`'s answers."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PolicyConfig(ABC):
     """What all chunked policies can be told; every policy file extends it.

@@ -72,7 +72,7 @@ class OutsideBatch(BatchEnvBase):
             raise InvalidValueError(f"{source}:{name} has no time limit of its own; give max_steps=N.")
         self._states = _states_of(first)
         self.rule = SuccessRule.of(success) if success else _rule_of(first)
-        self.model = ActuatorCount(_controls(first))
+        self.model, self.goal_spec = ActuatorCount(_controls(first)), first.goal_spec
         self.spec = EnvSpec(
             robot=source,
             task=name,

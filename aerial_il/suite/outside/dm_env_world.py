@@ -10,6 +10,7 @@ import numpy as np
 from dm_env import specs
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
 from aerial_il.suite.outside.gymnasium_world import DEFAULT_DT_S, LEVEL
 from aerial_il.suite.outside.world import Outcome
@@ -20,6 +21,8 @@ TERMINAL_DISCOUNT = 0.0
 
 class DmEnvWorld:
     """A world that makes a new environment for each seed, which no memory can survive; see :class:`World`."""
+
+    goal_spec: GoalSpec | None = None
 
     def __init__(self, make: MakeEnv) -> None:
         self._make = make

@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium import spaces
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import ActionSpec, Field, Group, ObservationSpec
 from aerial_il.suite.outside.world import Outcome
 
@@ -31,6 +32,7 @@ class GymnasiumWorld:
         self.observation = observation_spec(self._env.observation_space)
         self.action = action_spec(self._env.action_space, actuators(self._env.unwrapped))
         self.control_dt_s = control_dt_s(self._env)
+        self.goal_spec = goal_of(self._env)
 
     def reset(self, seed: int) -> Outcome:
         obs, info = self._env.reset(seed=seed)
@@ -125,6 +127,23 @@ def action_spec(space: spaces.Space[Any], labels: tuple[str, ...] = ()) -> Actio
     usable = len(labels) == len(low) and len(set(labels)) == len(labels) and all(labels)
     names = labels if usable else tuple(f"a{i}" for i in range(len(low)))
     return ActionSpec(LEVEL, names, ("",) * len(low), low, high)
+
+
+def goal_of(env: gymnasium.Env[Any, Any]) -> GoalSpec | None:
+    """Return the goal of an environment with Gymnasium's interface for them, or None."""
+    space, compute_reward = env.observation_space, getattr(env.unwrapped, "compute_reward", None)
+    if compute_reward is None or not isinstance(space, spaces.Dict):
+        return None
+    if not {"achieved_goal", "desired_goal"} <= space.spaces.keys():
+        return None
+
+    def reward(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
+        found = np.asarray(compute_reward(achieved, desired, {}), float)
+        if found.shape == (len(achieved),):
+            return found
+        return np.array([compute_reward(a, d, {}) for a, d in zip(achieved, desired, strict=True)], float)
+
+    return GoalSpec(("achieved_goal",), ("desired_goal",), reward)
 
 
 def actuators(inner: Any) -> tuple[str, ...]:

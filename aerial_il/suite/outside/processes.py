@@ -70,7 +70,7 @@ class SharedBatch(BatchEnvBase):
         self._own = make(shares[0])
         self.num_envs, self.ends_at_success = num_envs, self._own.ends_at_success
         self.spec, self.rule = self._own.spec, self._own.rule
-        self.model, self.model_xml = self._own.model, self._own.model_xml
+        self.model, self.model_xml, self.goal_spec = self._own.model, self._own.model_xml, self._own.goal_spec
         self.seeds = self._all("seeds")
 
     @property

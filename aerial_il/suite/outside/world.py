@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import ActionSpec, ObservationSpec
 
 
@@ -32,13 +33,14 @@ class World(Protocol):
 
     Attributes:
         observation, action: what it shows and takes. control_dt_s: time between two actions, s. max_steps: its own time
-            limit, None for none.
+            limit, None for none. goal_spec: what can be exchanged after the fact, or None.
     """
 
     observation: ObservationSpec
     action: ActionSpec
     control_dt_s: float
     max_steps: int | None
+    goal_spec: GoalSpec | None
 
     def reset(self, seed: int) -> Outcome:
         """Start the episode of ``seed``, always the same one."""

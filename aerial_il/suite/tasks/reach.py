@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.control.dynamics import put
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import closeness, norm, rotation_cosine, sub
 from aerial_il.core.specs import Field
@@ -27,6 +28,19 @@ START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.2]), np.array([0.3, 0.3, 1.6])
 TARGET = 0  # site
 
 
+def reached(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
+    """Return 1.0 where poses of the tool are within the tolerances of those wanted, else 0.0, (m,).
+
+    Args:
+        achieved, desired: (m, 9) position and first two columns of the rotation, world.
+    """
+    near = np.linalg.norm(achieved[:, :3] - desired[:, :3], axis=1) <= POSITION_TOLERANCE_M
+    (a1, a2), (b1, b2) = (np.split(pose[:, 3:], 2, axis=1) for pose in (achieved, desired))
+    columns = ((a1, b1), (a2, b2), (np.cross(a1, a2), np.cross(b1, b2)))
+    trace = sum(np.sum(a * b, axis=1) for a, b in columns)
+    return (near & (0.5 * (trace - 1.0) >= ANGLE_TOLERANCE_COS)).astype(float)
+
+
 class Reach(Task):
     """Tool within 2 cm and 10° of a random pose for 1 s."""
 
@@ -38,6 +52,12 @@ class Reach(Task):
     subtasks = ("within_10_cm", "at_position", "at_orientation")
     names = Names(sites=("target",))
     told = ("target",)
+    goal = GoalSpec(
+        achieved=("ee_pos", "ee_rot6d"),
+        desired=("target_pos", "target_rot6d"),
+        reward=reached,
+        offsets={"tool_to_target": ("target_pos", "ee_pos")},
+    )
 
     needs_flight = False
 

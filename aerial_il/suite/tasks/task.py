@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.physics.world import Names
@@ -75,6 +76,8 @@ class Task(ABC):
         told: sites and mocap bodies of ``names`` that the user tells the robot, which need not see them: exact in
             every tier.
         privileged: fields that no real robot has, each with the reason.
+        goal: which fields tell what is wanted and what has been achieved, and what any of it is paid, where success is
+            a matter of the goal alone; None elsewhere.
     """
 
     name: ClassVar[str]
@@ -90,6 +93,7 @@ class Task(ABC):
     names: ClassVar[Names] = Names()
     told: ClassVar[tuple[str, ...]] = ()
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
+    goal: ClassVar[GoalSpec | None] = None
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels

@@ -22,6 +22,7 @@ export function draw() {
   if (!status) return;
   offer();
   drawFlier(status);
+  drawLesson(status.lesson);
   drawEpisode(status);
   setText($("speed"), status.speed.toFixed(2));
   $("gripper").value = status.opening;
@@ -50,6 +51,16 @@ function drawEpisode(status) {
   $("count-waiting").parentElement.classList.toggle("some", status.waiting > 0);
   setHidden($("practice"), !status.practice);
   if (status.cameras) nameCameras(status.cameras);
+}
+
+function drawLesson(lesson) { // how a policy that learns from these flights gets on
+  const told = JSON.stringify(lesson ?? {}), panel = $("lesson");
+  if (panel.dataset.told === told) return;
+  panel.dataset.told = told;
+  panel.hidden = !lesson?.message;
+  setText($("lesson-message"), lesson?.message ?? "");
+  $("lesson-rounds").replaceChildren(...(lesson?.rounds ?? []).map(({ alone, share }, i) =>
+    make("li", `round ${i + 1}: ${alone} % without help, you flew ${share} %`)));
 }
 
 function drawFlier(status) { // of flights that a person and a policy share

@@ -1,0 +1,148 @@
+"""Deep deterministic policy gradient (DDPG): a critic of actions, and an actor without chance that climbs it.
+
+Each turn takes one step in every world with the actor's action and Gaussian noise on it, keeps it, and takes
+``utd_ratio`` gradient steps for each environment step on minibatches of the buffer:
+
+    critic  ``Q(s, a) = r + gamma * Q'(s', mu'(s'))``,        actor  ``max Q(s, mu(s))``,
+
+Q' and mu' following slowly. The critic's errors are climbed as readily as its insights, which ``td3`` mends. The actor
+is the centre of a ``squashed_gaussian``, whose spread is not used.
+
+Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success``
+of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
+
+Source: T. Lillicrap et al., "Continuous Control with Deep Reinforcement Learning", 2016, algorithm 1, with independent
+noise in place of its correlated one, and the sizes and rates of "our DDPG" in S. Fujimoto et al., "Addressing Function
+Approximation Error in Actor-Critic Methods", 2018.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from aerial_il.algorithms.rl.critics import Critics, Target
+from aerial_il.algorithms.rl.memory import Memory
+from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
+from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
+from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
+from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.tensors import tensor
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeterministicGradientLearning(OffPolicyReinforcement, OffPolicyActorCritic):
+    """Settings of a run, beside those of :class:`OffPolicyReinforcement` and :class:`OffPolicyActorCritic`.
+
+    Attributes:
+        noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
+    """
+
+    name: ClassVar[str] = "ddpg"
+
+    actor_every: int = 1
+    lr: float = 1e-3
+    noise: float = 0.1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "noise")
+
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        agent = DeterministicAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
+        memory = Memory(self, run, self.buffer_size)
+        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **memory.parts})
+
+        while run.goes_on():
+            warming_up = run.collector.steps < self.warmup
+            memory.step(blind if warming_up else agent)
+            if not warming_up:
+                memory.settle()
+
+            agent.set_lr(self.lr_at(run.left))
+            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
+                run.log(agent.update(memory.sample(self.batch_size)))
+            run.end_turn()
+
+        return run.finish()
+
+
+class DeterministicAgent:
+    """Actor and critic, with slowly following targets of both.
+
+    Args:
+        settings: of the algorithm.
+        actor: the policy's network.
+        sizes: elements of an observation and of an action, Do and Da.
+    """
+
+    def __init__(
+        self, settings: DeterministicGradientLearning, actor: SquashedGaussian, sizes: tuple[int, int]
+    ) -> None:
+        self.settings, self.actor, self._updates = settings, actor, 0
+        critic = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden, count=1)
+        self._actor_state = TrainState(actor, adam(actor, settings.lr))
+        self._critic = TrainState(critic, adam(critic, settings.lr))
+        self._actor_target, self._critic_target = Target(actor), Target(critic)
+
+    @torch.no_grad()
+    def explore(self, obs: np.ndarray) -> np.ndarray:
+        """Return the actor's actions with noise (n, Da) for encoded observations (n, Do)."""
+        actions = self.actor(tensor(obs)[:, None])[:, 0]
+        return (actions + self.settings.noise * torch.randn_like(actions)).clamp(-1, 1).numpy()
+
+    def set_lr(self, lr: float) -> None:
+        """Take all steps that follow at the learning rate ``lr``."""
+        for part in (self._actor_state, self._critic):
+            part.set_lr(lr)
+
+    def update(self, batch: Batch) -> dict[str, float]:
+        """Take one step of the critic, of the actor where it is due, and of the targets."""
+        critic_loss, metrics = self.critic_loss(batch)
+        self._critic.descend(critic_loss)
+        self._updates += 1
+        if self._updates % self.settings.actor_every == 0:
+            actor_loss = self.actor_loss(batch)
+            self._actor_state.descend(actor_loss)
+            metrics["actor/loss"] = actor_loss.item()
+        for target in (self._actor_target, self._critic_target):
+            target.follow(self.settings.tau)
+        return metrics
+
+    def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
+        """Return the squared distance from ``r + gamma * Q'(s', mu'(s'))``."""
+        with torch.no_grad():
+            actions = self._actor_target.network(batch.next_obs[:, None, :-1])[:, 0]
+            worth = self._critic_target.network(batch.next_obs, actions)[0]
+            targets = batch.rewards + self.settings.gamma * batch.continues * worth
+        values = self._critic.network(batch.obs, batch.actions)[0]
+        loss = ((values - targets) ** 2).mean()
+        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+
+    def actor_loss(self, batch: Batch) -> Tensor:
+        """Return ``-Q(s, mu(s))``, and what rough actions cost."""
+        obs = batch.obs[:, :-1]
+        worth = self._critic.network(batch.obs, self.actor(obs[:, None])[:, 0])[0]
+        return -worth.mean() + self.settings.smoothness.loss(self.actor, obs, batch.next_obs[:, :-1])
+
+    @property
+    def _parts(self) -> dict[str, Stateful]:
+        targets = {"actor_target": self._actor_target, "critic_target": self._critic_target}
+        return {"actor": self._actor_state, "critic": self._critic, **targets}
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
+
+    def restore(self, saved: Snapshot) -> None:
+        separate(saved, self._parts)
+        self._updates = saved.values["updates"]

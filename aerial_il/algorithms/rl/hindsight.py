@@ -1,0 +1,120 @@
+"""Hindsight experience replay: an episode that missed its goal is remembered as one that reached what it did reach.
+
+An environment says which fields of its observations tell the goal, and what another would have paid
+(:mod:`aerial_il.core.goals`). All transitions are paid by that rule, those with the original goal too. An end by
+success is no end for the critic, for what has been reached can be held; every other end is one. Where episodes end in
+crashes a goal must therefore pay 1 when it is reached, not -1 until then: to crash would be the way out.
+
+Source: M. Andrychowicz et al., "Hindsight Experience Replay", 2017, section 4.5: strategies ``future`` and ``final``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from aerial_il.algorithms.rl.collector import Transition
+from aerial_il.algorithms.run.checks import require_choice, require_not_negative
+from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.goals import GoalColumns
+
+Strategy = Literal["future", "final"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hindsight:
+    """Settings.
+
+    Attributes:
+        goals: how many other goals each step is remembered with; 0 for no hindsight. The source's is 4.
+        strategy: where they were achieved: at a random step of the same episode from then on (``future``), or at its
+            ``final`` one, which is a single goal.
+    """
+
+    goals: int = 0
+    strategy: Strategy = "future"
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "goals")
+        require_choice(self, "strategy", Strategy)
+        if self.strategy == "final" and self.goals > 1:
+            raise InvalidValueError(f"goals is {self.goals}; an episode has one final goal: set goals=1.")
+
+
+class Flown(NamedTuple):
+    """T transitions of one episode.
+
+    Attributes:
+        frames, next_frames: (T, Do) in the world. actions: (T, Da) normalised.
+        penalties: (T,) what rough actions cost. lost: (T,) bool, the episode ended otherwise than by success.
+    """
+
+    frames: np.ndarray
+    actions: np.ndarray
+    next_frames: np.ndarray
+    penalties: np.ndarray
+    lost: np.ndarray
+
+
+class Relabeller:
+    """The episodes that run in n worlds, and what they are once more when they end.
+
+    Args:
+        settings: how often and how. goal: of the environment, in frames. worlds: n. rng: draws the goals.
+    """
+
+    def __init__(self, settings: Hindsight, goal: GoalColumns, worlds: int, rng: np.random.Generator) -> None:
+        self._settings, self.goal, self._rng = settings, goal, rng
+        self._running: list[list[tuple[np.ndarray, ...]]] = [[] for _ in range(worlds)]
+
+    def rewards(self, step: Transition) -> np.ndarray:
+        """Return what one step of all worlds is paid for its own goals, (n,)."""
+        return self.goal.rewards(step.next_frames) - step.penalties
+
+    def add(self, step: Transition, actions: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+        """Take one step of all worlds in, with normalised ``actions`` (n, Da).
+
+        Returns:
+            For each episode that ended with it: frames, actions, rewards, next_frames, lost, with other goals.
+        """
+        lost = step.terminal & ~step.success
+        for i, running in enumerate(self._running):
+            running.append((step.frames[i], actions[i], step.next_frames[i], step.penalties[i], lost[i]))
+        ended = np.flatnonzero(step.terminal | step.truncated)
+        found = [self._again(Flown(*map(np.stack, zip(*self._running[i], strict=True)))) for i in ended]
+        for i in ended:
+            self._running[i] = []
+        return found
+
+    def _again(self, episode: Flown) -> tuple[np.ndarray, ...]:
+        """Return an episode's transitions with goals that it achieved, each ``goals`` times."""
+        steps = np.repeat(np.arange(len(episode.frames)), self._settings.goals)
+        last = len(episode.frames) - 1
+        final = self._settings.strategy == "final"
+        when = np.full(len(steps), last) if final else self._rng.integers(steps, last + 1)
+        goals = self.goal.achieved(episode.next_frames[when])
+        frames, next_frames = (
+            self.goal.exchanged(seen[steps], goals) for seen in (episode.frames, episode.next_frames)
+        )
+        rewards = self.goal.rewards(next_frames) - episode.penalties[steps]
+        return frames, episode.actions[steps], rewards, next_frames, episode.lost[steps]
+
+    def snapshot(self) -> Snapshot:
+        lengths = np.array([len(running) for running in self._running])
+        flown = [step for running in self._running for step in running]
+        columns = zip(*flown, strict=True) if flown else ()
+        arrays = {name: np.stack(rows) for name, rows in zip(Flown._fields, columns, strict=bool(flown))}
+        return Snapshot({"lengths": lengths, **arrays}, {"rng": self._rng.bit_generator.state})
+
+    def restore(self, saved: Snapshot) -> None:
+        self._rng.bit_generator.state = saved.values["rng"]
+        lengths = saved.arrays["lengths"]
+        if not lengths.any():
+            self._running = [[] for _ in lengths]
+            return
+        flown = list(zip(*(saved.arrays[name] for name in Flown._fields), strict=True))
+        ends = np.cumsum(lengths)
+        self._running = [flown[end - length : end] for end, length in zip(ends, lengths, strict=True)]

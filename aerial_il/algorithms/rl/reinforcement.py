@@ -1,0 +1,59 @@
+"""Settings of algorithms that learn from a reward: which one, how long to wait for it, and how smoothly to act."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.rl.collector import RewardScheme
+from aerial_il.algorithms.rl.hindsight import Hindsight
+from aerial_il.algorithms.rl.online_run import Problem
+from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.run.checks import require_choice, require_not_negative
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.network import PolicyConfig
+
+Reward = Literal["environment", "sparse"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reinforcement(OnlineAlgorithm):
+    """What learners from a reward are given; stands before :class:`OffPolicy` or :class:`OnPolicy` among the bases.
+
+    Attributes:
+        reward: what pays: the ``environment``'s own reward, dense in the suite; or ``sparse``, 1 for success.
+        reward_patience: environment steps after which a run stops that no reward has told anything yet; 0 for never.
+        smoothness: what rough actions cost, and how the actor is held back from them.
+    """
+
+    reward: Reward = "environment"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = field(default_factory=Smoothness)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_choice(self, "reward", Reward)
+        require_not_negative(self, "reward_patience")
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        """Return what is learned on, paid as the settings say."""
+        plain = super().problem(dataset, policy, env, seed)
+        sparse = self.reward == "sparse"
+        scheme = RewardScheme(sparse=sparse, smoothness=self.smoothness, patience=self.reward_patience)
+        return replace(plain, scheme=scheme)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicyReinforcement(Reinforcement):
+    """What learners from remembered rewards are given besides.
+
+    Attributes:
+        hindsight: what else past episodes are taken for to have pursued.
+        obs_norm: standardise observations by their moments in the warm-up; they stay as they are then.
+    """
+
+    hindsight: Hindsight = field(default_factory=Hindsight)
+    obs_norm: bool = False

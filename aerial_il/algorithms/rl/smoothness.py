@@ -1,0 +1,74 @@
+"""Smoothness: penalties on how fast actions change, taken from the reward, and regularisers of the actor.
+
+CAPS pulls the actor's answers to one observation and the next together, and its answers to an observation and to one
+nearby. Penalties are the other way: what changed from action to action costs reward, so that the critic knows. Their
+cause, the actions before, is not observed.
+
+Source: S. Mysore et al., "Regularizing Action Policies for Smooth Control with Reinforcement Learning", 2021, equations
+2 to 4. It measures distances between actions by their length; here it is their mean square, smooth at zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.parts.network import ChunkNetwork
+
+
+@dataclass(frozen=True, kw_only=True)
+class Smoothness:
+    """Weights, all 0 by default: nothing is asked. Actions count from -1 to 1 over their bounds.
+
+    Attributes:
+        temporal: CAPS, of the squared difference between the actor's centres for an observation and the next.
+        spatial: CAPS, of the one between those for an observation and another drawn near it.
+        radius: standard deviation of that draw, in the network's units.
+        rate_penalty: reward taken for each unit of the squared difference between two actions, mean over elements.
+        jerk_penalty: the same of the squared third difference of four actions.
+    """
+
+    temporal: float = 0.0
+    spatial: float = 0.0
+    radius: float = 0.05
+    rate_penalty: float = 0.0
+    jerk_penalty: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "temporal", "spatial", "radius", "rate_penalty", "jerk_penalty")
+
+    def loss(self, actor: ChunkNetwork, obs: Tensor, next_obs: Tensor) -> Tensor | float:
+        """Return what the actor's loss is raised by, for encoded observations (B, Do) and the next ones (B, Do).
+
+        Raises:
+            InvalidValueError: the actor chooses among a few actions, which nothing moves little by little.
+        """
+        if not (self.temporal or self.spatial):
+            return 0.0
+        here, found = actor(obs[:, None]), torch.zeros(())
+        if not here.requires_grad:
+            raise InvalidValueError("Choices cannot be regularised by temporal and spatial: use rate_penalty instead.")
+        if self.temporal:
+            found = found + self.temporal * ((here - actor(next_obs[:, None])) ** 2).mean()
+        if self.spatial:
+            near = obs + self.radius * torch.randn_like(obs)
+            found = found + self.spatial * ((here - actor(near[:, None])) ** 2).mean()
+        return found
+
+    def penalties(self, recent: np.ndarray, ages: np.ndarray) -> np.ndarray:
+        """Return what the last action of each world costs, (n,).
+
+        Args:
+            recent: (n, 4, Da) its last actions from -1 to 1, the newest last. ages: (n,) how many of them there are.
+        """
+        cost = np.zeros(len(recent))
+        for weight, order in ((self.rate_penalty, 1), (self.jerk_penalty, 3)):
+            if weight:
+                change = np.diff(recent, n=order, axis=1)[:, -1]
+                cost += np.where(ages > order, weight * (change**2).mean(axis=1), 0.0)
+        return cost

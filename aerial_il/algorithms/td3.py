@@ -1,0 +1,154 @@
+"""Twin delayed deep deterministic policy gradient (TD3): an actor without chance, and critics that are not believed.
+
+Each turn takes one step in every world with the actor's action and Gaussian noise on it, keeps it, and takes
+``utd_ratio`` gradient steps for each environment step on minibatches of the buffer. Two critics learn
+
+    ``Q(s, a) = r + gamma * min Q'(s', a')``,    a' = clip(mu'(s') + clip(eps, -c, c), -1, 1),    eps ~ N(0, sigma'),
+
+Q' and mu' following critics and actor slowly: the smaller of two estimates, over actions around the target's, so that
+no narrow peak of an error is climbed. The actor mu climbs the first critic at every ``actor_every``-th step, when the
+critics have settled a little. It is the centre of a ``squashed_gaussian``, whose spread is not used.
+
+Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success``
+of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
+
+Source: S. Fujimoto et al., "Addressing Function Approximation Error in Actor-Critic Methods", 2018, algorithm 1;
+defaults are those of its authors' code, but for the warm-up, there 25,000 steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from aerial_il.algorithms.rl.critics import Critics, Target
+from aerial_il.algorithms.rl.memory import Memory
+from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
+from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
+from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
+from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.tensors import tensor
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinDelayedLearning(OffPolicyReinforcement, OffPolicyActorCritic):
+    """Settings of a run, beside those of :class:`OffPolicyReinforcement` and :class:`OffPolicyActorCritic`.
+
+    Attributes:
+        noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
+        target_noise: the same of the target's actions. noise_clip: how far these are moved at most.
+    """
+
+    name: ClassVar[str] = "td3"
+
+    noise: float = 0.1
+    target_noise: float = 0.2
+    noise_clip: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "noise", "target_noise", "noise_clip")
+
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
+        memory = Memory(self, run, self.buffer_size)
+        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **memory.parts})
+
+        while run.goes_on():
+            warming_up = run.collector.steps < self.warmup
+            memory.step(blind if warming_up else agent)
+            if not warming_up:
+                memory.settle()
+
+            agent.set_lr(self.lr_at(run.left))
+            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
+                run.log(agent.update(memory.sample(self.batch_size)))
+            run.end_turn()
+
+        return run.finish()
+
+
+class TwinDelayedAgent:
+    """Actor and two critics, with slowly following targets of all of them.
+
+    Args:
+        settings: of the algorithm.
+        actor: the policy's network.
+        sizes: elements of an observation and of an action, Do and Da.
+    """
+
+    def __init__(self, settings: TwinDelayedLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+        self.settings, self.actor, self._updates = settings, actor, 0
+        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
+        self._actor_state = TrainState(actor, adam(actor, settings.lr))
+        self._critics = TrainState(critics, adam(critics, settings.lr))
+        self._actor_target, self._critic_targets = Target(actor), Target(critics)
+
+    @torch.no_grad()
+    def explore(self, obs: np.ndarray) -> np.ndarray:
+        """Return the actor's actions with noise (n, Da) for encoded observations (n, Do)."""
+        actions = self.actor(tensor(obs)[:, None])[:, 0]
+        return (actions + self.settings.noise * torch.randn_like(actions)).clamp(-1, 1).numpy()
+
+    def set_lr(self, lr: float) -> None:
+        """Take all steps that follow at the learning rate ``lr``."""
+        for part in (self._actor_state, self._critics):
+            part.set_lr(lr)
+
+    def update(self, batch: Batch) -> dict[str, float]:
+        """Take one step of the critics and, where it is due, of the actor and all targets."""
+        critic_loss, metrics = self.critic_loss(batch)
+        self._critics.descend(critic_loss)
+        self._updates += 1
+        if self._updates % self.settings.actor_every == 0:
+            actor_loss = self.actor_loss(batch)
+            self._actor_state.descend(actor_loss)
+            metrics["actor/loss"] = actor_loss.item()
+            for target in (self._actor_target, self._critic_targets):
+                target.follow(self.settings.tau)
+        return metrics
+
+    def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
+        """Return the squared Bellman error of both critics."""
+        targets = self.bellman_targets(batch)
+        values = self._critics.network(batch.obs, batch.actions)
+        loss = ((values - targets) ** 2).mean(1).sum()
+        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+
+    @torch.no_grad()
+    def bellman_targets(self, batch: Batch) -> Tensor:
+        """Return ``r + gamma * min Q'(s', a')`` (B,), with actions a' drawn around the target's."""
+        actions = self._actor_target.network(batch.next_obs[:, None, :-1])[:, 0]
+        noise = self.settings.target_noise * torch.randn_like(actions)
+        limit = self.settings.noise_clip
+        actions = (actions + noise.clamp(-limit, limit)).clamp(-1, 1)
+        worth = self._critic_targets.network(batch.next_obs, actions).min(0).values
+        return batch.rewards + self.settings.gamma * batch.continues * worth
+
+    def actor_loss(self, batch: Batch) -> Tensor:
+        """Return ``-Q1(s, mu(s))``, and what rough actions cost."""
+        obs = batch.obs[:, :-1]
+        worth = self._critics.network(batch.obs, self.actor(obs[:, None])[:, 0])[0]
+        return -worth.mean() + self.settings.smoothness.loss(self.actor, obs, batch.next_obs[:, :-1])
+
+    @property
+    def _parts(self) -> dict[str, Stateful]:
+        targets = {"actor_target": self._actor_target, "critic_targets": self._critic_targets}
+        return {"actor": self._actor_state, "critics": self._critics, **targets}
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
+
+    def restore(self, saved: Snapshot) -> None:
+        separate(saved, self._parts)
+        self._updates = saved.values["updates"]

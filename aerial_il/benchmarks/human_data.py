@@ -1,0 +1,162 @@
+"""Policy classes on human-like demonstrations, beside as many of a script: where several modes must earn their place.
+
+A model of a driver and the scripted expert each demonstrate the same task; every class is cloned from each of them and
+flown on the same unseen seeds. Every stage is kept by all that decides it: killed at any moment, the same call goes on.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.benchmarks.parts.demonstrations import Source
+from aerial_il.benchmarks.parts.driver import Driven
+from aerial_il.benchmarks.parts.progress import bar
+from aerial_il.benchmarks.parts.record import Record
+from aerial_il.benchmarks.parts.report import Report, Row
+from aerial_il.benchmarks.parts.stages import (
+    EVALUATION_SEED,
+    Cloned,
+    Stages,
+    Training,
+    all_that_decides,
+    check_seeds,
+    described,
+)
+from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row
+from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.settings import plain
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.policies.act import ActConfig
+from aerial_il.policies.diffusion import DiffusionConfig
+from aerial_il.policies.flow import FlowConfig
+from aerial_il.policies.gmm import GmmConfig
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.network import PolicyConfig
+
+DRIVER, SCRIPT = "driver", "script"
+NOTES = (
+    "Driver: a model with a reaction time of 0.25 s, errors of sight, tremor, stops and several habits, which sees the "
+    "page's numbers and moves sticks; no person has flown. Script: the expert, without noise.",
+    "The final policy of each training. Trainings of an arm differ in their draw: in demonstrations, weights and "
+    "minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % "
+    "interval with a training as the unit.",
+    "All classes have the same optimisation steps and chunk; the time limit of a flight is the task's own.",
+)
+
+
+def classes() -> dict[str, PolicyConfig]:
+    """Return the policy classes that are compared, as they come."""
+    return {
+        "mlp": MlpConfig(), "gmm": GmmConfig(), "act": ActConfig(), "diffusion": DiffusionConfig(),
+        "flow": FlowConfig(),
+    }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ClonedDriver:
+    """A policy cloned from the driver's demonstrations.
+
+    Attributes:
+        source: the cell and the draw. demos: how many. policy: what is trained. algorithm: how.
+    """
+
+    source: Source
+    demos: int
+    policy: PolicyConfig
+    algorithm: BehaviourCloning
+
+    @property
+    def driven(self) -> Driven:
+        return Driven(self.source.robot, self.source.task, self.source.tier, self.source.draw)
+
+    @property
+    def label(self) -> str:
+        return f"{self.policy.name}/driver/{self.driven.label}/{self.demos}"
+
+    def decided_by(self) -> dict[str, Any]:
+        return {**all_that_decides(self, "bc"), "source": self.driven.decided_by()}
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        shown = self.driven.demonstrations(stages.record, self.demos)
+        return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanData:
+    """Settings.
+
+    Attributes:
+        policies: name -> what is trained. arms: which of them; empty for all. algorithm: how.
+        robot, task, tier: what is flown. demos: of each teacher. draws: one training of each arm each.
+        episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
+    """
+
+    name: ClassVar[str] = "human_data"
+    question: ClassVar[str] = "Which policy classes learn from human-like demonstrations, and which from a script?"
+
+    policies: Mapping[str, PolicyConfig] = field(default_factory=classes)
+    arms: tuple[str, ...] = ()
+    algorithm: BehaviourCloning = field(default_factory=BehaviourCloning)
+    robot: str = "fa_hexa_arm4"
+    task: str = "pick_place"
+    tier: str = "calm"
+    demos: int = 100
+    draws: tuple[int, ...] = (0, 1, 2)
+    episodes: int = 100
+    num_envs: int = 50
+
+    def __post_init__(self) -> None:
+        if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
+            raise InvalidValueError("demos, episodes and num_envs start at 1; draws name at least one.")
+        check_seeds(EVALUATION_SEED, self.episodes)
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Collect, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
+        stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=1, progress=progress)
+        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._trainings())
+        found = [(*arm, stages.judged(arm[2], self.tier, seeds)) for arm in bar(arms, self.name, progress)]
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=self._plain(),
+            targets=(),
+            tables={"Success": list(_rows(found))},
+            notes=(*NOTES, *stages.origins()),
+            details={"failed_seeds": {f"{teacher}: {t.label}": failed_seeds(r) for _, teacher, t, r in found}},
+            wall_time_s=stages.seconds(),
+        )
+
+    def _plain(self) -> dict[str, Any]:
+        """The settings as JSON gives them back."""
+        policies = {name: described(policy) for name, policy in self.policies.items()}
+        return json.loads(json.dumps(plain(self) | {"policies": policies}))
+
+    def _trainings(self) -> Iterator[tuple[str, str, Training]]:
+        """Yield policy class, teacher and training, draw by draw."""
+        names = self.arms or tuple(self.policies)
+        for draw, name, teacher in product(self.draws, names, (DRIVER, SCRIPT)):
+            source = Source(robot=self.robot, task=self.task, tier=self.tier, draw=draw)
+            policy = self.policies[name]
+            if teacher == DRIVER:
+                yield name, teacher, ClonedDriver(source, self.demos, policy, self.algorithm)
+            else:
+                yield name, teacher, Cloned(name, source, self.demos, policy, self.algorithm)
+
+
+def _rows(found: list[tuple[str, str, Training, EvaluationResult]]) -> Iterator[Row]:
+    """Yield a row for each class and teacher, over all draws."""
+    groups: dict[tuple[str, str], list[EvaluationResult]] = {}
+    for name, teacher, _, result in found:
+        groups.setdefault((name, teacher), []).append(result)
+    for (name, teacher), results in groups.items():
+        yield {"policy": name, "teacher": teacher, **pooled_row(results)}
+
+
+BENCHMARK = HumanData

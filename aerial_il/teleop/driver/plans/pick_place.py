@@ -1,0 +1,125 @@
+"""Pick and place by hand: over the cube, down, close, up, over the bowl, down, open, away; again if it slips."""
+
+from __future__ import annotations
+
+import math
+
+from aerial_il.teleop.driver.eyes import Sight
+from aerial_il.teleop.driver.habit import Habit
+from aerial_il.teleop.driver.plan import Wish
+
+BEND_FROM_M = 0.16  # farther away than this, the way there bends to the side
+OVER_M, ASKEW_M = 0.013, 0.035  # beside the cube: good enough to go down, and bad enough to go up again
+FACING_RAD = 0.12
+AT_CUBE_M = 0.008
+CLOSING_TICKS, GIVEN_UP_TICKS = 35, 70
+OVER_BOWL_M = 0.02
+LET_GO_M = 0.052  # the cube's centre over the bowl's underside
+OPEN = 0.85
+
+
+class PickPlacePlan:
+    """Works part by part, by what is seen; a cube that is not where it should be is fetched again."""
+
+    def begin(self, sight: Sight, habit: Habit) -> None:
+        self._habit, self._ticks = habit, 0
+        held = sight.status.subtasks["grasped"]
+        over = math.hypot(*sight.numbers["cube to bowl"][:2]) < 0.05
+        self._part = ("lower" if over else "lift") if held else "over"
+        self._straight = held
+
+    def wish(self, sight: Sight) -> Wish:
+        after = self._next(sight)
+        self._ticks = self._ticks + 1 if after == self._part else 0
+        self._part = after
+        return getattr(self, f"_{after}")(sight)
+
+    def left(self, sight: Sight) -> float:
+        ahead, left, up = sight.numbers["cube to bowl"]
+        flags = sight.status.subtasks
+        if flags["in_bowl"] and not flags["grasped"]:
+            return -math.hypot(*sight.numbers["tool to cube"])
+        if flags["grasped"]:
+            return math.hypot(ahead, left) + 0.3 * abs(up)
+        return 1.0 + math.hypot(*sight.numbers["tool to cube"])
+
+    def _next(self, sight: Sight) -> str:
+        flags, part, ticks = sight.status.subtasks, self._part, self._ticks
+        ahead, left, up = sight.numbers["tool to cube"]
+        beside, turn = math.hypot(ahead, left), abs(sight.numbers["turn to cube"][0])
+        to_bowl, height = math.hypot(*sight.numbers["cube to bowl"][:2]), -sight.numbers["cube to bowl"][2]
+        slipped = ticks > 15 and not flags["grasped"] and math.hypot(ahead, left, up) > 0.035
+        if flags["in_bowl"] and part in ("over", "down"):
+            return "away"
+        match part:
+            case "over" if beside < OVER_M and turn < FACING_RAD and abs(-up - self._habit.height) < 0.05:
+                return "down"
+            case "down" if beside > ASKEW_M:
+                return "over"
+            case "down" if -up < AT_CUBE_M and beside < OVER_M + 0.005:
+                return "close"
+            case "close" if flags["grasped"] and ticks > 10:
+                return "lift"
+            case "close" if ticks > GIVEN_UP_TICKS:
+                return "over"
+            case "lift" | "carry" if slipped:
+                return "over"
+            case "lift" if height > self._habit.height:
+                return "carry"
+            case "carry" if to_bowl < OVER_BOWL_M:
+                return "lower"
+            case "lower" if to_bowl > 0.05:
+                return "carry"
+            case "lower" if height < LET_GO_M or slipped:
+                return "release"
+            case "release" if sight.numbers["gripper"][0] > OPEN:
+                return "away"
+            case "away" if ticks > 75 and not flags["in_bowl"]:
+                return "over"
+        return part
+
+    def _over(self, sight: Sight) -> Wish:
+        ahead, left, up = sight.numbers["tool to cube"]
+        turn = sight.numbers["turn to cube"][0]
+        distance, bend = math.hypot(ahead, left), 0.0
+        if distance < BEND_FROM_M:
+            self._straight = True
+        if not self._straight:
+            bend = self._habit.side
+        if self._habit.turns_first and abs(turn) > 0.3:
+            return Wish("over", turn=(turn, 0.0, 0.0), grip=-1)
+        # the bend is across the way there
+        across = (-left / max(distance, 1e-6), ahead / max(distance, 1e-6))
+        offset = (ahead + bend * across[0], left + bend * across[1], up + self._habit.height)
+        turned = turn if distance < 0.2 or self._habit.turns_first else 0.0
+        return Wish("over", offset, (turned, 0.0, 0.0), grip=-1, fine=math.hypot(*offset) < 0.05)
+
+    def _down(self, sight: Sight) -> Wish:
+        ahead, left, up = sight.numbers["tool to cube"]
+        aside = math.hypot(ahead, left) > OVER_M + 0.007
+        turn = sight.numbers["turn to cube"][0]
+        return Wish("down", (ahead, left, 0.0 if aside else up), (turn, 0.0, 0.0), grip=-1, fine=-up < 0.07)
+
+    def _close(self, sight: Sight) -> Wish:
+        return Wish("close", grip=1, fine=True)
+
+    def _lift(self, sight: Sight) -> Wish:
+        height = -sight.numbers["cube to bowl"][2]
+        return Wish("lift", (0.0, 0.0, self._habit.height + 0.03 - height), grip=1)
+
+    def _carry(self, sight: Sight) -> Wish:
+        ahead, left, up = sight.numbers["cube to bowl"]
+        return Wish("carry", (ahead, left, self._habit.height + up), grip=1, fine=math.hypot(ahead, left) < 0.05)
+
+    def _lower(self, sight: Sight) -> Wish:
+        ahead, left, up = sight.numbers["cube to bowl"]
+        return Wish("lower", (ahead, left, up + LET_GO_M - 0.015), grip=1, fine=-up < 0.12)
+
+    def _release(self, sight: Sight) -> Wish:
+        return Wish("release", grip=-1, fine=True)
+
+    def _away(self, sight: Sight) -> Wish:
+        return Wish("away", (0.0, 0.0, 0.2), grip=-1)
+
+
+PLAN = PickPlacePlan

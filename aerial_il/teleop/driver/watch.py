@@ -1,0 +1,56 @@
+"""When a person who watches a policy takes over, and when they let it have its way again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+IN_A_ROW = 275  # ticks after handing back within which the next trouble counts as the same one
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """By what a flight is judged.
+
+    Attributes:
+        patience_ticks: without getting on by ``step_m`` for so long, it is stuck.
+        step_m: what counts as getting on. astray_m: so much more left than it was at its best, it has gone astray.
+        enough_m: what the person does before they hand back; it doubles when the policy is stuck again at once.
+        least_ticks: for which they fly at least.
+    """
+
+    patience_ticks: int = 125
+    step_m: float = 0.02
+    astray_m: float = 0.12
+    enough_m: float = 0.10
+    least_ticks: int = 25
+
+
+class Watch:
+    """Watches how much is left to do, tick by tick, and says whether take-over is held."""
+
+    def __init__(self, judgement: Judgement) -> None:
+        self._by, self._enough = judgement, judgement.enough_m
+        self.holds, self._tick, self._best, self._got_on = False, 0, float("inf"), 0
+        self._left_then, self._taken, self._handed_back = 0.0, 0, -IN_A_ROW
+
+    def judge(self, left: float) -> bool:
+        """Return whether take-over is held now that so much (m) is left to do."""
+        self._tick += 1
+        if left < self._best - self._by.step_m:
+            self._best, self._got_on = left, self._tick
+        if self.holds and self._is_content(left):
+            self.holds, self._handed_back = False, self._tick
+            self._best, self._got_on = left, self._tick
+        elif not self.holds and self._worries(left):
+            again = self._tick - self._handed_back < IN_A_ROW
+            self._enough = 2.0 * self._enough if again else self._by.enough_m
+            self.holds, self._left_then, self._taken = True, left, self._tick
+        return self.holds
+
+    def _worries(self, left: float) -> bool:
+        stuck = self._tick - self._got_on > self._by.patience_ticks
+        return stuck or left > self._best + self._by.astray_m
+
+    def _is_content(self, left: float) -> bool:
+        long_enough = self._tick - self._taken >= self._by.least_ticks
+        return long_enough and self._left_then - left >= self._enough

@@ -1,0 +1,111 @@
+"""A person on the page as the one whom an interactive algorithm learns from, from the first round to the last."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, Self
+
+from aerial_il.core.contracts import Policy
+from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.teleop.film import Film
+from aerial_il.teleop.flight import CAMERAS, Site, about
+from aerial_il.teleop.inbox import Inbox
+from aerial_il.teleop.logbook import Logbook
+from aerial_il.teleop.loop import Loop
+from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.server import Server
+from aerial_il.teleop.session import State
+
+LEARNER = "learner"
+WATCH_S = 0.1
+
+
+class Costs(Protocol):
+    """What a round's flights cost and brought, as far as a person is shown it."""
+
+    flights: int
+    steps: int
+    expert_steps: int
+    solved_alone: int
+
+
+class PageOperator:
+    """Serves the page from the first round to the last, while flying and while the learner learns.
+
+    Args:
+        env: one world. bindings: of the page's devices. site: where the page is served. operator: who flies.
+        opened: called when the page is there.
+    """
+
+    def __init__(
+        self,
+        env: BatchEnvironment,
+        bindings: Bindings,
+        site: Site,
+        *,
+        operator: str,
+        opened: Callable[[Server], object],
+    ) -> None:
+        self._env, self._bindings, self._operator, self._opened = env, bindings, operator, opened
+        self._inbox = Inbox(bindings)
+        told = about(env, bindings, operator, site)
+        self._server = Server(self._inbox, told, host=site.host, port=site.port, tls=site.tls)
+        self._film = Film(env.model, CAMERAS, site.size, self._server.deliver)
+        self._server.film = self._film
+        self._events = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._events.run_forever, name="page", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        asyncio.run_coroutine_threadsafe(self._server.start(), self._events).result()
+        self._film.start()
+        self._opened(self._server)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._film.close()
+        asyncio.run_coroutine_threadsafe(self._server.close(), self._events).result()
+        self._events.call_soon_threadsafe(self._events.stop)
+        self._thread.join()
+        self._events.close()
+
+    def told(self, rounds: Sequence[Costs], message: str) -> None:
+        """Show how the rounds so far went, and what happens now."""
+        self._server.lesson = {"message": message, "rounds": [progress_of(costs) for costs in rounds]}
+
+    def record(
+        self,
+        env: BatchEnvironment,
+        learner: Policy,
+        out: str | os.PathLike[str],
+        *,
+        seeds: range,
+        tags: Mapping[str, Any],
+    ) -> None:
+        """Let the person watch, take over and keep flights until ``out`` holds one for each of ``seeds``."""
+        logbook = Logbook(env, str(out), operator=self._operator, first_seed=seeds.start, policy=LEARNER, settings=tags)
+        cockpit = Cockpit(env, self._bindings, logbook, policy=learner)
+        flight = Loop(cockpit, self._inbox, self._film.show, self._server.report)
+        self._server.flight = flight
+        flight.start()
+        try:
+            while logbook.seed < seeds.stop or cockpit.state is not State.IDLE:
+                if (error := flight.error or self._film.error) is not None:
+                    raise error
+                time.sleep(WATCH_S)
+        finally:
+            self._server.flight = None
+            flight.close()
+
+
+def progress_of(costs: Costs) -> dict[str, float]:
+    """Return what a person is shown of a round: success without help, and their share of the frames, in %."""
+    return {
+        "alone": round(100 * costs.solved_alone / max(1, costs.flights)),
+        "share": round(100 * costs.expert_steps / max(1, costs.steps), 1),
+    }

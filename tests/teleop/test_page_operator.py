@@ -1,0 +1,79 @@
+"""A person on the page as whom an algorithm learns from: one page through several rounds, told how they went."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from pathlib import Path
+
+import aiohttp
+import pytest
+
+import aerial_il
+from aerial_il.algorithms.interactive.costs import FlightCosts
+from aerial_il.algorithms.interactive.rounds import Operator
+from aerial_il.data.dataset import open_dataset
+from aerial_il.teleop.flight import Site
+from aerial_il.teleop.page_operator import PageOperator, progress_of
+from aerial_il.teleop.server import Server
+from tests.teleop.hands import shipped, world
+
+pytestmark = pytest.mark.render
+KEYS = {"idle": "KeyR", "recording": "KeyR", "review": "Enter"}  # what one presses to keep one flight after the other
+
+
+class Person(threading.Thread):
+    """Somebody with a browser of their own: holds take-over in the midst of each flight, and keeps it."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.url, self.seen, self.done = "", [], threading.Event()
+
+    def open(self, server: Server) -> None:
+        self.url = server.url.replace("http", "ws", 1).replace("/?", "/socket?")
+        self.start()
+
+    def run(self) -> None:
+        asyncio.run(self._fly())
+
+    async def _fly(self) -> None:
+        async with aiohttp.ClientSession() as session, session.ws_connect(self.url) as socket:
+            seq = 0
+            async for message in socket:
+                if message.type is aiohttp.WSMsgType.BINARY:
+                    continue
+                told = json.loads(message.data)
+                if told["type"] != "status":
+                    continue
+                self.seen.append(told)
+                state, steps, seq = told["state"], told["steps"], seq + 1
+                due = state != "recording" or steps > 40
+                pressed = [KEYS[state]] if state in KEYS and due and seq % 4 == 0 else []
+                held = ["KeyT", "KeyA"] if 10 < steps < 30 else []
+                await socket.send_str(
+                    json.dumps({"type": "input", "seq": seq, "held": held, "pressed": pressed, "axes": {}, "t": 0.0})
+                )
+
+
+def test_two_rounds_on_one_page(tmp_path: Path) -> None:
+    env, person = world(task="pick_place"), Person()
+    learner, bindings = aerial_il.expert("fa_hexa_arm4", "pick_place"), shipped("keyboard", "gamepad", "touch")
+    with PageOperator(env, bindings, Site(size=(60, 80)), operator="ada", opened=person.open) as operator:
+        assert isinstance(operator, Operator)
+        operator.record(env, learner, tmp_path / "1", seeds=range(5000, 5001), tags={"round": 1})
+        flown = list(open_dataset(tmp_path / "1", failures=True))
+        operator.told([FlightCosts.of(flown)], "Round 1 of 2: it learns.")
+        operator.record(env, learner, tmp_path / "2", seeds=range(5001, 5002), tags={"round": 2})
+    (first,), (second,) = flown, open_dataset(tmp_path / "2", failures=True)
+    assert (first.seed, second.seed) == (5000, 5001)
+    assert 0 < first.is_intervention.sum() < len(first)
+    assert second.provenance["settings"]["round"] == 2
+    told = [status["lesson"] for status in person.seen if status["lesson"]]
+    assert told[-1]["message"] == "Round 1 of 2: it learns."
+    assert told[-1]["rounds"] == [progress_of(FlightCosts.of(flown))]
+
+
+def test_the_share_is_of_frames_and_success_counts_only_without_help() -> None:
+    costs = FlightCosts(flights=4, successes=3, steps=200, expert_steps=30, solved_alone=1)
+    assert progress_of(costs) == {"alone": 25, "share": 15.0}
