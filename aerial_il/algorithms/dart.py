@@ -32,7 +32,7 @@ import numpy as np
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.disagreement import actions_along
-from aerial_il.algorithms.interactive.rounds import Rounds
+from aerial_il.algorithms.interactive.rounds import Operator, Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.supervised.training_set import split
@@ -81,11 +81,17 @@ class Dart(InteractiveAlgorithm):
             raise InvalidValueError(f"held_out is {self.held_out}; it must lie in (0, 1).")
 
     def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+        expert = rounds.problem.expert
+        if isinstance(expert, Operator):
+            raise InvalidValueError(
+                "dart disturbs the flights of an expert that can be asked at any state, and somebody sits at the "
+                "controls. Say algorithm=hg_dagger, or expert=scripted."
+            )
         for number in rounds.left():
             metrics: dict[str, float] = {}
             if number:
                 noise = self._noise(rounds, number)
-                rounds.fly(number, lambda noise=noise: Disturbed(rounds.problem.expert, noise))
+                rounds.fly(number, lambda noise=noise: Disturbed(expert, noise))
                 metrics = {"noise": noise.size, "noise_correlation": noise.correlation}
             rounds.learn(number)
             rounds.end_round(number, evaluate, metrics)

@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 
 
 def open_demonstrations(
-    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: Algorithm | None = None
+    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: Algorithm | BehaviourCloning | None = None
 ) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
 

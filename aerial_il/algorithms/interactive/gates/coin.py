@@ -7,7 +7,7 @@ online learning", AISTATS 2011: algorithm 3.1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -30,9 +30,6 @@ class CoinGate:
         over: rounds of the linear schedule.
     """
 
-    ensemble: ClassVar[int] = 1
-    alone: ClassVar[int] = 0
-
     beta: Beta = "exponential"
     decay: float = 0.7
     over: int = 15
@@ -44,6 +41,14 @@ class CoinGate:
             raise InvalidValueError(f"decay is {self.decay}; a share of flying that decays lies in [0, 1].")
         if self.over < 1:
             raise InvalidValueError(f"over is {self.over}; a linear schedule takes at least 1 round.")
+
+    @property
+    def ensemble(self) -> int:
+        return 1
+
+    @property
+    def alone(self) -> int:
+        return 0
 
     def share(self, number: int) -> float:
         """Return beta in round ``number``: 1 in round 0, never rising."""

@@ -6,7 +6,6 @@ Source: M. Kelly et al., "HG-DAgger: interactive imitation learning with human e
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,10 +23,15 @@ class HumanGate:
         supervisor: who decides: a person, or a script in their place.
     """
 
-    ensemble: ClassVar[int] = 1
-    alone: ClassVar[int] = 0
-
     supervisor: Supervisor = field(default_factory=Corrector)
+
+    @property
+    def ensemble(self) -> int:
+        return 1
+
+    @property
+    def alone(self) -> int:
+        return 0
 
     def open(self, of: Round) -> Gate:
         return _Supervised(self.supervisor, ActionScale.of(of.members[0]))
