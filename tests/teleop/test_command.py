@@ -20,6 +20,9 @@ from aerial_il.cli.main import BAD_USAGE, main
 def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "aerial_il", "teleop", f"out={tmp_path / 'ds'}", "port=0", "task=reach"]
     quiet = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell's background job would hand on its deafness
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=quiet)
     try:
         assert process.stdout is not None
@@ -31,6 +34,7 @@ def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) 
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
     finally:
+        signal.signal(signal.SIGINT, before)
         process.kill()
     assert "0 demonstrations, 0 failures, 0 in the trash" in out
     assert "Traceback" not in err
