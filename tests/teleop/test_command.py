@@ -22,7 +22,7 @@ def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) 
     quiet = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     before = signal.signal(
         signal.SIGINT, signal.default_int_handler
-    )  # a shell's background job would hand on its deafness
+    )  # background jobs hand on their deafness
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=quiet)
     try:
         assert process.stdout is not None
