@@ -5,7 +5,7 @@ rollouts on the way also best/, the policy that flew best in them, which is neve
 values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows
 them all together.
 
-Who flies while it learns does so in the environment of the demonstrations. sac and ppo need none, only env=..., or
+Who flies while it learns does so in the environment of the demonstrations. Learners from reward (sac, ppo, td3 ...) need none, only env=..., or
 robot=... and task=...; said beside a dataset, these are what it must have been recorded with.
 
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
@@ -62,7 +62,7 @@ class Config:
     dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", "all", path=True)
     policy: dict[str, Any] = group("what is trained", "mlp")
     algorithm: dict[str, Any] = group("how it is trained", "bc")
-    robot: Named | None = group("where sac and ppo fly; with a dataset, what it must be of")
+    robot: Named | None = group("where learners from reward fly; with a dataset, what it must be of")
     task: Named | None = group("the same")
     run: str = output(MISSING, "folder of the run")
     env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:Hopper-v5")
