@@ -5,7 +5,7 @@ rollouts on the way also best/, the policy that flew best in them, which is neve
 values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows
 them all together.
 
-Who flies while it learns does so in the environment of the demonstrations. Learners from reward (sac, ppo, td3 ...) need
+Who flies while it learns does so in the environment of the demonstrations. Learners from reward (sac, ppo, td3) need
 none, only env=..., or robot=... and task=...; said beside a dataset, these are what it must have been recorded with.
 
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
