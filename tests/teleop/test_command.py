@@ -20,9 +20,7 @@ from aerial_il.cli.main import BAD_USAGE, main
 def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "aerial_il", "teleop", f"out={tmp_path / 'ds'}", "port=0", "task=reach"]
     quiet = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    before = signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # background jobs hand on their deafness
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs hand on their deafness
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=quiet)
     try:
         assert process.stdout is not None
