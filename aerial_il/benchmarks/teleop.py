@@ -225,7 +225,7 @@ def _found(env: BatchEnvironment, out: Path, told: Row) -> Row:
         try:
             recovered = len(read_episode(recover_episode(part, out / "recovered.mcap").path))
         except AerialError as error:
-            problem = str(error)
+            problem = str(error).replace(f"{out}/", "")
     enough = recovered >= told["steps"] - BUFFERED_STEPS and (recovered > 0 or told["steps"] <= BUFFERED_STEPS)
     return {"whole": whole, "recovered": recovered, "intact": whole == told["finished"] and enough, "problem": problem}
 
