@@ -5,6 +5,9 @@ rollouts on the way also best/, the policy that flew best in them, which is neve
 values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows
 them all together.
 
+Demonstrations that a person flew are relabelled and seen from the tool, which a line says: see docs/teleop.md.
+dataset.by_hand=false learns from them as recorded, true takes any recording for one by hand.
+
 Who flies while it learns does so in the environment of the demonstrations. Learners from reward (sac, ppo, td3) need
 none, only env=..., or robot=... and task=...; said beside a dataset, these are what it must have been recorded with.
 
@@ -53,13 +56,14 @@ class Dataset:
 
     path: str | None = None
     episodes: int | None = None
+    by_hand: bool | None = None
 
 
 @dataclass
 class Config:
     PRESETS: ClassVar[dict[str, str | None]] = {"experiment": None}
 
-    dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", "all", path=True)
+    dataset: Dataset = group("folder of demonstrations; how many of them (null: all); flown by hand or not (null: as they say)", "all", path=True)
     policy: dict[str, Any] = group("what is trained", "mlp")
     algorithm: dict[str, Any] = group("how it is trained", "bc")
     robot: Named | None = group("where learners from reward fly; with a dataset, what it must be of")
@@ -111,11 +115,13 @@ def run(config: Config) -> None:
 def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
     from aerial_il.cli.configuration.build import build_all
+    from aerial_il.cli.flights.by_hand import suited
 
     settings = dict(config.algorithm)
     if config.evaluate_every is not None:
         settings["evaluate_every"] = config.evaluate_every
     policy, algorithm = build_all(config.policy, settings)
+    algorithm, policy = suited(config.dataset.path, algorithm, policy, by_hand=config.dataset.by_hand)
     episodes = _demonstrations(config, algorithm, policy)
     with (
         _told(config),
@@ -195,6 +201,7 @@ def command(config: Config) -> str:
     said += [spelling.path("expert", config.expert.path)] if config.expert.path else []
     learned = [] if config.dataset.path is None else [spelling.path("dataset", config.dataset.path)]
     learned += [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
+    learned += [] if config.dataset.by_hand is None else [f"dataset.by_hand={str(config.dataset.by_hand).lower()}"]
     return command_line(
         [
             "train",
