@@ -48,7 +48,7 @@ def judged(args: argparse.Namespace, settings: list[str], seed: int, robot: str,
         if aerial_il([*command, "progress=false"]):
             raise SystemExit(f"aerial-il {' '.join(command)} has failed.")
     result = load_result(judged)
-    failed = [flight["seed"] for flight in result.per_episode if not flight["success"]]
+    failed = [flight.seed for flight in result.episodes if not flight.success]
     return {"seed": seed, "flown": args.episodes, "solved": args.episodes - len(failed), "failed_seeds": failed}
 
 

@@ -16,7 +16,8 @@ def egocentric[C: PolicyConfig](config: C) -> C:
     Demonstrations from few places show the robot's attitude, joints and place beside what they are there for. A network
     that sees them takes them for signs of how far the task is done.
     """
-    return replace(config, relative=True, blind_to=(*config.blind_to, *(n for n in OWN_POSE if n not in config.blind_to)))
+    more = (name for name in OWN_POSE if name not in config.blind_to)
+    return replace(config, relative=True, blind_to=(*config.blind_to, *more))
 
 
 def chose_view(config: PolicyConfig) -> bool:
