@@ -24,7 +24,7 @@ SUITED = Waypoints(lookahead_s=LOOKAHEAD_S)
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Flights by the model of a person, in ``hands``; by a script, in ``script``; by hand, but no poses, in ``rates``."""
+    """Flights by the model of a person: by poses, ``hands``; by differences, ``rates``; and by a ``script``."""
     folder = tmp_path_factory.mktemp("by_hand")
     for name, settings in (("hands", {}), ("rates", {"action": "ee_delta"})):
         env = world(**settings)

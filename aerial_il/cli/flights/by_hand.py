@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
-from aerial_il.core.contracts import Algorithm
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import flown_by_hand
@@ -20,9 +19,7 @@ if TYPE_CHECKING:
 LOOKAHEAD_S = 2.0
 
 
-def suited[P: PolicyConfig](
-    path: str | None, algorithm: Algorithm, policy: P, *, by_hand: bool | None
-) -> tuple[Algorithm, P]:
+def suited[A, P: PolicyConfig](path: str | None, algorithm: A, policy: P, *, by_hand: bool | None) -> tuple[A, P]:
     """Return settings that learn from the dataset as it was flown; those of the user's own choice are kept.
 
     Demonstrations that a person flew are relabelled (:mod:`aerial_il.data.waypoints`) and seen from the tool
