@@ -95,20 +95,18 @@ def known(episode: Episode) -> np.ndarray:
 def _moving(labels: np.ndarray, dt: float) -> np.ndarray:
     """Return the steps (T,) whose commanded pose differs from the one before."""
     change = _change(labels)
-    still = (change[:, :3] <= STILL_M_S * dt).all(1) & (change[:, TURN] <= STILL_ROT6D_S * dt).all(1)
-    return ~still
+    return (change[:, :3].max(1) > STILL_M_S * dt) | (change[:, TURN].max(1) > STILL_ROT6D_S * dt)
 
 
 def _near_grip(labels: np.ndarray, dt: float) -> np.ndarray:
     """Return the steps (T,) in which the gripper is commanded to move, with a margin on both sides."""
-    moves = (_change(labels)[:, TURN.stop :] > STILL_GRIPPER_S * dt).any(1)
+    moves = _change(labels)[:, TURN.stop :].max(1, initial=0.0) > STILL_GRIPPER_S * dt
     margin = round(GRIP_MARGIN_S / dt)
-    padded = np.pad(moves, margin)
-    return np.lib.stride_tricks.sliding_window_view(padded, 2 * margin + 1).any(1)
+    return np.lib.stride_tricks.sliding_window_view(np.pad(moves, margin), 2 * margin + 1).max(1)
 
 
 def _change(labels: np.ndarray) -> np.ndarray:
-    """Return by how much each step's command (T, Da) differs from the one before; NaN, never small, where one is."""
+    """Return by how much each step's command (T, Da) differs from the one before."""
     return np.abs(np.diff(labels, axis=0, prepend=labels[:1]))
 
 

@@ -73,5 +73,6 @@ def test_what_the_user_has_chosen_is_kept(home: Path) -> None:
 
 def test_rounds_of_taking_over_learn_so_too(home: Path) -> None:
     algorithm, policy = suited(str(home / "hands"), DAgger(gate=HumanGate()), MlpConfig(), by_hand=None)
-    assert algorithm.training.waypoints == algorithm.between.waypoints == SUITED
+    assert isinstance(algorithm.training, BehaviourCloning)
+    assert algorithm.training.waypoints == SUITED
     assert policy.relative

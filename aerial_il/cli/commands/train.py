@@ -63,9 +63,7 @@ class Dataset:
 class Config:
     PRESETS: ClassVar[dict[str, str | None]] = {"experiment": None}
 
-    dataset: Dataset = group(
-        "folder of demonstrations, how many, by hand or not (null: all, as they say)", "all", path=True
-    )
+    dataset: Dataset = group("folder of demonstrations, how many (null: all), whether by hand", "all", path=True)
     policy: dict[str, Any] = group("what is trained", "mlp")
     algorithm: dict[str, Any] = group("how it is trained", "bc")
     robot: Named | None = group("where learners from reward fly; with a dataset, what it must be of")
