@@ -6,12 +6,14 @@ and a policy that clones it hangs in the air. What the person was after shows on
 
 1. steps in which the command stands still are left out, but for those around a move of the gripper, which takes its
    time, and those of the last moments, in which standing still is the task;
-2. the pose of an action becomes the pose that the tool reached ``lookahead_s`` of the remaining steps later, but never
+2. a gripper command on its way, as a key that is held makes it, becomes the one in which its move ends: how far it
+   has come shows nowhere that a policy may look;
+3. the pose of an action becomes the pose that the tool reached ``lookahead_s`` of the remaining steps later, but never
    later than the beginning or the end of a move of the gripper, the end of what the person flew, or of the episode:
    what is passed by on the way to a grasp is no goal, the grasp is one.
 
 Only poses of the tool are relabelled (action level ``ee_pose``), and only as labels, ``Episode.expert_actions``:
-observations, gripper commands and the actions that were executed stay as they were recorded.
+observations and the actions that were executed stay as they were recorded.
 
 Source: poses reached later as actions, C. Chi et al., "Universal Manipulation Interface", 2024; no-ops filtered, M. J.
 Kim et al., "OpenVLA", 2024; moves of the gripper as keyframes, S. James and A. J. Davison, "Q-attention", 2022.
@@ -75,9 +77,11 @@ class Waypoints:
 
 def relabelled(episode: Episode, lookahead: int) -> Episode:
     """Return ``episode`` without its no-ops, labelled by the poses reached ``lookahead`` of its steps later."""
-    labels, flown = np.array(episode.labels, float), known(episode)
-    gripping = _near_grip(labels, episode.spec.control_dt_s)
-    left = np.flatnonzero(_moving(labels, episode.spec.control_dt_s) | gripping | ~flown | _held(episode))
+    labels, flown, dt = np.array(episode.labels, float), known(episode), episode.spec.control_dt_s
+    grips = _change(labels)[:, TURN.stop :].max(1, initial=0.0) > STILL_GRIPPER_S * dt
+    gripping = _near(grips, round(GRIP_MARGIN_S / dt))
+    left = np.flatnonzero(_moving(labels, dt) | gripping | ~flown | _held(episode))
+    labels[:, TURN.stop :] = _decided(labels[:, TURN.stop :], grips, gripping)
     reached = _reached(np.stack([gripping, flown], axis=1)[left], lookahead)
     reached = np.append(left, len(episode))[reached]
     labels = labels[left]
@@ -98,11 +102,17 @@ def _moving(labels: np.ndarray, dt: float) -> np.ndarray:
     return (change[:, :3].max(1) > STILL_M_S * dt) | (change[:, TURN].max(1) > STILL_ROT6D_S * dt)
 
 
-def _near_grip(labels: np.ndarray, dt: float) -> np.ndarray:
-    """Return the steps (T,) in which the gripper is commanded to move, with a margin on both sides."""
-    moves = _change(labels)[:, TURN.stop :].max(1, initial=0.0) > STILL_GRIPPER_S * dt
-    margin = round(GRIP_MARGIN_S / dt)
-    return np.lib.stride_tricks.sliding_window_view(np.pad(moves, margin), 2 * margin + 1).max(1)
+def _near(grips: np.ndarray, margin: int) -> np.ndarray:
+    """Return the steps (T,) that are at most ``margin`` away from one of ``grips`` (T,)."""
+    return np.lib.stride_tricks.sliding_window_view(np.pad(grips, margin), 2 * margin + 1).max(1)
+
+
+def _decided(commands: np.ndarray, grips: np.ndarray, gripping: np.ndarray) -> np.ndarray:
+    """Return gripper commands (T, k) that are, from the first step of a move on, those in which it ends."""
+    commands = commands.copy()
+    for first, end in np.flatnonzero(np.diff(np.pad(gripping, 1).astype(int))).reshape(-1, 2):
+        commands[first + int(np.argmax(grips[first:end])) : end] = commands[end - 1]
+    return commands
 
 
 def _change(labels: np.ndarray) -> np.ndarray:

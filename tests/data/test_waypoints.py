@@ -73,15 +73,28 @@ def test_no_ops_are_left_out_but_for_grips_and_the_end(flight: Episode) -> None:
     assert (change.max(1) > 1e-4).all(), "what is left elsewhere commands something"
 
 
-def test_labels_are_poses_that_the_flight_reached_later_and_grips_are_as_commanded(flight: Episode) -> None:
+def test_labels_are_poses_that_the_flight_reached_later(flight: Episode) -> None:
     found = AHEAD.apply(flight)
     left = kept(flight, found)
     for step, label in zip(left, found.labels, strict=True):
         (reached,) = np.flatnonzero((flight.obs["ee_pos"] == label[:3]).all(1))[:1]
         assert reached > step
         np.testing.assert_array_equal(flight.obs["ee_rot6d"][reached].ravel(), label[3:9])
-    np.testing.assert_array_equal(found.labels[:, -1], flight.labels[left, -1])
     np.testing.assert_array_equal(found.labels[-1, :3], flight.obs["ee_pos"][-1])
+
+
+def test_every_move_of_the_gripper_is_kept_and_decided_at_once(flight: Episode) -> None:
+    found, commanded = AHEAD.apply(flight), flight.labels[:, -1]
+    label = found.labels[:, -1]
+    assert set(grips(flight)) <= set(kept(flight, found).tolist())
+    starts = [step for step in grips(flight) if step - 1 not in grips(flight)]
+    assert len(starts) >= 2, "what follows is about a flight that grasps and lets go"
+    for step in starts:
+        at = int(np.flatnonzero(kept(flight, found) == step)[0])
+        ends = next(t for t in range(step, len(flight)) if t + 1 not in grips(flight))
+        assert label[at - 1] == commanded[step - 1], "not a step earlier than the person"
+        assert label[at] == pytest.approx(commanded[min(ends + MARGIN, len(flight) - 1)])
+    assert label[-1] == commanded[-1]
 
 
 def test_nothing_else_changes(flight: Episode) -> None:
@@ -98,7 +111,7 @@ def test_nothing_else_changes(flight: Episode) -> None:
 
 def test_a_grasp_is_looked_ahead_to_and_never_beyond(flight: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not looks_beyond_a_grip(flight, Waypoints(lookahead_s=30.0).apply(flight))
-    monkeypatch.setattr(waypoints, "_near_grip", lambda labels, dt: np.zeros(len(labels), bool))
+    monkeypatch.setattr(waypoints, "_near", lambda grips, margin: np.zeros(len(grips), bool))
     assert looks_beyond_a_grip(flight, Waypoints(lookahead_s=30.0).apply(flight)), "the check finds who does"
 
 

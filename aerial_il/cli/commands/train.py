@@ -85,11 +85,12 @@ class Config:
     flight_tier: str | None = key(None, "how rough the air is where it flies (null: as in the dataset)")
     num_envs: int | None = key(None, "worlds in which it flies at once (null: its own default)")
     threads: int = key(0, "threads of its flights, or processes of worlds from outside; 0 for all cores")
+    port: int = key(8642, "of the page of expert=human; another one where it is taken")
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
-        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0)
+        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0, port=0)
 
     @property
     def reference(self) -> EnvironmentReference:
@@ -196,7 +197,7 @@ def _told(config: Config) -> Iterator[None]:
 def command(config: Config) -> str:
     """Return the words that lead to ``config``."""
     plain = {"seed": 0, "evaluate_every": None, "evaluate_episodes": 20, "evaluate_seed": 5000, "evaluate_tier": None}
-    plain |= {"flight_tier": None, "num_envs": None, "threads": 0}
+    plain |= {"flight_tier": None, "num_envs": None, "threads": 0, "port": 8642}
     said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
     said += [spelling.path("expert", config.expert.path)] if config.expert.path else []
     learned = [] if config.dataset.path is None else [spelling.path("dataset", config.dataset.path)]
@@ -228,4 +229,5 @@ def _training_resources(config: Config, algorithm: Algorithm, policy: Any) -> Ab
         tier=config.flight_tier,
         num_envs=config.num_envs,
         threads=config.threads,
+        port=config.port,
     )

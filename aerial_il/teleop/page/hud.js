@@ -30,6 +30,7 @@ export function draw() {
   document.body.classList.toggle("precise", status.precise);
   drawNumbers($("readings"), page.about.readings, status.numbers);
   drawSubtasks(status);
+  drawHold(status);
   drawModes(status);
   drawReview(status);
 }
@@ -76,7 +77,19 @@ function drawSubtasks(status) {
   if (list.children.length !== Object.keys(flags).length) {
     list.replaceChildren(...Object.keys(flags).map((name) => make("li", name === "done" ? "success" : words(name))));
   }
-  Object.values(flags).forEach((met, i) => list.children[i].classList.toggle("met", met));
+  Object.entries(flags).forEach(([name, met], i) => {
+    list.children[i].classList.toggle("met", met);
+    list.children[i].classList.toggle("lost", status.lost.includes(name));
+  });
+  setText($("live-lost"), status.lost.map((name) => `${words(name)} is lost.`).join(" "));
+}
+
+function drawHold({ held, state }) { // how long success has held, of the time for which it must
+  const ring = $("hold"), percent = Math.round(100 * held);
+  setHidden(ring, !percent || !["idle", "recording"].includes(state));
+  if (ring.getAttribute("aria-valuenow") === String(percent)) return;
+  ring.setAttribute("aria-valuenow", String(percent));
+  ring.style.setProperty("--held", `${percent}%`);
 }
 
 function drawModes({ modes, mode }) {
@@ -85,4 +98,6 @@ function drawModes({ modes, mode }) {
     $("modes").replaceChildren(...modes.map((name) => make("span", name)));
   }
   modes.forEach((name, i) => $("modes").children[i].classList.toggle("on", name === mode));
+  setHidden($("mode"), mode === modes[0]); // one that was chosen stays on, from episode to episode
+  setText($("mode"), `${mode} mode`);
 }
