@@ -19,7 +19,7 @@ export function draw() {
   if (status && status.state !== document.body.dataset.state) enter(status);
   drawBanner();
   sound(status);
-  if (!status) return;
+  if (!status) return drawFlier({ shared: false }); // who flies is not known any more
   offer();
   drawFlier(status);
   drawLesson(status.lesson);
@@ -61,7 +61,7 @@ function drawLesson(lesson) { // how a policy that learns from these flights get
   panel.hidden = !lesson?.message;
   setText($("lesson-message"), lesson?.message ?? "");
   $("lesson-rounds").replaceChildren(...(lesson?.rounds ?? []).map(({ alone, share }, i) =>
-    make("li", `round ${i + 1}: ${alone} % without help, you flew ${share} %`)));
+    make("li", `round ${i + 1}: ${alone}\u00a0% alone, you flew ${share}\u00a0%`)));
 }
 
 function drawFlier(status) { // of flights that a person and a policy share
@@ -86,7 +86,7 @@ function drawSubtasks(status) {
 
 function drawHold({ held, state }) { // how long success has held, of the time for which it must
   const ring = $("hold"), percent = Math.round(100 * held);
-  setHidden(ring, !percent || !["idle", "recording"].includes(state));
+  setHidden(ring, !percent || !(state === "recording" || (state === "idle" && percent < 100)));
   if (ring.getAttribute("aria-valuenow") === String(percent)) return;
   ring.setAttribute("aria-valuenow", String(percent));
   ring.style.setProperty("--held", `${percent}%`);
