@@ -18,7 +18,6 @@ from typing import ClassVar
 import numpy as np
 
 import aerial_il
-from aerial_il.benchmarks.parts.chromium import BROWSER, BrowserError, Tab, browser
 from aerial_il.benchmarks.parts.narrow import narrowed
 from aerial_il.benchmarks.parts.page_client import PageClient, sitting
 from aerial_il.benchmarks.parts.progress import bar
@@ -29,6 +28,7 @@ from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
+from aerial_il.inspection.chromium import BROWSER, BrowserError, Tab, browser
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.flight import Site, fly
