@@ -62,7 +62,11 @@ class PageOperator:
 
     def __enter__(self) -> Self:
         self._thread.start()
-        asyncio.run_coroutine_threadsafe(self._server.start(), self._events).result()
+        try:
+            asyncio.run_coroutine_threadsafe(self._server.start(), self._events).result()
+        except BaseException:
+            self._end_events()
+            raise
         self._film.start()
         self._opened(self._server)
         return self
@@ -70,6 +74,9 @@ class PageOperator:
     def __exit__(self, *_: object) -> None:
         self._film.close()
         asyncio.run_coroutine_threadsafe(self._server.close(), self._events).result()
+        self._end_events()
+
+    def _end_events(self) -> None:
         self._events.call_soon_threadsafe(self._events.stop)
         self._thread.join()
         self._events.close()

@@ -5,6 +5,7 @@ No clock, no thread and no network here: what happens follows from the frames.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,8 @@ from aerial_il.teleop.session.perturb import KINDS, Perturber, possible, refusal
 from aerial_il.teleop.session.readings import readings_of
 from aerial_il.teleop.session.reel import Reel
 from aerial_il.teleop.session.session import FLYING, HOLDS_EPISODE, Event, State, after
+
+log = logging.getLogger(__name__)
 
 COUNTDOWN_TICKS = 100  # 2 s
 ABANDONED_TICKS = 50  # with a dead man this long, a recording pauses by itself
@@ -45,6 +48,8 @@ class Status:
     success: bool
     label: bool
     subtasks: Mapping[str, bool]
+    lost: tuple[str, ...]  # sub-tasks whose loss nothing makes good in this flight
+    held: float  # share of the time that success must hold for, until it is believed
     sim_time: float
     countdown: int
     steps: int
@@ -85,6 +90,7 @@ class Cockpit:
         self.state, self.tick_count, self.message = State.IDLE, 0, "Fly freely. Nothing is kept until you record."
         self._countdown_ticks, self._countdown = countdown, 0
         self._held, self._success, self._label, self._steps, self.input_seq = 0, False, True, 0, 0
+        self._lost: tuple[str, ...] = ()
         self._flags = np.zeros(len(env.spec.subtasks), bool)
         self._counts = logbook.counts()
         self._mode: str | None = None
@@ -144,7 +150,7 @@ class Cockpit:
         if self.state is State.PAUSED:
             self.message = "Nobody is at the controls: paused." if event is Event.LOST else "Paused."
         elif self.state is State.RECORDING:
-            self.message = "Recording."
+            self.message, self._abandoned = "Recording.", 0
         elif self.state is State.COUNTDOWN:
             self.message = "Get ready."
 
@@ -203,6 +209,8 @@ class Cockpit:
             success=self._success,
             label=self._label,
             subtasks=dict(zip(names, map(bool, self._flags), strict=True)),
+            lost=self._lost,
+            held=self._share_held(),
             sim_time=float(self.env.sim_time[0]),
             countdown=self._countdown,
             steps=self._steps,
@@ -256,6 +264,7 @@ class Cockpit:
             self.logbook.act(frame, turn, met, result)
         if recording:
             self._note(turn)
+        self._tell_losses()
         self._success = bool(result.info["success"][0])
         self._held = self._held + 1 if self._success else 0
         if result.terminated[0]:
@@ -265,6 +274,20 @@ class Cockpit:
             self.happen(Event.SUCCEEDED)
         elif recording and self._abandoned >= ABANDONED_TICKS:
             self.happen(Event.LOST)
+
+    def _tell_losses(self) -> None:
+        """Say of what was lost for good in this tick that the flight can no longer succeed."""
+        flags = dict(zip(self.env.spec.subtasks, self._flags, strict=True))
+        lost = tuple(name for name in self.env.scenario.task.once_lost if not flags[name])
+        for name in set(lost) - set(self._lost):
+            self.message = f"“{name.replace('_', ' ')}” is lost: this flight can no longer succeed. Discard it."
+        self._lost = lost
+
+    def _share_held(self) -> float:
+        """Return the share in [0, 1], of the time for which success must hold until it is believed, it has held."""
+        task_s, belief_s = self.env.scenario.task.dwell_s, SUCCESS_TICKS * self.env.spec.control_dt_s
+        held_s = task_s * float(self.env.dwell[0]) + self.env.spec.control_dt_s * min(self._held, SUCCESS_TICKS)
+        return round(held_s / (task_s + belief_s), 3)
 
     def _note(self, turn: Turn) -> None:
         """Count a step of the episode, and note which sub-tasks it was the first to solve."""
@@ -279,6 +302,7 @@ class Cockpit:
         self.state = State.IDLE
         self._reset()
         self.message = f"Set back to the start: {error}"
+        log.error("%s The flight was set back to its start; what was open is kept for aerial-il recover.", error)
 
     def _begin(self) -> None:
         self._man()
@@ -339,7 +363,7 @@ class Cockpit:
     def _reset(self) -> None:
         self._obs = self.env.reset(self.logbook.seed)
         self._flags = np.zeros(len(self.env.spec.subtasks), bool)
-        self._success, self._held, self._steps = False, 0, 0
+        self._success, self._held, self._steps, self._lost = False, 0, 0, ()
         self._reel, self._marks, self._disturbed = Reel(), dict[str, int](), list[str]()
         self._man()
         self._counts = self.logbook.counts()

@@ -11,7 +11,7 @@ import numpy as np
 
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
-from aerial_il.data.provenance import Origin
+from aerial_il.data.provenance import HUMAN, Origin
 from aerial_il.data.recording.recorder import Recorded, Recorder
 from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.suite.batch import BatchEnvironment, StepResult
@@ -49,7 +49,7 @@ class Logbook:
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         self.env, self.folder, self.operator, self.policy = env, DatasetFolder(out), operator, policy
-        self._pilot = f"human:{operator}" if policy is None else f"{policy} with human:{operator}"
+        self._pilot = f"{HUMAN}{operator}" if policy is None else f"{policy} with {HUMAN}{operator}"
         self._settings = dict(settings or {})
         self._refuse_others()
         self.folder.claim(env.spec)

@@ -14,7 +14,7 @@ from aerial_il.teleop.input.frame import STICK_AXES
 
 MAX_BYTES = 4096
 MAX_NAMES, MAX_NAME = 64, 32
-MAX_RATE, BURST = 150.0, 75.0  # messages per second of one page, and at once
+MAX_RATE, BURST = 150.0, 300.0  # messages per second of one page, and at once: of 3 s, after the server was held up
 KINDS = ("input", "blur", "ack", "ping", "ask", "grant", "scrub", "practice", "view", "bind")
 
 

@@ -16,7 +16,7 @@ from aerial_il.core.provenance import package_versions
 PROBED_SEEDS, PROBE_NOISE, LONGEST_PROBE = (4_000_000, 4_000_001), 0.3, 1500
 PACKAGE = Path(aerial_il.__file__).parent
 ROOMS = sorted(file.parent for file in (PACKAGE / "algorithms").glob("*/__init__.py"))  # what algorithms share
-LEARNING = (PACKAGE / "policies", *ROOMS, PACKAGE / "data" / "windows.py")
+LEARNING = (PACKAGE / "policies", *ROOMS, *(PACKAGE / "data" / f"{name}.py" for name in ("windows", "waypoints")))
 
 
 @cache

@@ -5,6 +5,9 @@ rollouts on the way also best/, the policy that flew best in them, which is neve
 values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows
 them all together.
 
+Demonstrations that a person flew are relabelled and seen from the tool, which a line says: see docs/teleop.md.
+dataset.by_hand=false learns from them as recorded, true takes any recording for one by hand.
+
 Who flies while it learns does so in the environment of the demonstrations. Learners from reward (sac, ppo, td3) need
 none, only env=..., or robot=... and task=...; said beside a dataset, these are what it must have been recorded with.
 
@@ -53,13 +56,14 @@ class Dataset:
 
     path: str | None = None
     episodes: int | None = None
+    by_hand: bool | None = None
 
 
 @dataclass
 class Config:
     PRESETS: ClassVar[dict[str, str | None]] = {"experiment": None}
 
-    dataset: Dataset = group("folder of demonstrations, and how many of them (null: all)", "all", path=True)
+    dataset: Dataset = group("folder of demonstrations, how many (null: all), whether by hand", "all", path=True)
     policy: dict[str, Any] = group("what is trained", "mlp")
     algorithm: dict[str, Any] = group("how it is trained", "bc")
     robot: Named | None = group("where learners from reward fly; with a dataset, what it must be of")
@@ -81,11 +85,12 @@ class Config:
     flight_tier: str | None = key(None, "how rough the air is where it flies (null: as in the dataset)")
     num_envs: int | None = key(None, "worlds in which it flies at once (null: its own default)")
     threads: int = key(0, "threads of its flights, or processes of worlds from outside; 0 for all cores")
+    port: int = key(8642, "of the page of expert=human; another one where it is taken")
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
-        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0)
+        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0, port=0)
 
     @property
     def reference(self) -> EnvironmentReference:
@@ -111,11 +116,13 @@ def run(config: Config) -> None:
 def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
     from aerial_il.cli.configuration.build import build_all
+    from aerial_il.cli.flights.by_hand import suited
 
     settings = dict(config.algorithm)
     if config.evaluate_every is not None:
         settings["evaluate_every"] = config.evaluate_every
     policy, algorithm = build_all(config.policy, settings)
+    algorithm, policy = suited(config.dataset.path, algorithm, policy, by_hand=config.dataset.by_hand)
     episodes = _demonstrations(config, algorithm, policy)
     with (
         _told(config),
@@ -190,11 +197,12 @@ def _told(config: Config) -> Iterator[None]:
 def command(config: Config) -> str:
     """Return the words that lead to ``config``."""
     plain = {"seed": 0, "evaluate_every": None, "evaluate_episodes": 20, "evaluate_seed": 5000, "evaluate_tier": None}
-    plain |= {"flight_tier": None, "num_envs": None, "threads": 0}
+    plain |= {"flight_tier": None, "num_envs": None, "threads": 0, "port": 8642}
     said = [f"{name}={getattr(config, name)}" for name, usual in plain.items() if getattr(config, name) != usual]
     said += [spelling.path("expert", config.expert.path)] if config.expert.path else []
     learned = [] if config.dataset.path is None else [spelling.path("dataset", config.dataset.path)]
     learned += [] if config.dataset.episodes is None else [f"dataset.episodes={config.dataset.episodes}"]
+    learned += [] if config.dataset.by_hand is None else [f"dataset.by_hand={str(config.dataset.by_hand).lower()}"]
     return command_line(
         [
             "train",
@@ -221,4 +229,5 @@ def _training_resources(config: Config, algorithm: Algorithm, policy: Any) -> Ab
         tier=config.flight_tier,
         num_envs=config.num_envs,
         threads=config.threads,
+        port=config.port,
     )
