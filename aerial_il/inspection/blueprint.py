@@ -35,7 +35,7 @@ def blueprint(flights: dict[str, Flight], timeline: str = SIM_TIME) -> rrb.Bluep
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
-    time = rrb.TimePanel(state="collapsed", timeline=timeline)
+    time = rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused")
     return rrb.Blueprint(rrb.Horizontal(left, right, column_shares=shares), *panels, time, auto_views=False)
 
 

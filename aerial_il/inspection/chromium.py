@@ -97,8 +97,9 @@ class Tab:
 
     async def click(self, x: float, y: float, wait_s: float = 0.05) -> None:
         """Press and release the left button of the mouse, each after a wait, for pages that look once in a frame."""
-        for kind, button in (("mouseMoved", "none"), ("mousePressed", "left"), ("mouseReleased", "left")):
-            await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1)
+        for kind, buttons in (("mouseMoved", 0), ("mousePressed", 1), ("mouseMoved", 1), ("mouseReleased", 0)):
+            how = {"button": "left", "buttons": buttons, "clickCount": 1}
+            await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **how)
             await asyncio.sleep(wait_s)
 
     async def snapshot(self) -> bytes:
