@@ -16,7 +16,7 @@ from aerial_il.inspection.motion import Motion
 from aerial_il.inspection.scene import xyzw
 
 JPEG_QUALITY = 85
-FRUSTUM_M = 0.12  # from the camera to its picture in the scene
+FRUSTUM_M = 0.08  # from the camera to its picture in the scene
 UNITS_PER_METRE = 1000.0  # of recorded depth: millimetres
 
 

@@ -28,7 +28,8 @@ def log_scene(stream: rr.RecordingStream, root: str, motion: Motion) -> None:
     stream.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     log_geometry(stream, root, motion.model, motion.robot)
     for body in np.flatnonzero(~motion.moving[1:]) + 1:
-        fixed = rr.Transform3D(translation=motion.body_pos[0, body], quaternion=xyzw(motion.body_quat[0, body]))
+        turned = rr.Quaternion(xyzw=xyzw(motion.body_quat[0, body]))
+        fixed = rr.Transform3D(translation=motion.body_pos[0, body], quaternion=turned)
         stream.log(f"{root}/{path_of(motion.model, motion.robot, int(body))}", fixed, static=True)
 
 

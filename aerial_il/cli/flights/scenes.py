@@ -17,8 +17,14 @@ def same_scene(episode: Episode, num_envs: int = 1) -> BatchEnvironment | None:
     """Return an environment in the very scene of a recording, or None if there is none any more."""
     spec = episode.spec
     try:
-        where = {"tier": spec.tier, "action": spec.action.level, "controller": spec.controller}
-        env = aerial_il.load_batch(spec.robot, spec.task, num_envs=num_envs, **where)
+        env = aerial_il.load_batch(
+            spec.robot,
+            spec.task,
+            num_envs=num_envs,
+            tier=spec.tier,
+            action=spec.action.level,
+            controller=spec.controller,
+        )
     except AerialError:
         return None
     if env.model_xml == episode.model_xml and env.spec.state_size == spec.state_size:
