@@ -35,6 +35,7 @@ from aerial_il.algorithms.supervised.selection import Selection
 from aerial_il.algorithms.supervised.supervised_run import SupervisedRun, open_run
 from aerial_il.algorithms.supervised.training_set import Demonstrations, check_recorded, read_demos, split
 from aerial_il.data.episode import Episode
+from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
@@ -54,6 +55,7 @@ class BehaviourCloning(SupervisedAlgorithm):
         clip_norm: largest gradient norm.
         obs_noise: deviation of the Gaussian noise added to normalised state fields while training.
         selection: which demonstrations are learned from, and how much each counts.
+        waypoints: how the actions of flights by hand are relabelled before they are learned from.
     """
 
     name: ClassVar[str] = "bc"
@@ -67,6 +69,7 @@ class BehaviourCloning(SupervisedAlgorithm):
     clip_norm: float = 1.0
     obs_noise: float = 0.0
     selection: Selection = field(default_factory=Selection)
+    waypoints: Waypoints = field(default_factory=Waypoints)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,9 +155,10 @@ class BehaviourCloning(SupervisedAlgorithm):
         selection = replace(self.selection, failures=self.selection.failures or 1.0) if failures else self.selection
         layout, demos = read_demos(dataset, policy, failures=selection.failures > 0)
         demos, shares = selection.apply(demos, weights)
+        demos = [self.waypoints.apply(demo) for demo in demos]
         kept, held_out = split(list(zip(demos, shares.tolist(), strict=True)), self.validation, seed=seed)
-        shares = np.array([weight for _, weight in kept])
-        return Demonstrations(layout, [demo for demo, _ in kept], shares, [demo for demo, _ in held_out])
+        kept_shares = np.array([share for _, share in kept])
+        return Demonstrations(layout, [demo for demo, _ in kept], kept_shares, [demo for demo, _ in held_out])
 
 
 def with_noise(obs: Tensor, size: int, deviation: float) -> Tensor:

@@ -32,6 +32,11 @@ ADDED: Mapping[str, object] = {
     "hindsight.goals": 0,
     "hindsight.strategy": "future",
     "obs_norm": False,
+    "waypoints.lookahead_s": 0.0,
+    "waypoints.flown_by": "hand",
+    "training.waypoints.kind": "Waypoints",
+    "training.waypoints.lookahead_s": 0.0,
+    "training.waypoints.flown_by": "hand",
 }
 
 #: Names of numbers in ``metrics.jsonl``.

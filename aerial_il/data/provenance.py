@@ -18,6 +18,7 @@ from aerial_il.core.specs import EnvSpec
 RNG = "PCG64(SeedSequence(sha256('robot/task/purpose'), seed))"
 _UID = re.compile(r".*-\d{6,}-([0-9a-f]{8})")
 FIRST_ENGINE = "1"  # of recordings of the suite that do not name theirs
+HUMAN = "human:"  # before the name of a person who flew, or took over, in an episode's ``policy``
 DROPPED = "dropped"  # the note of a flight that ended because its object was out of reach for good
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
@@ -94,6 +95,11 @@ def made_by(uid: str) -> str:
     """Return the digest by which an episode's name tells how it was made apart from its seed; empty for other names."""
     found = _UID.fullmatch(uid)
     return found[1] if found else ""
+
+
+def flown_by_hand(provenance: Mapping[str, Any]) -> bool:
+    """Return whether a person flew an episode, or took over in it."""
+    return HUMAN in str(provenance.get("policy", ""))
 
 
 def engine_of(provenance: Mapping[str, Any]) -> str:

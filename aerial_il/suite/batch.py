@@ -95,6 +95,11 @@ class BatchEnvironment:
         """(n,) seconds since the start of each episode."""
         return self.simulation.steps * self.spec.control_dt_s
 
+    @property
+    def dwell(self) -> np.ndarray:
+        """(n,) share, in [0, 1], of the time that success must hold for it has held."""
+        return self.simulation.dwell
+
     def drawn(self, seed: int) -> dict[str, Any]:
         """Disturbances that the tier draws for the episode ``seed``, as plain values."""
         return {**self.simulation.disturbances.drawn(seed), **self.simulation.seen.drawn(seed)}

@@ -1,4 +1,4 @@
-"""Pictures of the page in every state, for the docs: ``python -m tests.teleop.screenshots docs/teleop``.
+"""Pictures of the page in every state, for the docs: ``python -m tests.teleop.screenshots docs/teleop [PART ...]``.
 
 Each is taken in a real browser, of a real flight: wide and on a phone, light and dark.
 """
@@ -7,15 +7,22 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import chdir
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from PIL import Image
 
 import aerial_il
-from tests.teleop.chromium import Tab, browser
+from aerial_il.algorithms.interactive.costs import FlightCosts
+from aerial_il.cli.flights.sessions import summary
+from aerial_il.suite.physics.episode_state import FORCES
+from aerial_il.teleop.page_operator import progress_of
+from tests.teleop.chromium import Opener, Tab, browser
 from tests.teleop.flown import Flown, flown
 
 WIDE, UPRIGHT, SIDEWAYS = (1280, 800), (390, 844), (844, 390)
@@ -31,17 +38,18 @@ class Album:
 
     async def take(self, tab: Tab, name: str, size: tuple[int, int] = WIDE, *, dark: bool = True) -> None:
         """Save what the page looks like in a window of a size."""
-        await tab.look(width=size[0], height=size[1], dark=dark, phone=size != WIDE)
+        phone = min(size) < 500
+        await tab.look(width=size[0], height=size[1], dark=dark, phone=phone)
         await asyncio.sleep(0.7)
         with TemporaryDirectory() as place:
             shot = await tab.picture(Path(place) / "shot.png")
             image = Image.open(BytesIO(shot.read_bytes())).convert("RGB")
-        if size != WIDE:
+        if phone:
             image = image.resize((int(image.width * PHONE_SCALE), int(image.height * PHONE_SCALE)))
         image.save(self._folder / f"{name}.webp", quality=QUALITY)
 
 
-async def by_hand(album: Album, flight: Flown, tab: Tab, open_page: Callable[[str], Awaitable[Tab]]) -> None:
+async def by_hand(album: Album, flight: Flown, tab: Tab, open_page: Opener) -> None:
     """Fly, and take a picture in each state."""
     await tab.value("localStorage.setItem('aerial_il.tutorial', 'done'); location.reload(); 1")
     await ready(tab)
@@ -88,7 +96,7 @@ async def by_hand(album: Album, flight: Flown, tab: Tab, open_page: Callable[[st
     await album.take(tab, "hands_off")
 
 
-async def lesson(album: Album, tab: Tab) -> None:
+async def lesson(album: Album, _: Flown, tab: Tab, __: Opener) -> None:
     """Begin the tutorial."""
     await ready(tab)
     await album.take(tab, "first_visit_light", dark=False)
@@ -100,7 +108,7 @@ async def lesson(album: Album, tab: Tab) -> None:
     await album.take(tab, "phone_tutorial", UPRIGHT)
 
 
-async def shared(album: Album, tab: Tab) -> None:
+async def shared(album: Album, _: Flown, tab: Tab, __: Opener) -> None:
     """Watch a policy fly, take over, and let it end."""
     await tab.value("localStorage.setItem('aerial_il.tutorial', 'done'); location.reload(); 1")
     await ready(tab)
@@ -115,6 +123,67 @@ async def shared(album: Album, tab: Tab) -> None:
     await album.take(tab, "review_light", dark=False)
 
 
+async def told(album: Album, flight: Flown, tab: Tab, _: Opener) -> None:
+    """Show the numbers, another mode, and a blow that nothing makes good."""
+    await tab.value("localStorage.setItem('aerial_il.tutorial', 'done'); location.reload(); 1")
+    await ready(tab)
+    await tab.value("document.getElementById('numbers').open = true; 1")
+    await album.take(tab, "numbers_light", dark=False)
+    await tab.value("document.getElementById('numbers').open = false; 1")
+    await tab.tap("KeyR")
+    await in_state(tab, "recording")
+    await tab.tap("Tab")
+    await tab.key("KeyW", down=True)
+    await asyncio.sleep(0.5)
+    await tab.key("KeyW", down=False)
+    flight.env.simulation.view.userdata[0, FORCES] = 100.0  # N: a blow that takes long to deal by keys
+    await tab.until("teleop.status.lost.length")
+    await album.take(tab, "lost_gentle_dark")
+    await album.take(tab, "phone_lost_gentle", UPRIGHT)
+
+
+async def learner(album: Album, flight: Flown, tab: Tab, _: Opener) -> None:
+    """Watch a learner of which two rounds are told, hold its success, and lose the line."""
+    await tab.value("localStorage.setItem('aerial_il.tutorial', 'done'); location.reload(); 1")
+    await ready(tab)
+    rounds = [
+        FlightCosts(flights=5, successes=5, steps=2600, expert_steps=810, solved_alone=2),
+        FlightCosts(flights=5, successes=5, steps=2300, expert_steps=240, solved_alone=4),
+    ]
+    message = "Round 3 of 10: watch it fly."
+    flight.server.lesson = {"message": message, "rounds": [progress_of(costs) for costs in rounds]}
+    await tab.until("!document.getElementById('lesson').hidden")
+    await album.take(tab, "learner_dark")
+    await album.take(tab, "learner_light", dark=False)
+    await album.take(tab, "phone_learner", UPRIGHT)
+    await tab.look(width=WIDE[0], height=WIDE[1], dark=False)
+    await tab.tap("KeyR")
+    await in_state(tab, "recording")
+    await tab.until("teleop.status.held > 0.02", timeout_s=60.0)
+    await album.take(tab, "holding_light", dark=False)
+
+
+async def ended(album: Album, flight: Flown, tab: Tab, open_page: Opener) -> None:
+    """Keep two flights that were solved and one that was not, read the summary, and lose the line."""
+    await tab.value("localStorage.setItem('aerial_il.tutorial', 'done'); location.reload(); 1")
+    await ready(tab)
+    for solved in (True, True, False):
+        await tab.tap("KeyR")
+        await in_state(tab, "recording")
+        if not solved:
+            await tab.tap("KeyR")
+        await in_state(tab, "review")
+        await tab.tap("Enter")
+        await in_state(tab, "idle")
+    await tab.until("teleop.status.counts.demos === 2 && teleop.status.counts.failures === 1")
+    page = await open_page(flight.server.url.replace("/?", "/summary?"))
+    await asyncio.sleep(1.0)
+    await album.take(page, "summary_light", (1280, 1000), dark=False)
+    await flight.server.close()
+    await tab.until("!teleop.status")
+    await album.take(tab, "lost_connection_dark")
+
+
 async def ready(tab: Tab) -> None:
     await tab.until("window.teleop && teleop.shown && teleop.offset !== null && teleop.status?.role === 'controller'")
 
@@ -123,20 +192,35 @@ async def in_state(tab: Tab, state: str) -> None:
     await tab.until(f"document.body.dataset.state === '{state}'", timeout_s=60.0)
 
 
-async def main(folder: Path) -> None:
-    """Take all pictures into ``folder``."""
-    album, size = Album(folder), (360, 480)
-    with TemporaryDirectory() as place:
-        async with flown(Path(place) / "a", task="pick_place", size=size, countdown=100) as flight, browser() as opened:
-            tab = await opened(flight.server.url)
-            await ready(tab)
-            await by_hand(album, flight, tab, opened)
-        async with flown(Path(place) / "b", task="pick_place", size=size) as flight, browser() as opened:
-            await lesson(album, await opened(flight.server.url))
-        expert = aerial_il.expert("fa_hexa_arm4", "reach")
-        async with flown(Path(place) / "c", size=size, policy=expert) as flight, browser() as opened:
-            await shared(album, await opened(flight.server.url))
+Work = Callable[[Album, Flown, Tab, Opener], Awaitable[None]]
+PARTS: dict[str, tuple[Work, dict[str, Any]]] = {  # name -> what is photographed, in which flight
+    "by_hand": (by_hand, {"task": "pick_place", "countdown": 100}),
+    "lesson": (lesson, {"task": "pick_place"}),
+    "shared": (shared, {"expert": True}),
+    "told": (told, {"task": "press_button"}),
+    "learner": (learner, {"expert": True}),
+    "ended": (ended, {"expert": True}),
+}
+
+
+async def main(folder: Path, parts: Sequence[str] = ()) -> None:
+    """Take the pictures of ``parts``, by default of all, into ``folder``."""
+    album = Album(folder.resolve())
+    for part in parts or PARTS:
+        work, settings = PARTS[part]
+        policy = aerial_il.expert("fa_hexa_arm4", "reach") if settings.get("expert") else None
+        flight_of = {key: value for key, value in settings.items() if key != "expert"}
+        with TemporaryDirectory() as place, chdir(place):  # so that the summary shows a path like anybody's
+            out = Path("datasets/by_hand")
+            told_by = partial(summary, str(out))
+            async with (
+                flown(out, size=(360, 480), policy=policy, summary=told_by, **flight_of) as flight,
+                browser() as opened,
+            ):
+                tab = await opened(flight.server.url)
+                await ready(tab)
+                await work(album, flight, tab, opened)
 
 
 if __name__ == "__main__":
-    asyncio.run(main(Path(sys.argv[1])))
+    asyncio.run(main(Path(sys.argv[1]), sys.argv[2:]))

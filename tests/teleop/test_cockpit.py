@@ -16,12 +16,13 @@ from aerial_il.data.recording.writer import write_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.suite.physics.episode_state import FORCES
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.frame import LABELS, bits_of
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.refly import refly
-from aerial_il.teleop.session import Event, State
+from aerial_il.teleop.input.frame import LABELS, bits_of
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.refly import refly
+from aerial_il.teleop.session.session import Event, State
 from tests.teleop.hands import schedule, shipped, world
 
 
@@ -218,7 +219,9 @@ def test_the_operator_may_call_a_success_a_failure_but_not_the_reverse(tmp_path:
     assert not second.success
 
 
-def test_a_full_disk_is_told_and_the_flight_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_told_on_page_and_terminal_and_the_flight_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     env = world()
     cockpit = cockpit_of(env, tmp_path)
     recorded(cockpit)
@@ -236,10 +239,42 @@ def test_a_full_disk_is_told_and_the_flight_goes_on(tmp_path: Path, monkeypatch:
                 break
             sleep(0.002)
     assert "No space left" in cockpit.message
+    assert "No space left" in caplog.text
+    assert "aerial-il recover" in caplog.text
     assert cockpit.state is State.IDLE
     recorded(cockpit)
     cockpit.close()
     assert cockpit.logbook.counts()["failures"] == 2
+
+
+def test_how_long_success_has_held_is_shown_until_it_is_believed(tmp_path: Path) -> None:
+    cockpit, shown = cockpit_of(world(), tmp_path), []
+    device = Scripted(lambda tick: wanted(cockpit, tick), cockpit.bindings)
+    while cockpit.state is not State.REVIEW:
+        cockpit.tick(device.frame())
+        shown.append(cockpit.status().held)
+    cockpit.close()
+    assert shown[0] == 0.0
+    assert shown[-1] == 1.0
+    held = shown[len(shown) - 1 - shown[::-1].index(0.0) :]
+    assert held == sorted(held), "it only grows while it holds"
+    assert len(held) == pytest.approx(50 + 25, abs=2), "1 s that the task asks for, and half a second to believe it"
+
+
+def test_what_is_lost_for_good_is_said_once(tmp_path: Path) -> None:
+    cockpit = cockpit_of(world(task="press_button"), tmp_path)
+    fly(cockpit, schedule((1, 2, ["record"])), 8)
+    assert cockpit.status().lost == ()
+    cockpit.env.simulation.view.userdata[0, FORCES] = 100.0  # N, as after a blow
+    fly(cockpit, schedule(), 1)
+    assert cockpit.status().lost == ("gentle",)
+    assert "“gentle” is lost" in cockpit.message
+    cockpit.message = ""
+    fly(cockpit, schedule(), 1)
+    assert cockpit.message == ""
+    cockpit.happen(Event.DISCARD)
+    assert cockpit.status().lost == (), "the next flight is another one"
+    cockpit.close()
 
 
 def solve_reach(cockpit: Cockpit, ticks: int) -> None:
@@ -266,7 +301,7 @@ def wanted(cockpit: Cockpit, tick: int) -> list[str]:
 def keys_towards(obs: dict[str, np.ndarray], mode: str, tick: int) -> list[str]:
     """Return keys for the tool's position first, then for its rotation."""
     from aerial_il.core.rotations import matmul_back, rotate, rotvec_from_mat
-    from aerial_il.teleop.targets import heading, rotation
+    from aerial_il.teleop.piloting.targets import heading, rotation
 
     yaw = heading(obs)
     c, s = np.cos(yaw), np.sin(yaw)

@@ -13,7 +13,7 @@ from aerial_il.cli.configuration import groups
 from aerial_il.cli.flights.sessions import summary
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
-from aerial_il.teleop.controls import Controls
+from aerial_il.teleop.web.controls import Controls
 from tests.teleop.chromium import Tab, browser, needs_browser
 from tests.teleop.flown import Flown, flown
 from tests.teleop.test_page import in_state, together
@@ -127,6 +127,27 @@ def test_keys_are_changed_on_the_page_and_a_conflict_is_told(tmp_path: Path) -> 
     (file,) = DatasetFolder(tmp_path / "out").files("failures")
     assert dict(read_episode(file).provenance["settings"]["bindings"]["keys"])["KeyG"] == "record"
     assert "KeyG" in (tmp_path / "controls" / "keyboard.yaml").read_text()
+
+
+def test_the_page_says_which_mode_is_on_how_long_success_holds_and_what_came_too_early(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with flown(tmp_path) as flight, browser() as opened:
+            tab = await opened(flight.server.url)
+            await tab.until(READY)
+            assert await tab.value("document.getElementById('mode').hidden && document.getElementById('hold').hidden")
+            await tab.tap("Tab")
+            await tab.until("document.getElementById('mode').textContent === 'base mode'")
+            assert not await tab.value("document.getElementById('mode').hidden")
+            await tab.value("teleop.socket.close(); 1")
+            await tab.until("!teleop.status")
+            await tab.tap("KeyR")
+            await tab.until(f"{READY} && document.getElementById('banner').innerText.includes('R” came too early')")
+            assert await tab.value("teleop.status.state") == "idle", "what is said to be lost is lost"
+            flight.cockpit._share_held = lambda: 0.5
+            await tab.until("document.getElementById('hold').getAttribute('aria-valuenow') === '50'")
+            assert not tab.errors
+
+    together(work())
 
 
 async def summary_of(flight: Flown) -> str:

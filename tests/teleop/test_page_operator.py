@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import threading
 from pathlib import Path
 
@@ -13,10 +14,11 @@ import pytest
 import aerial_il
 from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.interactive.rounds import Operator
+from aerial_il.cli.flights.page import operator
 from aerial_il.data.dataset import open_dataset
 from aerial_il.teleop.flight import Site
 from aerial_il.teleop.page_operator import PageOperator, progress_of
-from aerial_il.teleop.server import Server
+from aerial_il.teleop.web.server import Server
 from tests.teleop.hands import shipped, world
 
 pytestmark = pytest.mark.render
@@ -72,6 +74,21 @@ def test_two_rounds_on_one_page(tmp_path: Path) -> None:
     told = [status["lesson"] for status in person.seen if status["lesson"]]
     assert told[-1]["message"] == "Round 1 of 2: it learns."
     assert told[-1]["rounds"] == [progress_of(FlightCosts.of(flown))]
+
+
+def test_the_page_moves_to_a_free_port_where_its_own_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
+    env, running = world(), threading.active_count()
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken = other.getsockname()[1]
+        with operator("human", env, port=taken) as person:
+            assert person._server.port not in (0, taken)
+    told = capsys.readouterr().out
+    assert f"port={taken} is taken by another program" in told
+    assert f"127.0.0.1:{taken}/" not in told
+    assert threading.active_count() <= running, "the page that could not be served has left no thread"
+    env.close()
 
 
 def test_the_share_is_of_frames_and_success_counts_only_without_help() -> None:

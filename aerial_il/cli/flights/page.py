@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import getpass
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aerial_il.suite.batch import BatchEnvironment
-    from aerial_il.teleop.server import Server
+    from aerial_il.teleop.web.server import Server
 
 HUMAN, DRIVER = "human", "driver"
 OPERATORS = (HUMAN, DRIVER)  # who sits at the controls: a person on the page, or a model of one
+PORT = 8642
 DEVICES = ("keyboard", "gamepad", "touch")
 
 
 @contextmanager
-def operator(name: str, env: BatchEnvironment) -> Iterator[Any]:
-    """Yield who is asked for by ``expert=human`` or ``expert=driver``, at the controls of ``env``, of one world."""
+def operator(name: str, env: BatchEnvironment, *, port: int = PORT) -> Iterator[Any]:
+    """Yield who is asked for by ``expert=human`` or ``expert=driver``, at the controls of ``env``, of one world.
+
+    A person's page is served on ``port``, or, said to them, on any that is free where that one is taken.
+    """
     from aerial_il.cli.configuration import groups
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.devices import bindings_of
     from aerial_il.teleop.driver.operator import DriverOperator
     from aerial_il.teleop.flight import Site
     from aerial_il.teleop.page_operator import PageOperator
+    from aerial_il.teleop.web.server import PortTakenError
 
     if name == DRIVER:
         yield DriverOperator()
@@ -33,7 +38,16 @@ def operator(name: str, env: BatchEnvironment) -> Iterator[Any]:
     require_rendering("flying by hand")
     bindings = bindings_of({device: groups.read_option("device", device) for device in DEVICES})
     opened = partial(greet, open_page=True)
-    with PageOperator(env, bindings, Site(port=8642), operator=getpass.getuser(), opened=opened) as person:
+
+    def at(port: int) -> PageOperator:
+        return PageOperator(env, bindings, Site(port=port), operator=getpass.getuser(), opened=opened)
+
+    with ExitStack() as stack:
+        try:
+            person = stack.enter_context(at(port))
+        except PortTakenError:
+            print(f"port={port} is taken by another program: the page has one that is free.", flush=True)
+            person = stack.enter_context(at(0))
         yield person
 
 
@@ -43,7 +57,7 @@ def greet(server: Server, open_page: bool, program: str | None = None) -> None:
     import webbrowser
 
     from aerial_il.evaluation.films.window import has_screen
-    from aerial_il.teleop.window import open_window
+    from aerial_il.teleop.web.window import open_window
 
     print(f"Fly here: {server.url}", flush=True)
     if has_screen():

@@ -26,6 +26,7 @@ def training_resources(
     tier: str | None,
     num_envs: int | None,
     threads: int,
+    port: int = 8642,
 ) -> Iterator[dict[str, Any]]:
     """Yield what ``algorithm.train`` is to be handed besides data, by name; nothing where it only learns.
 
@@ -39,6 +40,7 @@ def training_resources(
         tier: how rough the air is; None as in the demonstrations.
         num_envs: worlds flown at once; None for the algorithm's ``worlds``.
         threads: of the simulation, or processes of worlds from outside; 0 for all cores.
+        port: of a person's page.
 
     Raises:
         UnknownNameError: the task has no expert.
@@ -61,7 +63,7 @@ def training_resources(
     worlds = 1 if expert in OPERATORS else num_envs or algorithm.worlds
     env = where.load(num_envs=worlds, threads=1 if expert in OPERATORS else threads, tier=tier)
     try:
-        with operator(expert, env) if expert in OPERATORS else nullcontext(asked) as teacher:
+        with operator(expert, env, port=port) if expert in OPERATORS else nullcontext(asked) as teacher:
             handed = {"env": env, "expert": teacher, "collect": collect}
             yield {name: handed[name] for name in needs}
     finally:

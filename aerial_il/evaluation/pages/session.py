@@ -15,6 +15,7 @@ from PIL import Image
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
+from aerial_il.data.provenance import HUMAN
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.evaluation.films.scene_renderer import SceneRenderer, obstacle
 from aerial_il.evaluation.pages.page import page_text
@@ -24,7 +25,6 @@ MOST_PICTURES = 60  # of the episodes recorded last, so that the page stays smal
 SHARES = (0.0, 0.5, 1.0)  # of an episode, of which pictures are shown
 THUMBNAIL = (132, 176)  # height and width, pixels
 QUALITY = 70
-HUMAN = "human:"
 
 
 @dataclass(frozen=True)

@@ -248,6 +248,11 @@ class Simulation:
         self._threads.close()
 
     @property
+    def dwell(self) -> np.ndarray:
+        """(n,) share, in [0, 1], of the time that success must hold for it has held."""
+        return np.minimum(self._userdata[:, layout.DWELL] / self._rules.dwell_steps, 1.0)
+
+    @property
     def steps(self) -> np.ndarray:
         """(n,) control steps since the start of each episode."""
         return self._userdata[:, layout.STEP].astype(int)

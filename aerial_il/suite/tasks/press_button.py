@@ -57,6 +57,7 @@ class PressButton(Task):
     time_limit_s = 20.0
     dwell_s = 0.3
     subtasks = ("at_button", "touched", "half_pressed", "pressed", "gentle")
+    once_lost = ("gentle",)
     names = Names(sites=("button",), joints=("button",))
     force_sensors = ("robot_force", "tool_force")
     privileged = (

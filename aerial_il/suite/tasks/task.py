@@ -67,7 +67,7 @@ class Task(ABC):
         instruction: the task in one English sentence.
         time_limit_s: seconds until an episode is truncated.
         dwell_s: seconds for which it must be solved for success.
-        subtasks: names of its flags.
+        subtasks: names of its flags. once_lost: those of them whose loss no later deed makes good.
         names: what its compiled functions read, in the order in which they number it.
         needs_arm: a bare base cannot do it. needs_flight: a fixed base cannot do it.
         asks_for_force: success takes a force within a band.
@@ -86,6 +86,7 @@ class Task(ABC):
     time_limit_s: ClassVar[float]
     dwell_s: ClassVar[float]
     subtasks: ClassVar[tuple[str, ...]]
+    once_lost: ClassVar[tuple[str, ...]] = ()
     needs_arm: ClassVar[bool] = True
     needs_flight: ClassVar[bool] = True
     force_sensors: ClassVar[tuple[str, ...]] = ()

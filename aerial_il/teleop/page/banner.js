@@ -2,7 +2,7 @@
 
 import { send } from "./connection.js";
 import { $, setHidden, setText } from "./dom.js";
-import { lostPad } from "./input.js";
+import { earlyKey, lostPad } from "./input.js";
 import { flies, page } from "./state.js";
 
 const STILL = ["countdown", "review", "paused"]; // states in which nobody need be at the controls
@@ -28,12 +28,15 @@ function said(status) {
   if (status.dead && !STILL.includes(status.state)) {
     return { title: "Nobody at the controls", text: "Nothing has arrived for 300 ms: the vehicle hovers." };
   }
+  if (earlyKey()) {
+    return { title: `“${earlyKey()}” came too early`, text: "The flight had not answered yet: press it again.", calm: true };
+  }
   return {};
 }
 
 function lost() {
   const text = "The vehicle hovers and a recording pauses. Trying again…";
-  return { title: "No connection", text: page.about ? text : "Waiting for the flight to answer." };
+  return { title: "No connection", text: page.about ? text : "Waiting for the flight to answer: keys do nothing yet." };
 }
 
 function watching(status) {

@@ -21,6 +21,7 @@ function heardIn(last, status) {
     ["solved", entered("review") && status.success], ["review", entered("review") && !status.success],
     ["kept", last.state === "review" && status.state === "idle" && status.counts.trash === last.counts.trash],
     ["discarded", status.counts.trash > last.counts.trash],
+    ["alarm", status.lost.length > last.lost.length],
     ["alarm", status.dead && !last.dead && status.state === "recording"],
   ];
 }

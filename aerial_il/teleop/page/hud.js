@@ -19,7 +19,7 @@ export function draw() {
   if (status && status.state !== document.body.dataset.state) enter(status);
   drawBanner();
   sound(status);
-  if (!status) return;
+  if (!status) return drawFlier({ shared: false }); // who flies is not known any more
   offer();
   drawFlier(status);
   drawLesson(status.lesson);
@@ -30,6 +30,7 @@ export function draw() {
   document.body.classList.toggle("precise", status.precise);
   drawNumbers($("readings"), page.about.readings, status.numbers);
   drawSubtasks(status);
+  drawHold(status);
   drawModes(status);
   drawReview(status);
 }
@@ -60,7 +61,7 @@ function drawLesson(lesson) { // how a policy that learns from these flights get
   panel.hidden = !lesson?.message;
   setText($("lesson-message"), lesson?.message ?? "");
   $("lesson-rounds").replaceChildren(...(lesson?.rounds ?? []).map(({ alone, share }, i) =>
-    make("li", `round ${i + 1}: ${alone} % without help, you flew ${share} %`)));
+    make("li", `round ${i + 1}: ${alone}\u00a0% alone, you flew ${share}\u00a0%`)));
 }
 
 function drawFlier(status) { // of flights that a person and a policy share
@@ -76,7 +77,19 @@ function drawSubtasks(status) {
   if (list.children.length !== Object.keys(flags).length) {
     list.replaceChildren(...Object.keys(flags).map((name) => make("li", name === "done" ? "success" : words(name))));
   }
-  Object.values(flags).forEach((met, i) => list.children[i].classList.toggle("met", met));
+  Object.entries(flags).forEach(([name, met], i) => {
+    list.children[i].classList.toggle("met", met);
+    list.children[i].classList.toggle("lost", status.lost.includes(name));
+  });
+  setText($("live-lost"), status.lost.map((name) => `${words(name)} is lost.`).join(" "));
+}
+
+function drawHold({ held, state }) { // how long success has held, of the time for which it must
+  const ring = $("hold"), percent = Math.round(100 * held);
+  setHidden(ring, !percent || !(state === "recording" || (state === "idle" && percent < 100)));
+  if (ring.getAttribute("aria-valuenow") === String(percent)) return;
+  ring.setAttribute("aria-valuenow", String(percent));
+  ring.style.setProperty("--held", `${percent}%`);
 }
 
 function drawModes({ modes, mode }) {
@@ -85,4 +98,6 @@ function drawModes({ modes, mode }) {
     $("modes").replaceChildren(...modes.map((name) => make("span", name)));
   }
   modes.forEach((name, i) => $("modes").children[i].classList.toggle("on", name === mode));
+  setHidden($("mode"), mode === modes[0]); // one that was chosen stays on, from episode to episode
+  setText($("mode"), `${mode} mode`);
 }

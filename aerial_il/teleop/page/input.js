@@ -4,6 +4,7 @@ import { Gamepad, Keyboard, Touch, sum } from "./devices.js";
 import { send } from "./connection.js";
 import { Phone } from "./phone.js";
 import { flies, page, state } from "./state.js";
+import { keyName } from "./vocabulary.js";
 
 const SEND_MS = 20, WALKING = /^(Tab|Enter|Space|Arrow.*)$/;
 const local = new Map(); // command -> what the page does
@@ -12,6 +13,9 @@ let unpluggedAt = -Infinity;
 
 // Whether a gamepad was unplugged so recently that it is worth saying.
 export const lostPad = () => performance.now() - unpluggedAt < 6000;
+
+// The key that was pressed before the flight had answered, for as long as it is worth saying.
+export const earlyKey = () => (page.early && performance.now() - page.early.at < 8000 ? page.early.key : "");
 
 export const touch = new Touch(used);
 export const phone = new Phone();
@@ -47,7 +51,10 @@ function used(device, control) {
 }
 
 function sendInput() {
-  if (!page.focused || !flies()) return;
+  if (!page.focused || !flies()) {
+    for (const hand of hands) hand.presses.take(); // a press is for now, or for nothing
+    return;
+  }
   if (pad.read()) unplugged();
   page.seq += 1;
   const pressed = hands.flatMap((hand) => hand.presses.take()).filter((name) => !local.has(page.keys.get(name)));
@@ -65,4 +72,7 @@ function unplugged() {
   unpluggedAt = performance.now();
 }
 
+addEventListener("keydown", ({ code, repeat, ctrlKey, altKey, metaKey }) => {
+  if (!page.status && !repeat && !ctrlKey && !altKey && !metaKey) page.early = { key: keyName(code), at: performance.now() };
+});
 setInterval(sendInput, SEND_MS);

@@ -2,7 +2,7 @@
 
 export const page = {
   about: null, status: null, socket: null, seq: 0, focused: document.hasFocus(), offset: null, trip: null, shown: null,
-  pressedAt: [], latencies: [], keys: new Map(), held: [], axes: {}, // of what was sent last
+  pressedAt: [], early: null, latencies: [], keys: new Map(), held: [], axes: {}, // of what was sent last
 };
 window.teleop = page; // for tests, and for who is curious
 
