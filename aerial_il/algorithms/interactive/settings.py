@@ -38,8 +38,8 @@ class InteractiveSettings:
     rewarded: ClassVar[bool] = False
     demonstrated: ClassVar[bool] = True
 
-    rounds: int = 10
-    episodes: int = 5
+    rounds: int = 5
+    episodes: int = 10
     training: SupervisedAlgorithm
     patience: float = 1.2
     demos_share: float = 0.5
