@@ -24,9 +24,7 @@ def blueprint(flights: dict[str, Flight], timeline: str = SIM_TIME) -> rrb.Bluep
     Args:
         flights: root -> flight, as they were logged. timeline: that is shown first.
     """
-    scenes = rrb.Horizontal(*(_scene(root, flight) for root, flight in flights.items()))
-    lanes = rrb.StateTimelineView(origin="/", contents=[f"/{root}states/**" for root in flights], name="states")
-    left = rrb.Vertical(scenes, lanes, row_shares=[3, 1.4])
+    left = rrb.Horizontal(*(_scene_and_states(root, flight) for root, flight in flights.items()))
     column = _right(flights)
     right = rrb.Vertical(*column.values(), row_shares=[ROWS[name] for name in column])
     shares = [1.5, 1] if len(flights) == 1 else [2.2, 1]
@@ -37,6 +35,11 @@ def blueprint(flights: dict[str, Flight], timeline: str = SIM_TIME) -> rrb.Bluep
     )
     time = rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused")
     return rrb.Blueprint(rrb.Horizontal(left, right, column_shares=shares), *panels, time, auto_views=False)
+
+
+def _scene_and_states(root: str, flight: Flight) -> rrb.Vertical:
+    lanes = rrb.StateTimelineView(origin=f"/{root}states", name=f"{root}states")
+    return rrb.Vertical(_scene(root, flight), lanes, row_shares=[3, 1.4])
 
 
 def _scene(root: str, flight: Flight) -> rrb.Container | rrb.View:

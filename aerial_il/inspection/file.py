@@ -54,8 +54,8 @@ class FlightFile:
         """
         with self.recording(name, _kind(flights)) as stream:
             stream.send_blueprint(blueprint(dict(flights), ALIGNED if clocks else SIM_TIME))
-            for root, flight in flights.items():
-                log_flight(stream, flight, root, clocks[root] if clocks else None)
+            for i, (root, flight) in enumerate(flights.items()):
+                log_flight(stream, flight, root, clocks[root] if clocks else None, second=i > 0)
 
     @contextmanager
     def recording(self, name: str, application: str) -> Iterator[rr.RecordingStream]:

@@ -56,19 +56,25 @@ class Flight:
         return tuple(field.name for field in fields if field.name in self.episode.obs)
 
 
-def log_flight(stream: rr.RecordingStream, flight: Flight, root: str = "", clock: Clock | None = None) -> None:
-    """Log a flight below ``root``, which is empty or ends in a slash: ``scene``, ``signals``, ``states``, ``about``."""
+def log_flight(
+    stream: rr.RecordingStream, flight: Flight, root: str = "", clock: Clock | None = None, *, second: bool = False
+) -> None:
+    """Log a flight below ``root``, which is empty or ends in a slash: ``scene``, ``signals``, ``states``, ``about``.
+
+    Args:
+        clock: its times; None for those that were recorded. second: draw its curves paler, beside those of another.
+    """
     episode = flight.episode
     clock = clock or Clock(episode.sim_time)
     stream.log(f"{root}about", rr.TextDocument(about(flight), media_type="text/markdown"), static=True)
     if flight.motion is not None:
         _log_scene(stream, flight, flight.motion, f"{root}scene", clock)
-        signals.log_forces(stream, f"{root}signals", flight.motion, clock)
+        signals.log_forces(stream, f"{root}signals", flight.motion, clock, second=second)
     else:
         _log_pictures_alone(stream, flight, f"{root}pictures", clock)
-    signals.log_actions(stream, f"{root}signals", episode, clock)
-    signals.log_observations(stream, f"{root}signals", episode, clock)
-    signals.log_reward(stream, f"{root}signals", episode, clock)
+    signals.log_actions(stream, f"{root}signals", episode, clock, second=second)
+    signals.log_observations(stream, f"{root}signals", episode, clock, second=second)
+    signals.log_reward(stream, f"{root}signals", episode, clock, second=second)
     signals.log_states(stream, f"{root}states", episode, clock, flight.flags)
     if flight.chunks is not None:
         spec, predicted = episode.spec.action, flight.chunks.actions

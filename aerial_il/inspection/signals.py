@@ -47,13 +47,13 @@ def groups_of(action: ActionSpec) -> list[ActionGroup]:
     ]
 
 
-def log_actions(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock) -> None:
+def log_actions(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, *, second: bool = False) -> None:
     """Log commanded, executed and, where asked for, the expert's actions."""
     kinds = {"commanded": episode.actions, "executed": episode.executed_actions}
     if episode.asked.any():
         kinds["expert"] = episode.expert_actions
     for kind, values in kinds.items():
-        log_action(stream, root, episode.spec.action, values, clock, kind=kind, width=ACTIONS[kind])
+        log_action(stream, root, episode.spec.action, values, clock, kind=kind, width=ACTIONS[kind], second=second)
 
 
 def log_action(
@@ -65,6 +65,7 @@ def log_action(
     *,
     kind: str,
     width: float = 1.5,
+    second: bool = False,
 ) -> None:
     """Log actions (T, Da) of one kind, group by group; what was only commanded is drawn broad and pale."""
     for group in groups_of(action):
@@ -73,11 +74,12 @@ def log_action(
         names = [f"{label} {kind}" for label in group.labels]
         log_curves(
             stream, f"{root}/action/{group.name}/{kind}", values[:, group.columns], clock,
-            names=names, colours=colours, width=width,
-        )  # fmt: skip
+            names=names, colours=colours, width=width, second=second)  # fmt: skip
 
 
-def log_observations(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock) -> None:
+def log_observations(
+    stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, *, second: bool = False
+) -> None:
     """Log every observed field that is no picture."""
     for field in episode.spec.observation.fields:
         if field.group == "image" or field.name not in episode.obs or field.size > LARGEST_FIELD:
@@ -85,27 +87,44 @@ def log_observations(stream: rr.RecordingStream, root: str, episode: Episode, cl
         values = episode.obs[field.name].reshape(len(clock.sim_time), -1)
         names = [label.replace(".", " ") for label in field.element_labels()]
         entity = f"{root}/observation/{plain(field.name)}"
-        log_curves(stream, entity, values, clock, names=names, colours=palette.series(field.size))
+        log_curves(stream, entity, values, clock, names=names, colours=palette.series(field.size), second=second)
 
 
-def log_reward(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock) -> None:
+def log_reward(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, *, second: bool = False) -> None:
     log_curves(
-        stream, f"{root}/reward", episode.rewards[:, None], clock, names=["reward"], colours=[palette.REWARD], width=2.0
+        stream,
+        f"{root}/reward",
+        episode.rewards[:, None],
+        clock,
+        names=["reward"],
+        colours=[palette.REWARD],
+        width=2.0,
+        second=second,
     )
 
 
-def log_forces(stream: rr.RecordingStream, root: str, motion: Motion, clock: Clock) -> None:
+def log_forces(stream: rr.RecordingStream, root: str, motion: Motion, clock: Clock, *, second: bool = False) -> None:
     """Log the magnitude of all contacts of the robot, each rotor's thrust, and the wind's speed."""
     pressed = motion.contacts.on_robot_n[:, None]
     entity, colours = f"{root}/forces/contact", [palette.CONTACT]
-    log_curves(stream, entity, pressed, clock, names=["contacts, N"], colours=colours, width=2.0)
+    log_curves(stream, entity, pressed, clock, names=["contacts, N"], colours=colours, width=2.0, second=second)
     if motion.thrust.size:
         size = np.linalg.norm(motion.thrust, axis=2)
         names = [f"rotor {i}, N" for i in range(size.shape[1])]
-        log_curves(stream, f"{root}/forces/thrust", size, clock, names=names, colours=palette.series(size.shape[1]))
+        log_curves(
+            stream,
+            f"{root}/forces/thrust",
+            size,
+            clock,
+            names=names,
+            colours=palette.series(size.shape[1]),
+            second=second,
+        )
     if motion.wind is not None:
         speed = np.linalg.norm(motion.wind, axis=1, keepdims=True)
-        log_curves(stream, f"{root}/wind", speed, clock, names=["wind, m/s"], colours=[palette.WIND], width=2.0)
+        log_curves(
+            stream, f"{root}/wind", speed, clock, names=["wind, m/s"], colours=[palette.WIND], width=2.0, second=second
+        )
 
 
 def log_states(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, flags: np.ndarray | None) -> None:
@@ -166,9 +185,13 @@ def log_curves(
     names: Sequence[str],
     colours: Sequence[Colour],
     width: float = 1.2,
+    second: bool = False,
 ) -> None:
-    """Log k curves (n, k) over the first n times of the clock."""
-    look = rr.SeriesLines(names=list(names), colors=list(colours), widths=[width] * len(names))
+    """Log k curves (n, k) over the first n times of the clock; those of a second flight are paler than the first's."""
+    flight = entity.partition("signals/")[0].strip("/")
+    shown = [f"{flight} {name}".strip() for name in names]
+    tints = palette.paler(colours) if second else list(colours)
+    look = rr.SeriesLines(names=shown, colors=tints, widths=[width] * len(names))
     stream.log(entity, look, static=True)
     columns = rr.Scalars.columns(scalars=np.asarray(values, float).reshape(-1))
     partitioned = columns.partition(np.full(len(values), values.shape[1]))
