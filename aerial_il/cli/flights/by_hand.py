@@ -10,13 +10,11 @@ from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import flown_by_hand
-from aerial_il.data.waypoints import LEVEL, Waypoints
+from aerial_il.data.waypoints import LEVEL, LOOKAHEAD_S, Waypoints
 from aerial_il.policies.parts.egocentric import chose_view, egocentric
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicyConfig
-
-LOOKAHEAD_S = 2.0
 
 
 def suited[A, P: PolicyConfig](path: str | None, algorithm: A, policy: P, *, by_hand: bool | None) -> tuple[A, P]:
