@@ -30,7 +30,8 @@ def suited[A, P: PolicyConfig](path: str | None, algorithm: A, policy: P, *, by_
     cloning = _cloning(algorithm)
     if path is None or cloning is None or by_hand is False:
         return algorithm, policy
-    flown = [e for e in open_dataset(path).one_of_each() if by_hand or flown_by_hand(e.provenance)]
+    episodes = open_dataset(path, failures=True).one_of_each()
+    flown = [episode for episode in episodes if by_hand or flown_by_hand(episode.provenance)]
     if not flown or not (by_hand or all(_relabels(e) for e in flown)):
         return algorithm, policy
     said = []
