@@ -21,13 +21,19 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.parts.driver import Driven, suited
-from aerial_il.benchmarks.parts.ground import ground, learning_code
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, check_seeds, described, steps_of, without_cadence
-from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.training.driver import Driven, suited
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    check_seeds,
+    described,
+    steps_of,
+    without_cadence,
+)
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
@@ -38,8 +44,8 @@ from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.teleop.arbiter import HAND_OVER_TICKS
 from aerial_il.teleop.driver.operator import DriverOperator
+from aerial_il.teleop.piloting.arbiter import HAND_OVER_TICKS
 
 START, ASKED, CONTROL = "bc, first demonstrations", "hg_dagger", "bc, as many episodes and steps"
 JUDGED_PERCENT, SHARE_PERCENT = 90.0, 10.0

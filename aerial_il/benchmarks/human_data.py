@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.benchmarks.parts.demonstrations import Source
-from aerial_il.benchmarks.parts.driver import Driven, suited
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report, Row
-from aerial_il.benchmarks.parts.stages import (
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
+from aerial_il.benchmarks.parts.training.demonstrations import Source
+from aerial_il.benchmarks.parts.training.driver import Driven, suited
+from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     Cloned,
     Stages,
@@ -28,7 +29,6 @@ from aerial_il.benchmarks.parts.stages import (
     check_seeds,
     described,
 )
-from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import plain

@@ -19,14 +19,14 @@ from typing import ClassVar
 import numpy as np
 
 import aerial_il
-from aerial_il.benchmarks.parts.earlier import Checkout
-from aerial_il.benchmarks.parts.figures import time_shares
-from aerial_il.benchmarks.parts.parent import Rivals, first_flights, rivals
-from aerial_il.benchmarks.parts.processes import process_arms
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.stopwatch import Arm, Stopwatch, interleave
-from aerial_il.benchmarks.parts.workload import RawPhysics, Workload, fly_again, record
+from aerial_il.benchmarks.parts.earlier.checkout import Checkout
+from aerial_il.benchmarks.parts.earlier.rivals import Rivals, first_flights, rivals
+from aerial_il.benchmarks.parts.reporting.figures import time_shares
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.timing.processes import process_arms
+from aerial_il.benchmarks.parts.timing.stopwatch import Arm, Stopwatch, interleave
+from aerial_il.benchmarks.parts.timing.workload import RawPhysics, Workload, fly_again, record
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.rollouts import rollouts

@@ -11,15 +11,15 @@ from typing import Any, Protocol, Self
 
 from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
-from aerial_il.teleop.film import Film
 from aerial_il.teleop.flight import CAMERAS, Site, about
-from aerial_il.teleop.inbox import Inbox
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.loop import Loop
-from aerial_il.teleop.mapping import Bindings
-from aerial_il.teleop.server import Server
-from aerial_il.teleop.session import State
+from aerial_il.teleop.input.inbox import Inbox
+from aerial_il.teleop.input.mapping import Bindings
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.loop import Loop
+from aerial_il.teleop.session.session import State
+from aerial_il.teleop.web.film import Film
+from aerial_il.teleop.web.server import Server
 
 LEARNER = "learner"
 WATCH_S = 0.1

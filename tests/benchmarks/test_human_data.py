@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from aerial_il.benchmarks.hg_dagger import HumanInTheLoop
 from aerial_il.benchmarks.human_data import DRIVER, SCRIPT, ClonedDriver, HumanData
-from aerial_il.benchmarks.parts.stages import Cloned
+from aerial_il.benchmarks.parts.training.stages import Cloned
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 
 SUITED = Waypoints(lookahead_s=LOOKAHEAD_S)

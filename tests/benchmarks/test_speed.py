@@ -12,9 +12,9 @@ import pytest
 
 import aerial_il
 from aerial_il.benchmarks import speed
-from aerial_il.benchmarks.parts.earlier import ROOT
-from aerial_il.benchmarks.parts.stopwatch import Arm, interleave
-from aerial_il.benchmarks.parts.workload import RawPhysics, Workload, fly_again, record
+from aerial_il.benchmarks.parts.earlier.checkout import ROOT
+from aerial_il.benchmarks.parts.timing.stopwatch import Arm, interleave
+from aerial_il.benchmarks.parts.timing.workload import RawPhysics, Workload, fly_again, record
 from aerial_il.benchmarks.speed import SECTIONS, Speed, time_of_a_step
 from aerial_il.suite.batch import BatchEnvironment
 

@@ -88,7 +88,7 @@ def test_a_real_shell_reads_the_line_alike(name: str) -> None:
 
 
 def test_what_training_says_of_itself_leads_back_to_it() -> None:
-    from aerial_il.cli.commands import train
+    from aerial_il.cli.commands.runs import train
 
     typed = [
         "dataset=数据/it's",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerial_il import robots
-from aerial_il.benchmarks.parts.steps import StepFigures, step_figures
+from aerial_il.benchmarks.parts.tracking.steps import StepFigures, step_figures
 from aerial_il.control import controller_state as layout
 from aerial_il.control import laws, lqr
 from aerial_il.control.controller import Controller

@@ -12,10 +12,10 @@ import pytest
 from aerial_il.cli.configuration import groups
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop import devices
-from aerial_il.teleop.frame import AXES, DeviceFrame, names_of
-from aerial_il.teleop.hardware import Attached, Reading
-from aerial_il.teleop.inbox import STALE_S, Inbox
-from aerial_il.teleop.mapping import COMMANDS
+from aerial_il.teleop.input.frame import AXES, DeviceFrame, names_of
+from aerial_il.teleop.input.hardware import Attached, Reading
+from aerial_il.teleop.input.inbox import STALE_S, Inbox
+from aerial_il.teleop.input.mapping import COMMANDS
 from tests.teleop.hands import shipped
 from tests.teleop.simulated import SIMULATED, simulated
 

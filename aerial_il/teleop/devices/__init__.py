@@ -14,9 +14,9 @@ from types import ModuleType
 from typing import Any, Protocol
 
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.teleop.frame import DeviceFrame
-from aerial_il.teleop.hardware import Driver
-from aerial_il.teleop.mapping import Bindings, read_bindings, together
+from aerial_il.teleop.input.frame import DeviceFrame
+from aerial_il.teleop.input.hardware import Driver
+from aerial_il.teleop.input.mapping import Bindings, read_bindings, together
 
 HARDWARE = "hardware"  # key of a device's YAML beside its commands
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.driver.watch import Judgement
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.session import State
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.session import State
 
 LEARNER = "learner"
 

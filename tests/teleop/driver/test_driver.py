@@ -14,15 +14,15 @@ from aerial_il.core.errors import UnknownNameError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.replay import replay
 from aerial_il.teleop import driver as room
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.driver.eyes import Eyes
 from aerial_il.teleop.driver.habit import Habit
 from aerial_il.teleop.driver.operator import DriverOperator
 from aerial_il.teleop.driver.plan import plan_for
 from aerial_il.teleop.driver.watch import Judgement, Watch
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.refly import refly
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.refly import refly
 from tests.teleop.hands import world
 
 HIDDEN = ("env", "batch", "view", "mujoco", "suite", "experts", "simulation", "physics")
