@@ -28,10 +28,17 @@ WATCH_S = 0.1
 class Costs(Protocol):
     """What a round's flights cost and brought, as far as a person is shown it."""
 
-    flights: int
-    steps: int
-    expert_steps: int
-    solved_alone: int
+    @property
+    def flights(self) -> int: ...
+
+    @property
+    def steps(self) -> int: ...
+
+    @property
+    def expert_steps(self) -> int: ...
+
+    @property
+    def solved_alone(self) -> int: ...
 
 
 class PageOperator:
