@@ -38,7 +38,7 @@ def step(robot: str, law: str, kind: str) -> StepFigures:
     flight.fly(action, 3.0)
     entry, k, size = (layout.BASE_POS, 0, 1.0) if kind == "position" else (layout.BASE_YAW, 3, np.deg2rad(30.0))
     action[k] += size
-    flight.controller.memory[entry] = action[k]
+    flight.controller.state[entry] = action[k]
     made = []
     for _ in range(200):
         flight.fly(action, SAMPLE_S)

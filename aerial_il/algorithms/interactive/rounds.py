@@ -77,13 +77,16 @@ class Operator(Protocol):
     """
 
     def record(
-        self, env: Any, learner: Policy, out: str | os.PathLike[str], *, seeds: range, tags: Mapping[str, Any]
+        self, env: BatchEnv, learner: Policy, out: str | os.PathLike[str], *, seeds: range, tags: Mapping[str, Any]
     ) -> None:
         """Record flights until ``out`` holds as many as there are ``seeds``; those it holds already count.
 
         Args:
-            env: one world, of a kind that they can fly. learner: flies while nobody takes over. out: a dataset folder.
+            env: one world of the suite. learner: flies while nobody takes over. out: a dataset folder.
             seeds: from the first on, one after another. tags: plain values for the provenance.
+
+        Raises:
+            InvalidValueError: a person cannot fly ``env``.
         """
         ...
 

@@ -48,7 +48,7 @@ class BusyError(Exception):
 class EpisodeWriter:
     """One episode on its way to the disk, under the name ``<path>.part`` until it is finished.
 
-    Equal calls give equal bytes: time stamps are simulation time, and wall time is nobody's business here. Making one
+    Equal calls give equal bytes: time stamps are simulation time, and wall time is left out. Making one
     only claims the file; all else may be done by another thread, one call after the other.
 
     Args:

@@ -12,8 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.core.contracts import Policy, SeededPolicy, attach
-from aerial_il.core.errors import AerialError, NonFiniteActionError, SimulationDivergedError, StorageError
+from aerial_il.core.contracts import BatchEnv, Policy, SeededPolicy, attach
+from aerial_il.core.errors import (
+    AerialError,
+    InvalidValueError,
+    NonFiniteActionError,
+    SimulationDivergedError,
+    StorageError,
+)
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.input.frame import DeviceFrame
 from aerial_il.teleop.input.mapping import Bindings
@@ -65,6 +71,21 @@ class Status:
     marks: Mapping[str, float]  # sub-task -> share of the episode after which it was first solved
     person_steps: int  # of this episode's, those in which the person had taken over
     numbers: tuple[float, ...]
+
+
+def by_hand(env: BatchEnv) -> BatchEnvironment:
+    """Return ``env`` if it can be flown by hand.
+
+    Raises:
+        InvalidValueError: it is not the suite's, or has more than one world.
+    """
+    if not isinstance(env, BatchEnvironment):
+        raise InvalidValueError(
+            f"{env.spec.robot}:{env.spec.task} is not of this suite: only its tasks are flown by hand."
+        )
+    if env.num_envs != 1:
+        raise InvalidValueError(f"num_envs is {env.num_envs}; a person flies one world.")
+    return env
 
 
 class Cockpit:

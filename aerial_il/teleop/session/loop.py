@@ -9,9 +9,10 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from aerial_il.core.contracts import Device
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.physics.physics_batch import STATE
-from aerial_il.teleop.devices import Device
+from aerial_il.teleop.input.frame import DeviceFrame
 from aerial_il.teleop.session.clock import Metronome, Pace
 from aerial_il.teleop.session.cockpit import Cockpit, Status
 
@@ -27,7 +28,7 @@ class Loop:
     def __init__(
         self,
         cockpit: Cockpit,
-        device: Device,
+        device: Device[DeviceFrame],
         show: Callable[[np.ndarray, int], None],
         report: Callable[[Status, Pace], None],
     ) -> None:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import ast
 import hashlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import aerial_il
 from aerial_il import teleop
+from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.benchmarks.parts.records.ground import ground
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, DatasetFolder
+from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
+from aerial_il.policies.parts.egocentric import egocentric
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.driver.operator import DriverOperator
 
@@ -72,6 +76,11 @@ class Driven:
             env.close()
         dataset = aerial_il.open_dataset(str(path))
         return dataset.only(sorted(dataset.uids)[:count])
+
+
+def suited[P: PolicyConfig](algorithm: BehaviourCloning, policy: P) -> tuple[BehaviourCloning, P]:
+    """Return settings as ``aerial-il train`` makes them by itself for what a person flew."""
+    return replace(algorithm, waypoints=Waypoints(lookahead_s=LOOKAHEAD_S)), egocentric(policy)
 
 
 @cache
