@@ -82,8 +82,8 @@ class DAgger(InteractiveAlgorithm):
             InvalidValueError: somebody at the controls, and a gate that would decide in their place.
         """
         assert rounds.learner is not None
-        if not isinstance(rounds.problem.expert, Operator):
-            return self._mixture(rounds, number, rounds.learner, rounds.problem.expert)
+        if not isinstance(rounds.teacher, Operator):
+            return self._mixture(rounds, number, rounds.learner, rounds.teacher)
         if not isinstance(self.gate, HumanGate):
             raise InvalidValueError(
                 f"The gate is {type(self.gate).__name__}, and somebody sits at the controls, who decides by themselves "

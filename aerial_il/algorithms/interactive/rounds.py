@@ -102,7 +102,7 @@ class InteractiveProblem:
     Attributes:
         settings: of its algorithm. policy: what is trained. seed: decides all randomness.
         env: a batch environment. expert: whom it learns from; it can take over from any state. An operator records
-            the flights themselves.
+            the flights themselves. None where nobody is asked.
         collect: records flights. progress: show progress bars.
     """
 
@@ -110,7 +110,7 @@ class InteractiveProblem:
     policy: PolicyConfig
     seed: int
     env: BatchEnv
-    expert: Policy | Operator
+    expert: Policy | Operator | None
     collect: Collect
     progress: bool
 
@@ -168,7 +168,7 @@ class Rounds:
             InvalidValueError: the demonstrations were flown in another environment, the expert is missing, the folder
                 holds another run, and whatever supervised learning refuses.
         """
-        if problem.expert is None:
+        if problem.expert is None and "expert" in problem.settings.needs:
             raise InvalidValueError(f"{problem.settings.name} asks an expert, and there is none. Try expert=scripted.")
         spec = problem.env.spec
         _, demos = read_demos((_as_shown(episode, spec) for episode in dataset), problem.policy)
@@ -179,6 +179,12 @@ class Rounds:
                     shutil.rmtree(folder.path / name, ignore_errors=True)
             with torch_threads(problem.settings.training.threads):
                 yield Rounds(folder, problem, demos)
+
+    @property
+    def teacher(self) -> Policy | Operator:
+        """Whom it asks."""
+        assert self.problem.expert is not None, "checked when the run was opened"
+        return self.problem.expert
 
     def left(self) -> range:
         """Return the numbers of the rounds that are not complete; round 0 only learns."""
@@ -307,7 +313,7 @@ class Rounds:
     def _take_in(self, flights: Sequence[Episode]) -> None:
         """Count the flights of a round and learn from those with labels that are as long as a chunk."""
         self.costs.append(FlightCosts.of(flights))
-        self.dataset += [f for f in flights if f.asked.any() and len(f) >= self.problem.policy.chunk]
+        self.dataset += [f for f in flights if self._settings.learns_from(f) and len(f) >= self.problem.policy.chunk]
 
     def _aggregate(self, number: int) -> None:
         """Add the flights of a round to the dataset on disk."""

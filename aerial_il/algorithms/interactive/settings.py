@@ -8,6 +8,7 @@ from typing import ClassVar
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.episode import Episode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +68,10 @@ class InteractiveSettings:
     def seeds_per_round(self) -> int:
         """How many flights of any kind a round makes."""
         return self.episodes
+
+    def learns_from(self, flight: Episode) -> bool:
+        """Whether a flight of a round joins the dataset; here one with labels."""
+        return bool(flight.asked.any())
 
     @property
     def between(self) -> SupervisedAlgorithm:

@@ -211,6 +211,12 @@ class Interface:
     obs_clip: float
     switches: Switches
 
+    @property
+    def varied(self) -> np.ndarray:
+        """(Da,) bool, action elements that were seen to vary: others have no spread, and were normalised by 1."""
+        found = self.action.scale != 1.0
+        return found if found.any() else ~found
+
     def encode_obs(self, history: np.ndarray) -> np.ndarray:
         """Return the network's input, float32, for frames (B, To, Do) in the world."""
         normalised = self.obs.normalise(self.layout.relate(history))
