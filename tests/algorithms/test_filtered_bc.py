@@ -22,7 +22,8 @@ FEW = BehaviourCloning(steps=40, batch_size=32, warmup_steps=5, ema=0.9, validat
 
 def trained(run: Path, **settings: Any) -> Path:
     algorithm = FilteredCloning(training=FEW, between_steps=20, rounds=2, episodes=8, **settings)
-    policy, env = SquashedGaussianConfig(hidden=(16,)), Drift(8)
+    policy = SquashedGaussianConfig(hidden=(16,))
+    env: Any = Drift(8)
     algorithm.train(demonstrations(DEMOS), policy, run=run, env=env, collect=collect, seed=3, progress=False)
     return run
 
