@@ -8,6 +8,15 @@ import os
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+
+class PlainDumper(yaml.SafeDumper):
+    """Writes what occurs twice twice: readers refuse aliases, by which a few lines can stand for gigabytes."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str) -> Path:
     """Write ``content`` to ``path`` so that a reader sees the old file or the new one, never a part.

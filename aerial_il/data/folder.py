@@ -16,6 +16,7 @@ from typing import Any
 
 import yaml
 
+from aerial_il.core.bounded import read_yaml
 from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.core.files import sha256_of, sync_folder, write_atomic
 from aerial_il.core.specs import EnvSpec
@@ -55,14 +56,14 @@ class DatasetFolder:
         """Return what ``dataset.yaml`` says, or an empty mapping where there is none."""
         path = self.path / INDEX
         try:
-            index = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
+            index = read_yaml(path)
             EnvSpec.from_dict(index["spec"])
             if not all(isinstance(index[kind], dict) for kind in KINDS):
                 raise InvalidValueError(f"{KINDS} must be mappings")
             return index
         except FileNotFoundError:
             return {}
-        except (yaml.YAMLError, InvalidValueError, TypeError, KeyError, UnicodeDecodeError, RecursionError) as error:
+        except (OSError, ValueError, TypeError, KeyError) as error:
             hint = "It is only an index: remove it, and collecting or recovering writes it anew."
             raise DemoError(path, f"cannot be read ({error!r}).", hint=hint) from error
 

@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from aerial_il.core import checkpoint
+from aerial_il.core.bounded import parse_json, parse_yaml, read_text, read_yaml
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
-from aerial_il.core.files import write_atomic, write_json
+from aerial_il.core.files import PlainDumper, write_atomic, write_json
 from aerial_il.core.provenance import provenance
 from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS
 from aerial_il.core.renamed import METRICS as METRIC_NAMES
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 CONFIG, PROVENANCE, METRICS, EVENTS = "config.yaml", "provenance.json", "metrics.jsonl", "tensorboard"
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
+START_AGAIN = "Put it back, begin again with resume=false, or choose another run=NAME."
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
 
@@ -113,12 +115,15 @@ class RunFolder:
 
 def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
     """Return the rows of a run's metrics by their present names; a last row cut short by a kill is left out."""
+    file = Path(run) / METRICS
     try:
-        lines = (Path(run) / METRICS).read_text().splitlines(keepends=True)
+        lines = read_text(file).splitlines(keepends=True)
+        rows = [parse_json(line) for line in lines if line.endswith("\n")]
+        return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
     except FileNotFoundError:
         return []
-    rows = (json.loads(line) for line in lines if line.endswith("\n"))
-    return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
+    except (OSError, ValueError, AttributeError) as error:
+        raise CheckpointError(file, f"is damaged ({error}).", START_AGAIN) from error
 
 
 class _EventFile:
@@ -190,9 +195,9 @@ def _clear(path: Path) -> None:
 
 def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> None:
     """Write the configuration of a new run; refuse another one where there are results already."""
-    text = yaml.safe_dump(dict(config), sort_keys=False)
+    text = yaml.dump(dict(config), Dumper=PlainDumper, sort_keys=False)
     if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
-        before, now = (_flat(yaml.safe_load(t), cadence) for t in ((path / CONFIG).read_text(), text))
+        before, now = _flat(_settings(path), cadence), _flat(parse_yaml(CONFIG, text), cadence)
         before = {**_unsaid(now), **{_new_key(key): value for key, value in before.items()}}
         differing = sorted(k for k in before.keys() | now.keys() if before.get(k) != now.get(k))
         if differing:
@@ -201,6 +206,17 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     with _writing(path / CONFIG):
         write_atomic(path / CONFIG, text)
         write_json(path / PROVENANCE, provenance())
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    """Return the configuration that a run was begun with."""
+    try:
+        settings = read_yaml(path / CONFIG)
+        if not isinstance(settings, dict):
+            raise ValueError("it holds no settings")
+        return settings
+    except (OSError, ValueError) as error:
+        raise CheckpointError(path / CONFIG, f"is damaged ({error}).", START_AGAIN) from error
 
 
 def _unsaid(now: Mapping[str, Any]) -> dict[str, Any]:
