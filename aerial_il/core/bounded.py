@@ -5,6 +5,7 @@ Whatever is refused is a ``ValueError``, as are JSON and YAML that say nothing; 
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -14,7 +15,7 @@ import zipfile
 import zlib
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import yaml
@@ -36,16 +37,22 @@ def read_bytes(path: str | os.PathLike[str], *, most: int) -> bytes:
         OSError: it cannot be read.
         InvalidFileError: it is larger, or no file.
     """
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # a pipe would wait for its writer
-    with open(handle, "rb") as file:
-        status = os.fstat(handle)
-        if stat.S_ISDIR(status.st_mode):
-            raise IsADirectoryError(21, os.strerror(21), str(path))
-        if not stat.S_ISREG(status.st_mode):
-            raise InvalidFileError("it is not a regular file")
-        if status.st_size > most:
-            raise InvalidFileError(f"it has {status.st_size} bytes, more than {most}")
-        return file.read(status.st_size)
+    with open_regular(path) as file:
+        if (size := os.fstat(file.fileno()).st_size) > most:
+            raise InvalidFileError(f"it has {size} bytes, more than {most}")
+        return file.read(size)
+
+
+def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
+    """Open a regular file for reading; raises as :func:`read_bytes`."""
+    file = open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")  # noqa: SIM115 - a pipe would wait
+    mode = os.fstat(file.fileno()).st_mode
+    if stat.S_ISREG(mode):
+        return file
+    file.close()
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    raise InvalidFileError(f"{path} is not a regular file")
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -102,7 +109,7 @@ def _check_events(text: str | bytes) -> None:
             raise InvalidFileError(f"it has an alias, *{event.anchor}, which nothing written here has")
         if getattr(event, "tag", None) is not None:
             raise InvalidFileError(f"it has a tag, {event.tag}, which nothing written here has")
-        if isinstance(event, yaml.ScalarEvent) and event.style is None and _LONG_NUMBER.fullmatch(event.value):
+        if isinstance(event, yaml.ScalarEvent) and event.implicit[0] and _LONG_NUMBER.fullmatch(event.value):
             raise InvalidFileError(f"it has a number of {len(event.value)} digits")
 
 

@@ -136,6 +136,8 @@ def prune(run: str | os.PathLike[str], keep: int = 3) -> None:
 
 
 def _newest_first(run: str | os.PathLike[str]) -> Iterator[Path]:
+    if (Path(run) / FOLDER).is_symlink():  # old ones are deleted: not those of another folder
+        raise CheckpointError(Path(run) / FOLDER, "is a link.", "Put the folder itself there.")
     folders = [f for f in (Path(run) / FOLDER).glob("*") if f.name.isdigit() and f.is_dir()]
     yield from sorted(folders, key=lambda f: int(f.name), reverse=True)
 

@@ -23,7 +23,7 @@ from aerial_il.core import checkpoint
 from aerial_il.core.bounded import parse_json, parse_yaml, read_text, read_yaml
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
-from aerial_il.core.files import PlainDumper, write_atomic, write_json
+from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
 from aerial_il.core.provenance import provenance
 from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS
 from aerial_il.core.renamed import METRICS as METRIC_NAMES
@@ -52,8 +52,9 @@ class RunFolder:
         self.finished = _is_valid(path / FINAL)
         self.resumed = found[1] if (found := checkpoint.latest(path)) else None
         if not self.finished:
-            _cut(path / METRICS, self.resumed.state["metrics_bytes"] if self.resumed else 0)
-        self._metrics = open(path / METRICS, "ab")  # noqa: SIM115 - closed by close()
+            _cut(path / METRICS, _reported(path, self.resumed.state) if self.resumed else 0)
+        with _writing(path / METRICS):
+            self._metrics = open_own(path / METRICS)  # closed by close()
         self._events = _EventFile(path / EVENTS, read_metrics(path))
 
     @staticmethod
@@ -119,10 +120,13 @@ def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
     try:
         lines = read_text(file).splitlines(keepends=True)
         rows = [parse_json(line) for line in lines if line.endswith("\n")]
+        for row in rows:
+            if not math.isfinite(row["step"]) or not all(isinstance(value, int | float) for value in row.values()):
+                raise ValueError(f"a row is not one of metrics: {row}")
         return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
     except FileNotFoundError:
         return []
-    except (OSError, ValueError, AttributeError) as error:
+    except (OSError, ValueError, AttributeError, LookupError, TypeError) as error:
         raise CheckpointError(file, f"is damaged ({error}).", START_AGAIN) from error
 
 
@@ -164,7 +168,7 @@ def _writing(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    with open(path / ".lock", "w") as file:
+    with _writing(path / ".lock"), open_own(path / ".lock") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -180,9 +184,17 @@ def _is_valid(folder: Path) -> bool:
         return False
 
 
+def _reported(path: Path, state: Mapping[str, Any]) -> int:
+    """Return how long the metrics were when a checkpoint was taken."""
+    length = state.get("metrics_bytes")
+    if not isinstance(length, int) or length < 0:
+        raise CheckpointError(path / checkpoint.FOLDER, "does not say how long the metrics were.", START_AGAIN)
+    return length
+
+
 def _cut(path: Path, length: int) -> None:
     """Shorten a file, which may not exist yet, to ``length`` bytes."""
-    with open(path, "ab") as file:
+    with _writing(path), open_own(path) as file:
         file.truncate(min(length, file.tell()))
 
 
