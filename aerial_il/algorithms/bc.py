@@ -17,7 +17,7 @@ success rate is biased upwards.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -89,6 +89,7 @@ class BehaviourCloning(SupervisedAlgorithm):
         resume: bool = True,
         progress: bool = True,
         failures: bool = False,
+        weights: Sequence[float] | None = None,
         initial: ChunkPolicy | None = None,
     ) -> ChunkPolicy:
         """Clone the demonstrator.
@@ -104,6 +105,7 @@ class BehaviourCloning(SupervisedAlgorithm):
             resume: continue what ``run`` holds; a finished run returns its policy at once.
             progress: show a progress bar.
             failures: learn from failed episodes too, as from those that an expert has labelled.
+            weights: how often each episode of ``dataset`` is visited, relative to the others; all alike if None.
             initial: a policy of the same configuration whose weights and normalisers training goes on from.
 
         Returns:
@@ -116,7 +118,7 @@ class BehaviourCloning(SupervisedAlgorithm):
             CheckpointError: the disk is full, or all checkpoints of ``run`` are damaged.
             KeyboardInterrupt, SystemExit: after SIGINT or SIGTERM, once a checkpoint is written.
         """
-        demos = self.divide(dataset, policy, seed=seed, failures=failures)
+        demos = self.divide(dataset, policy, seed=seed, failures=failures, weights=weights)
         check_recorded(demos.layout.spec, expect or {})
         data = prepare(demos, policy, batch_size=self.batch_size, device=self.device, seed=seed, initial=initial)
         options = {"evaluate": evaluate, "resume": resume, "progress": progress}
@@ -141,16 +143,22 @@ class BehaviourCloning(SupervisedAlgorithm):
         return run.finish()
 
     def divide(
-        self, dataset: Iterable[Episode], policy: PolicyConfig, *, seed: int, failures: bool = False
+        self,
+        dataset: Iterable[Episode],
+        policy: PolicyConfig,
+        *,
+        seed: int,
+        failures: bool = False,
+        weights: Sequence[float] | None = None,
     ) -> Demonstrations:
         """Return what :meth:`train` learns from and what it holds out with this ``seed``; refuse what it refuses."""
         selection = replace(self.selection, failures=self.selection.failures or 1.0) if failures else self.selection
         layout, demos = read_demos(dataset, policy, failures=selection.failures > 0)
-        demos, weights = selection.apply(demos)
+        demos, shares = selection.apply(demos, weights)
         demos = [self.waypoints.apply(demo) for demo in demos]
-        kept, held_out = split(list(zip(demos, weights.tolist(), strict=True)), self.validation, seed=seed)
-        shares = np.array([weight for _, weight in kept])
-        return Demonstrations(layout, [demo for demo, _ in kept], shares, [demo for demo, _ in held_out])
+        kept, held_out = split(list(zip(demos, shares.tolist(), strict=True)), self.validation, seed=seed)
+        kept_shares = np.array([share for _, share in kept])
+        return Demonstrations(layout, [demo for demo, _ in kept], kept_shares, [demo for demo, _ in held_out])
 
 
 def with_noise(obs: Tensor, size: int, deviation: float) -> Tensor:

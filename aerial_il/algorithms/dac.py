@@ -6,7 +6,8 @@ A discriminator D tells the demonstrator's transitions from the agent's, half of
 
 held back by that gradient penalty, spectral normalisation or dropout. Its opinion is the reward of a soft actor-critic
 (:mod:`aerial_il.algorithms.sac`), recomputed for each minibatch, so that old transitions are paid by the newest reward.
-Terminal steps lead to an absorbing state with a reward of its own (:mod:`aerial_il.algorithms.rl.replay_buffer`).
+Terminal steps lead to an absorbing state with a reward of its own
+(:mod:`aerial_il.algorithms.rl.replay.replay_buffer`).
 
 ``control`` runs the same without a demonstration: ``random_actions`` puts flights of random actions in their place,
 ``constant_reward`` pays 1 for every step before an end and nothing is told apart. Whatever such a run reaches,
@@ -32,7 +33,7 @@ from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
 from aerial_il.algorithms.run.checks import (
     require_choice,
     require_not_negative,

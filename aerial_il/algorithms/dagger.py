@@ -32,7 +32,7 @@ from aerial_il.algorithms.interactive.disagreement import ActionScale
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.gates.human import HumanGate
-from aerial_il.algorithms.interactive.mixture import Mixture
+from aerial_il.algorithms.interactive.mixture import Mixture, newcomer_of
 from aerial_il.algorithms.interactive.rounds import Operator, Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import Policy
@@ -95,7 +95,7 @@ class DAgger(InteractiveAlgorithm):
         others = [self._member(rounds, number, k) for k in range(1, self.gate.ensemble)]
         probes = rounds.alone(number, self.gate.alone) if self.gate.alone else []
         of = Round(number, rounds.problem.seed, [learner, *others], rounds.dataset, probes)
-        return Mixture(learner, expert, self.gate.open(of), ActionScale.of(learner))
+        return Mixture(learner, expert, self.gate.open(of), ActionScale.of(learner), newcomer_of(expert))
 
     def _member(self, rounds: Rounds, number: int, k: int) -> ChunkPolicy:
         """Return member k > 0 of the ensemble: other first weights, and episodes drawn with replacement."""

@@ -26,11 +26,11 @@ from torch import Tensor
 from torch.nn.functional import smooth_l1_loss
 
 from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.memory import Memory
 from aerial_il.algorithms.rl.off_policy import OffPolicy
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
-from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
@@ -74,19 +74,19 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeepQAgent(self, run.build_actor(Categorical))
-        memory = Memory(self, run, self.buffer_size)
-        run.begin(agent.network, {"agent": agent, **memory.parts})
+        replay = ExperienceReplay(self, run, self.buffer_size)
+        run.begin(agent.network, {"agent": agent, **replay.parts})
 
         while run.goes_on():
             agent.epsilon = self.epsilon_at(run.left)
-            memory.step(agent)
+            replay.step(agent)
             warming_up = run.collector.steps <= self.warmup
             if not warming_up:
-                memory.settle()
+                replay.settle()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log({**agent.update(memory.sample(self.batch_size)), "actor/epsilon": agent.epsilon})
+                run.log({**agent.update(replay.sample(self.batch_size)), "actor/epsilon": agent.epsilon})
             run.end_turn()
 
         return run.finish()

@@ -32,7 +32,7 @@ from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.algorithms.run.checks import (
     require_choice,

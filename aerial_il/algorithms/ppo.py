@@ -31,7 +31,7 @@ from aerial_il.algorithms.rl.interface import standardised
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.rl.replay_buffer import ReplayBuffer
+from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer
 from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.state import Snapshot, joined, separate

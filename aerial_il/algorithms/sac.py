@@ -8,7 +8,7 @@ environment step on minibatches of the buffer. Two critics learn
 Q' following them slowly; the actor minimises ``alpha log pi(a | s) - min Q(s, a)``, and alpha is moved so that the
 entropy stays near its target. Actor and alpha move at every ``actor_every``-th step, which saves a third of the time.
 The mean action is what flies in the end. In the absorbing state of imitators
-(:mod:`aerial_il.algorithms.rl.replay_buffer`) there is one action, zero, and no entropy.
+(:mod:`aerial_il.algorithms.rl.replay.replay_buffer`) there is one action, zero, and no entropy.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``, ``actor/entropy``, ``actor/alpha``; ``episode/return``,
 ``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
@@ -29,11 +29,11 @@ from torch import Tensor, nn
 
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss, bc_pretrain
 from aerial_il.algorithms.rl.critics import Critics, Target
-from aerial_il.algorithms.rl.memory import Memory
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
-from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
@@ -51,18 +51,18 @@ class SoftActorCriticLearning(OffPolicyReinforcement, SoftOffPolicy):
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes, smoothness=self.smoothness)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        memory = Memory(self, run, self.buffer_size)
-        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **memory.parts})
+        replay = ExperienceReplay(self, run, self.buffer_size)
+        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **replay.parts})
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            memory.step(blind if warming_up else agent)
+            replay.step(blind if warming_up else agent)
             if not warming_up:
-                memory.settle()
+                replay.settle()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(memory.sample(self.batch_size)))
+                run.log(agent.update(replay.sample(self.batch_size)))
             run.end_turn()
 
         return run.finish()

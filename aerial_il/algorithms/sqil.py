@@ -23,7 +23,7 @@ import numpy as np
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian

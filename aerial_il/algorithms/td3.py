@@ -26,11 +26,11 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.rl.critics import Critics, Target
-from aerial_il.algorithms.rl.memory import Memory
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
-from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
@@ -61,18 +61,18 @@ class TwinDelayedLearning(OffPolicyReinforcement, OffPolicyActorCritic):
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        memory = Memory(self, run, self.buffer_size)
-        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **memory.parts})
+        replay = ExperienceReplay(self, run, self.buffer_size)
+        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **replay.parts})
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            memory.step(blind if warming_up else agent)
+            replay.step(blind if warming_up else agent)
             if not warming_up:
-                memory.settle()
+                replay.settle()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(memory.sample(self.batch_size)))
+                run.log(agent.update(replay.sample(self.batch_size)))
             run.end_turn()
 
         return run.finish()

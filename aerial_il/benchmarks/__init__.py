@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from aerial_il.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
-    from aerial_il.benchmarks.parts.report import Benchmark
+    from aerial_il.benchmarks.parts.reporting.report import Benchmark
 
 
 @cache

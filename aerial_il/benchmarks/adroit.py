@@ -18,8 +18,7 @@ from typing import Any, ClassVar
 import aerial_il
 from aerial_il import policies
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.benchmarks.parts.adroit import POLICIES, TASKS, AdroitTask, PublishedRewards, expert_of
-from aerial_il.benchmarks.parts.adroit_tables import (
+from aerial_il.benchmarks.parts.adroit.tables import (
     AS,
     CLONED,
     FEW_SUCCESS_PERCENT,
@@ -35,14 +34,15 @@ from aerial_il.benchmarks.parts.adroit_tables import (
     single_row,
     total_seconds,
 )
-from aerial_il.benchmarks.parts.demonstrations import SEEDS_PER_DRAW
-from aerial_il.benchmarks.parts.figures import learning_lines
-from aerial_il.benchmarks.parts.ground import learning_code
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report
-from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, described, steps_of, without_cadence
-from aerial_il.benchmarks.parts.success import failed_seeds
+from aerial_il.benchmarks.parts.adroit.tasks import POLICIES, TASKS, AdroitTask, PublishedRewards, expert_of
+from aerial_il.benchmarks.parts.records.ground import learning_code
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.figures import learning_lines
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds
+from aerial_il.benchmarks.parts.training.demonstrations import SEEDS_PER_DRAW
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, steps_of, without_cadence
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError

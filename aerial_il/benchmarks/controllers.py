@@ -11,10 +11,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerial_il.benchmarks.parts.figures import step_lines, tracking_bars
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.steps import SIZES, StepFigures, StepKind, fly_steps, step_figures
+from aerial_il.benchmarks.parts.reporting.figures import step_lines, tracking_bars
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.tracking.steps import SIZES, StepFigures, StepKind, fly_steps, step_figures
 from aerial_il.benchmarks.tracking import LIMITS_CM, STUDIED, TASK, Tracking, tracking_rows
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.scenario import Scenario

@@ -22,11 +22,12 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import Dart
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.stages import (
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
+from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     Cloned,
     Stages,
@@ -35,7 +36,6 @@ from aerial_il.benchmarks.parts.stages import (
     described,
     steps_of,
 )
-from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import ClassVar
 
 import aerial_il
-from aerial_il.benchmarks.parts.figures import success_dots
-from aerial_il.benchmarks.parts.ground import ground
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.returns import returns_row
-from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, check_seeds
-from aerial_il.benchmarks.parts.success import failed_seeds, success_row, success_target
+from aerial_il.benchmarks.parts.records.ground import ground
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.figures import success_dots
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.returns import returns_row
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, success_row, success_target
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, check_seeds
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result

@@ -26,14 +26,14 @@ from aerial_il.algorithms.gail import AdversarialImitation
 from aerial_il.algorithms.rl.imitation import Control, Imitation
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
-from aerial_il.benchmarks.parts.demonstrations import SEEDS_PER_DRAW
-from aerial_il.benchmarks.parts.figures import reward_lines
-from aerial_il.benchmarks.parts.ground import ground, learning_code
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.ratios import LIKE, peer_rows, peer_targets, row, targets
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report
-from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, described, without_cadence
+from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.figures import reward_lines
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.ratios import LIKE, peer_rows, peer_targets, row, targets
+from aerial_il.benchmarks.parts.reporting.report import Report
+from aerial_il.benchmarks.parts.training.demonstrations import SEEDS_PER_DRAW
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, without_cadence
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError

@@ -21,13 +21,19 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.parts.driver import Driven
-from aerial_il.benchmarks.parts.ground import ground, learning_code
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, check_seeds, described, steps_of, without_cadence
-from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.training.driver import Driven, suited
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    check_seeds,
+    described,
+    steps_of,
+    without_cadence,
+)
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
@@ -38,8 +44,8 @@ from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.teleop.arbiter import HAND_OVER_TICKS
 from aerial_il.teleop.driver.operator import DriverOperator
+from aerial_il.teleop.piloting.arbiter import HAND_OVER_TICKS
 
 START, ASKED, CONTROL = "bc, first demonstrations", "hg_dagger", "bc, as many episodes and steps"
 JUDGED_PERCENT, SHARE_PERCENT = 90.0, 10.0
@@ -62,6 +68,8 @@ class HumanInTheLoop:
         policy: what is trained. training: supervised learning in each round. between_steps: in those between.
         robot, task, tier: what is flown. demos: of the driver, to begin with. rounds, per_round: how many, of flights.
         draws: one training each. episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
+        by_hand: learn from the driver's flights as ``aerial-il train`` does by itself from a person's; False for as
+            they were recorded.
     """
 
     name: ClassVar[str] = "hg_dagger"
@@ -79,6 +87,7 @@ class HumanInTheLoop:
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
     num_envs: int = 50
+    by_hand: bool = True
 
     def __post_init__(self) -> None:
         if min(self.demos, self.rounds, self.per_round, self.episodes, self.num_envs) < 1 or not self.draws:
@@ -113,13 +122,18 @@ class HumanInTheLoop:
         )
 
     @property
+    def learner(self) -> tuple[BehaviourCloning, PolicyConfig]:
+        """How the learner is trained, and what it is."""
+        return suited(self.training, self.policy) if self.by_hand else (self.training, self.policy)
+
+    @property
     def algorithm(self) -> DAgger:
         """HG-DAgger."""
         return DAgger(
             gate=HumanGate(),
             rounds=self.rounds,
             episodes=self.per_round,
-            training=self.training,
+            training=self.learner[0],
             between_steps=self.between_steps,
             evaluate_every=0,
             keep_checkpoints=self.rounds + 1,
@@ -189,13 +203,13 @@ class Lesson:
 
     def _decided_by(self, arm: str) -> dict[str, Any]:
         study = self.study
-        trained = asdict(study.training) if arm == CONTROL else without_cadence(study.algorithm)
+        trained = asdict(study.learner[0]) if arm == CONTROL else without_cadence(study.algorithm)
         return {
             "arm": ASKED if arm == START else arm,
             "driven": self.driven.decided_by(),
             "demos": study.demos,
             "flights": study.rounds * study.per_round,
-            "policy": described(study.policy),
+            "policy": described(study.learner[1]),
             "algorithm": json.loads(json.dumps(trained)),
             "learning": learning_code("bc", "dagger"),
         }
@@ -224,7 +238,7 @@ class Lesson:
         try:
             return self.study.algorithm.train(
                 self._demonstrations(self.study.demos),
-                self.study.policy,
+                self.study.learner[1],
                 run=self._run(ASKED),
                 env=env,
                 expert=DriverOperator(seed=self.draw),
@@ -237,9 +251,10 @@ class Lesson:
 
     def _cloned(self) -> Policy:
         study = self.study
-        longer = replace(study.training, steps=steps_of(study.algorithm))
+        training, policy = study.learner
+        longer = replace(training, steps=steps_of(study.algorithm))
         demos = self._demonstrations(study.demos + study.rounds * study.per_round)
-        return longer.train(demos, study.policy, run=self._run(CONTROL), seed=self.draw, progress=self.progress)
+        return longer.train(demos, policy, run=self._run(CONTROL), seed=self.draw, progress=self.progress)
 
 
 def command_steps(actions: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

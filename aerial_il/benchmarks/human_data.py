@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.benchmarks.parts.demonstrations import Source
-from aerial_il.benchmarks.parts.driver import Driven
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report, Row
-from aerial_il.benchmarks.parts.stages import (
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
+from aerial_il.benchmarks.parts.training.demonstrations import Source
+from aerial_il.benchmarks.parts.training.driver import Driven, suited
+from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     Cloned,
     Stages,
@@ -28,7 +29,6 @@ from aerial_il.benchmarks.parts.stages import (
     check_seeds,
     described,
 )
-from aerial_il.benchmarks.parts.success import failed_seeds, pooled_row
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import plain
@@ -96,6 +96,8 @@ class HumanData:
         policies: name -> what is trained. arms: which of them; empty for all. algorithm: how.
         robot, task, tier: what is flown. demos: of each teacher. draws: one training of each arm each.
         episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
+        by_hand: learn from the driver's flights as ``aerial-il train`` does by itself from a person's; False for as
+            they were recorded.
     """
 
     name: ClassVar[str] = "human_data"
@@ -111,6 +113,7 @@ class HumanData:
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
     num_envs: int = 50
+    by_hand: bool = True
 
     def __post_init__(self) -> None:
         if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
@@ -145,7 +148,8 @@ class HumanData:
             source = Source(robot=self.robot, task=self.task, tier=self.tier, draw=draw)
             policy = self.policies[name]
             if teacher == DRIVER:
-                yield name, teacher, ClonedDriver(source, self.demos, policy, self.algorithm)
+                algorithm, policy = suited(self.algorithm, policy) if self.by_hand else (self.algorithm, policy)
+                yield name, teacher, ClonedDriver(source, self.demos, policy, algorithm)
             else:
                 yield name, teacher, Cloned(name, source, self.demos, policy, self.algorithm)
 

@@ -16,13 +16,13 @@ from typing import Any, ClassVar
 
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.benchmarks.parts.demonstrations import Source, usual_expert
-from aerial_il.benchmarks.parts.figures import learning_lines, method_dots
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.record import Record
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
-from aerial_il.benchmarks.parts.success import failed_seeds, macro_row, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.figures import learning_lines, method_dots
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, macro_row, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MlpConfig

@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import aerial_il
-from aerial_il.benchmarks.parts.claim import claim
-from aerial_il.benchmarks.parts.demonstrations import usual_expert
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.success import success_row
+from aerial_il.benchmarks.parts.records.claim import claim
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import success_row
+from aerial_il.benchmarks.parts.training.demonstrations import usual_expert
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import write_json

@@ -25,9 +25,9 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.learner import Learner
 from aerial_il.algorithms.supervised.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.stopwatch import Arm, interleave
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.timing.stopwatch import Arm, interleave
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

@@ -18,9 +18,9 @@ from typing import ClassVar
 import numpy as np
 
 import aerial_il
-from aerial_il.benchmarks.parts.earlier import Checkout, Peer
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
+from aerial_il.benchmarks.parts.earlier.checkout import Checkout, Peer
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.core.errors import InvalidValueError
 
 TASK = "pick_place"

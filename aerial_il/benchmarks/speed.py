@@ -3,32 +3,36 @@
 An expert's flight is recorded once and flown again by the batch environment and the bare engine, so that both do the
 same work, contacts included: the bare engine is fed with the recorded actuator commands and wrenches and ends in the
 same state bit for bit. The earlier commit flies its own flights, in a process of its own, and so do we beside it. The
-arms of a comparison take turns, and ratios are formed within a turn.
+arms of a comparison take turns, and ratios are formed within a turn. A cell that was timed at the same commit, with
+nothing changed since, is not timed again: killed at any moment, the same call continues.
 """
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 
 import aerial_il
-from aerial_il.benchmarks.parts.earlier import Checkout
-from aerial_il.benchmarks.parts.figures import time_shares
-from aerial_il.benchmarks.parts.parent import Rivals, first_flights, rivals
-from aerial_il.benchmarks.parts.processes import process_arms
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.stopwatch import Arm, Stopwatch, interleave
-from aerial_il.benchmarks.parts.workload import RawPhysics, Workload, fly_again, record
+from aerial_il.benchmarks.parts.earlier.checkout import Checkout
+from aerial_il.benchmarks.parts.earlier.rivals import Rivals, first_flights, rivals
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.figures import time_shares
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target, machine
+from aerial_il.benchmarks.parts.timing.processes import process_arms
+from aerial_il.benchmarks.parts.timing.stopwatch import Arm, Stopwatch, interleave
+from aerial_il.benchmarks.parts.timing.workload import RawPhysics, Workload, fly_again, record
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import write_json
 from aerial_il.evaluation.rollouts import rollouts
 from aerial_il.suite.batch import BatchEnvironment
 
@@ -40,6 +44,11 @@ ALONE_RATIO, COLLECTED_RATIO = 4.0, 2.0  # to the parent
 DEMONSTRATIONS_PER_MINUTE, RESETS_PERCENT, RECORDING_PERCENT = 3000, 3.0, 15.0
 SERIAL_WORLDS, SERIAL_US, FIRST_FLIGHT_S = 2048, 1.0, 3.0
 SECTIONS = ("flight", "python")
+SPEED, BESIDE, COLLECTING = "Speed", "Beside the parent", "Collecting beside the parent"
+PARTS, SERIAL = "Time of a control step", f"Time of a control step of {SERIAL_WORLDS} worlds"
+DEMONSTRATIONS = "Demonstrations per minute"
+TITLES = (SPEED, BESIDE, COLLECTING, PARTS, SERIAL, DEMONSTRATIONS)
+RATES = "rates"  # no table: speeds in each repetition
 NOTES = (
     "Steps per second: control steps of 20 ms (five physics steps) of all worlds together.",
     "Raw: mujoco.batch.Batch as its defaults give it, on the same model, threads and inputs, MuJoCo's timers off, one "
@@ -58,6 +67,15 @@ NOTES = (
     "the share of collecting that flying does not explain.",
     "First flight: a fresh process from the import to the end of its first control step, kernels compiled before.",
 )
+
+Tables = dict[str, list[Row]]
+
+
+class Timed(TypedDict):
+    """What was timed of a cell, and how long that took."""
+
+    tables: Tables
+    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,52 +112,69 @@ class Speed:
             )
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
-        """Time every cell; see :class:`Benchmark`."""
-        started = time.perf_counter()
+        """Time every cell that ``folder`` does not hold yet; see :class:`Benchmark`."""
         cells = [c for c in aerial_il.list_cells() if c[0] in (self.robots or c) and c[1] in (self.tasks or c)]
-        rows, shares, demonstrations, serial, beside, collecting, details = [], [], [], [], [], [], []
+        record = Record(folder)
         with ExitStack() as stack:
             parent = self._rivals(stack)
-            for robot, task in bar(cells, self.name, progress):
-                head = {"robot": robot, "task": task}
-                rates, share, flown = self._cell(robot, task)
-                rows.append({**head, **_compared(rates)})
-                shares.append({**head, **share})
-                demonstrations += [{**head, **row} for row in flown]
-                details.append({**head, "rates": {k: v.round(1).tolist() for k, v in rates.items()}})
-                serial += [{**head, **self._serial(robot, task)}] if task == MANIPULATION else []
-                if parent:
-                    beside.append({**head, **parent.flights(robot, task, seed=self.seed)})
-                if parent and task == MANIPULATION and self.demonstrations:
-                    found = parent.collecting(robot, task, seed=self.seed, episodes=self.demonstrations)
-                    collecting.append({**head, **found})
-        first = self._first(*cells[0])
-        tables = {
-            "Speed": rows,
-            "Beside the parent": beside,
-            "Collecting beside the parent": collecting,
-            "Time of a control step": shares,
-            f"Time of a control step of {SERIAL_WORLDS} worlds": serial,
-            "Demonstrations per minute": demonstrations,
-            "First flight": [first],
+            found = [self._kept(record, cell, parent) for cell in bar(cells, self.name, progress)]
+        return self._report(found, self._first(*cells[0]))
+
+    def _kept(self, record: Record, cell: tuple[str, str], parent: Rivals | None) -> Timed:
+        """Return what was timed of a cell at these commits on this machine, or time it."""
+        decided_by = {"settings": self._of_a_cell(), "commits": self._commits(), "machine": _processor()}
+        if not self._reproducible:
+            decided_by["time"] = time.time_ns()
+        file = record.place("cells", "-".join(cell), decided_by) / "timed.json"
+        if not file.exists():
+            started = time.perf_counter()
+            tables = self._timed(*cell, parent)
+            write_json(file, {"tables": tables, "seconds": time.perf_counter() - started})
+        return json.loads(file.read_text(encoding="utf-8"))
+
+    def _timed(self, robot: str, task: str, parent: Rivals | None) -> Tables:
+        """Time a cell: title of a table -> its rows there."""
+        head = {"robot": robot, "task": task}
+        rates, share, flown = self._cell(robot, task)
+        tables: Tables = {
+            SPEED: [_compared(rates)],
+            PARTS: [share],
+            DEMONSTRATIONS: flown,
+            RATES: [{"rates": {name: rate.round(1).tolist() for name, rate in rates.items()}}],
         }
+        if task == MANIPULATION:
+            tables[SERIAL] = [self._serial(robot, task)]
+        if parent:
+            tables[BESIDE] = [parent.flights(robot, task, seed=self.seed)]
+        if parent and task == MANIPULATION and self.demonstrations:
+            tables[COLLECTING] = [parent.collecting(robot, task, seed=self.seed, episodes=self.demonstrations)]
+        return {title: [{**head, **row} for row in rows] for title, rows in tables.items()}
+
+    def _report(self, found: Sequence[Timed], first: Row) -> Report:
+        """Return the tables of all cells, and what is asked of them."""
+        tables = {title: [row for cell in found for row in cell["tables"].get(title, ())] for title in TITLES}
+        details = [row for cell in found for row in cell["tables"][RATES]]
         return Report(
             name=self.name,
             question=self.question,
             settings=asdict(self),
             targets=(
-                *(t for row in rows for t in _targets(row)),
-                *_parent_targets(beside, collecting),
-                *(t for row in demonstrations for t in _goals(row)),
-                *(t for row in serial for t in _serial_targets(row)),
+                *(t for row in tables[SPEED] for t in _targets(row)),
+                *_parent_targets(tables[BESIDE], tables[COLLECTING]),
+                *(t for row in tables[DEMONSTRATIONS] for t in _goals(row)),
+                *(t for row in tables[SERIAL] for t in _serial_targets(row)),
                 Target("first flight of a fresh process", "at most", FIRST_FLIGHT_S, first["ours_s"], "s"),
             ),
-            tables={title: found for title, found in tables.items() if found},
+            tables={**{title: rows for title, rows in tables.items() if rows}, "First flight": [first]},
             notes=(*NOTES, *self._commits()),
-            figures={"speed.svg": time_shares(shares, [f"{name}_us" for name in SECTIONS])},
+            figures={"speed.svg": time_shares(tables[PARTS], [f"{name}_us" for name in SECTIONS])},
             details={"repetitions": details},
-            wall_time_s=time.perf_counter() - started,
+            wall_time_s=sum(cell["seconds"] for cell in found),
         )
+
+    def _of_a_cell(self) -> dict[str, Any]:
+        """The settings that decide what is timed of each cell; which cells there are is none of them."""
+        return {name: value for name, value in asdict(self).items() if name not in ("robots", "tasks", "parent")}
 
     def _rivals(self, stack: ExitStack) -> Rivals | None:
         """Start the processes of both commits, where there is an earlier one."""
@@ -206,9 +241,24 @@ class Speed:
             path, robot, task, num_envs=self.num_envs, threads=self.threads, times=min(3, self.repetitions)
         )
 
+    @property
+    def _checkouts(self) -> dict[str, Checkout]:
+        """What is timed: this package, and that of the parent where there is one."""
+        return {"this": Checkout.here()} | ({"the parent": Checkout(Path(self.parent))} if self.parent else {})
+
+    @property
+    def _reproducible(self) -> bool:
+        """Whether the commits tell what was timed: nothing was changed since, and git knows them."""
+        return all(each.commit.isalnum() and each.commit != "unknown" for each in self._checkouts.values())
+
     def _commits(self) -> list[str]:
-        """Return a note that names the earlier commit."""
-        return [f"The parent stands at commit {Checkout(Path(self.parent)).commit}."] if self.parent else []
+        """Return notes that name what was timed."""
+        return [f"Commit of {name}: {each.commit}." for name, each in self._checkouts.items()]
+
+
+def _processor() -> dict[str, Any]:
+    """What of the machine decides speed and does not change from minute to minute."""
+    return {name: value for name, value in machine().items() if name != "load_average"}
 
 
 def time_of_a_step(env: BatchEnvironment, work: Workload) -> Row:

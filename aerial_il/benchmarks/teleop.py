@@ -18,24 +18,24 @@ from typing import ClassVar
 import numpy as np
 
 import aerial_il
-from aerial_il.benchmarks.parts.chromium import BROWSER, BrowserError, Tab, browser
-from aerial_il.benchmarks.parts.narrow import narrowed
-from aerial_il.benchmarks.parts.page_client import PageClient, sitting
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
-from aerial_il.benchmarks.parts.teleop_server import served
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.teleop.chromium import BROWSER, BrowserError, Tab, browser
+from aerial_il.benchmarks.parts.teleop.narrow import narrowed
+from aerial_il.benchmarks.parts.teleop.page_client import PageClient, sitting
+from aerial_il.benchmarks.parts.teleop.server import served
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.flight import Site, fly
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.mapping import Bindings
-from aerial_il.teleop.refly import refly
-from aerial_il.teleop.server import Server
+from aerial_il.teleop.input.mapping import Bindings
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.refly import refly
+from aerial_il.teleop.web.server import Server
 
 ON_TIME_PERCENT, KEY_MS, AGE_MS, STALE_MS = 95.0, 100.0, 500.0, 300.0
 NARROW_BYTES_PER_S, NARROW_DELAY_S = 60e3, 0.04

@@ -16,10 +16,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerial_il.benchmarks.parts.figures import tracking_bars
-from aerial_il.benchmarks.parts.motions import Kind, Motion, curves, poses
-from aerial_il.benchmarks.parts.progress import bar
-from aerial_il.benchmarks.parts.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.figures import tracking_bars
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.tracking.motions import Kind, Motion, curves, poses
 from aerial_il.control import controller_state
 from aerial_il.core.arrays import length, rotation_cosine
 from aerial_il.core.errors import InvalidValueError

@@ -12,8 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 from aerial_il import robots
-from aerial_il.benchmarks.parts.figures import force_lines, spectra
-from aerial_il.benchmarks.parts.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.figures import force_lines, spectra
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.arrays import length
 from aerial_il.core.errors import InvalidValueError

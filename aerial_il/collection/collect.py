@@ -78,6 +78,7 @@ def collect(
     policy_name: str = "expert",
     settings: Mapping[str, Any] | None = None,
     expert: Policy | None = None,
+    longest: int | None = None,
     mix: bool = False,
     progress: bool = True,
 ) -> Collection:
@@ -100,6 +101,7 @@ def collect(
         policy_name: who flies, for the provenance; part of what makes two episodes the same.
         settings: plain values that change the flight, e.g. the expert's noise; likewise.
         expert: labels each observation with what it would do, while ``policy`` flies.
+        longest: control steps after which a flight that has not ended is cut off; None leaves it the task's limit.
         mix: whether flights of another tier, flight law, pilot or with other settings may join those of ``out``.
         progress: show a progress bar, and in the end a summary.
 
@@ -112,7 +114,7 @@ def collect(
     seeds = _checked(seeds)
     folder = DatasetFolder(out)
     folder.claim(env.spec)
-    flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}))
+    flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}), longest)
     if not mix:
         check_unmixed(folder, flight.origin.uid(seeds[0]), flight.told_of(seeds[0]))
     folder.keep_model(env.model_xml)
@@ -139,8 +141,10 @@ class _Flight:
         folder: DatasetFolder,
         name: str,
         settings: dict[str, Any],
+        longest: int | None,
     ) -> None:
         self.env, self.policy, self.expert, self.folder = env, policy, expert, folder
+        self._longest = longest or np.iinfo(np.int64).max
         self._minds = [mind for mind in (policy, expert) if mind is not None]
         self.result = Collection(folder)
         self.recorder = Recorder(env.spec, env.model.nu, env.num_envs)
@@ -182,7 +186,7 @@ class _Flight:
             result = self._step(obs, flying)
             obs = result.obs
             won = result.info["success"] & self.env.ends_at_success
-            ended = flying & (won | result.terminated | result.truncated)
+            ended = flying & (won | result.terminated | self._cut_off(result.truncated))
             if ended.any():
                 self._land(ended, result)
             if (free := self.settle()).any():
@@ -234,6 +238,7 @@ class _Flight:
         actions = self._act(obs, flying)
         labels = self._labels(obs, actions)
         result = self.env.step(actions, flying)
+        self._steps[flying] += 1
         count = self.env.num_envs
         self.recorder.act(
             action=actions,
@@ -244,11 +249,14 @@ class _Flight:
             ctrl=self.env.ctrl,
             reward=result.reward,
             terminated=result.terminated,
-            truncated=result.truncated,
+            truncated=self._cut_off(result.truncated),
         )
-        self._steps[flying] += 1
         self.result.steps += int(flying.sum())
         return result
+
+    def _cut_off(self, truncated: np.ndarray) -> np.ndarray:
+        """(n,) bool: the task's time is up, or that of the flight."""
+        return truncated | (self._steps >= self._longest)
 
     def _act(self, obs: Observation, flying: np.ndarray) -> np.ndarray:
         actions = np.asarray(self.policy.act(obs), float)

@@ -66,31 +66,31 @@ GRIP_RESPONSE = 10.0  # 1/s: how fast the observer takes the gripper for closed
 
 
 @kernel
-def receive_action(vehicle, gains, scratch, level, action, qpos, memory, interval):
+def receive_action(vehicle, gains, scratch, level, action, qpos, state, interval):
     """Take note of a new action; call once per action, before the ticks that fly it.
 
     Args:
         vehicle, gains: model and tuning. scratch: working memory. level: an :class:`ActionLevel`. action: (Da,).
         qpos: base position, base quaternion and joint positions, at least 7 + J numbers.
-        memory: (CONTROLLER_STATE_SIZE,) controller memory. interval: seconds between actions.
+        state: (CONTROLLER_STATE_SIZE,) controller state. interval: seconds between actions.
     """
-    if memory[layout.READY] == 0.0:
+    if state[layout.READY] == 0.0:
         joints = qpos[7 : 7 + vehicle.num_joints]
         rot = mat_from_quat((qpos[3], qpos[4], qpos[5], qpos[6]))
-        seat_references(vehicle, scratch, memory, vec(qpos, 0), rot, math.atan2(rot[3], rot[0]), joints)
+        seat_references(vehicle, scratch, state, vec(qpos, 0), rot, math.atan2(rot[3], rot[0]), joints)
     if level <= EE_DELTA:
         if level == EE_POSE:
             target, target_rot = vec(action, 0), orthonormalise(vec(action, 3), vec(action, 6))
         else:
-            target, target_rot = displaced_target(memory, vec(action, 0), vec(action, 3))
-        observe_target_rate(memory, target, gains, interval)
-        steer_position(memory, target, gains)
-        steer_rotation(memory, target_rot, gains, interval)
-        plan_reference(vehicle, scratch, memory, interval)
+            target, target_rot = displaced_target(state, vec(action, 0), vec(action, 3))
+        observe_target_rate(state, target, gains, interval)
+        steer_position(state, target, gains)
+        steer_rotation(state, target_rot, gains, interval)
+        plan_reference(vehicle, scratch, state, interval)
 
 
 @kernel
-def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory, dt, thrust, servo):
+def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, state, dt, thrust, servo):
     """Compute rotor and servo commands for the next ``dt`` seconds.
 
     Args:
@@ -99,7 +99,7 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory,
         qpos: base position (m), base quaternion (w, x, y, z), joint positions (rad).
         qvel: base velocity (world, m/s), base angular velocity (body, rad/s), joint velocities (rad/s).
         thrust_now: (R,) measured rotor thrusts, N.
-        memory: (CONTROLLER_STATE_SIZE,) controller memory, advanced.
+        state: (CONTROLLER_STATE_SIZE,) controller state, advanced.
         dt: s.
         thrust: (R,) written: commanded thrusts, N.
         servo: (J,) written: servo set-points, rad, shifted by the feed-forward torque over the servo's stiffness.
@@ -111,16 +111,16 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory,
     omega = rotate(rot, omega_body)
     joint_vel = qvel[6 : 6 + count]
     frames = scratch.frames
-    feed_forward = _advance_references(vehicle, gains, scratch, level, action, pos, rot, memory, dt)
+    feed_forward = _advance_references(vehicle, gains, scratch, level, action, pos, rot, state, dt)
     forward_kinematics(vehicle, pos, rot, qpos, 7, frames)
-    lever = _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, memory, dt)
+    lever = _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, state, dt)
     textbook = gains.law >= PID and level <= VELOCITY
     if level > VELOCITY:
         acc = _thrust_acceleration(vehicle, rot, thrust_now)
     elif textbook:
         acc = (0.0, 0.0, 0.0)
     else:
-        acc = scale(vehicle.base_mobility, position_loop(gains, memory, pos, vel, feed_forward))
+        acc = scale(vehicle.base_mobility, position_loop(gains, state, pos, vel, feed_forward))
     force, torque = inverse_dynamics(
         vehicle, frames, pos, rot, omega, joint_vel, acc, (0.0, 0.0, 0.0), scratch.rest, scratch.servo_torque
     )
@@ -129,23 +129,23 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory,
             thrust[i] = clip(action[i], vehicle.rotor_min[i], vehicle.rotor_max[i])
     elif textbook:
         if gains.law == PID:
-            body_force, torque = pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, dt)
+            body_force, torque = pid_wrench(vehicle, gains, state, pos, vel, rot, omega_body, feed_forward, dt)
         else:
-            body_force, torque = lqr_wrench(vehicle, gains, memory, pos, vel, rot, omega_body)
+            body_force, torque = lqr_wrench(vehicle, gains, state, pos, vel, rot, omega_body)
         body_force = _limit_lateral(body_force, vehicle.lateral_limit)
         allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, body_force, torque, thrust)
         hasten_rotors(vehicle, gains, thrust_now, thrust)
     else:
-        disturbance = vec(memory, layout.FORCE)
-        torque = sub(sub(torque, vec(memory, layout.TORQUE)), cross(lever, disturbance))
+        disturbance = vec(state, layout.FORCE)
+        torque = sub(sub(torque, vec(state, layout.TORQUE)), cross(lever, disturbance))
         if level == CTBR:
             rate_error = sub(vec(action, 1), omega_body)
             alpha = scale(gains.rate, rate_error)
             body_force = (0.0, 0.0, action[0])
         else:
             force = sub(force, disturbance)
-            wanted = desired_attitude(force, memory[layout.BASE_YAW], vehicle.lateral_limit, gains.max_tilt)
-            alpha = attitude_loop(gains, rot, omega_body, wanted, memory[layout.BASE_YAW_RATE])
+            wanted = desired_attitude(force, state[layout.BASE_YAW], vehicle.lateral_limit, gains.max_tilt)
+            alpha = attitude_loop(gains, rot, omega_body, wanted, state[layout.BASE_YAW_RATE])
             body_force = rotate_back(rot, force)
         torque = add(torque, rotational_inertia(vehicle, frames, pos, rot, rotate(rot, alpha)))
         body_force = _limit_lateral(body_force, vehicle.lateral_limit)
@@ -154,7 +154,7 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, memory,
         hasten_rotors(vehicle, gains, thrust_now, thrust)
     for j in range(count):
         wanted_torque = scratch.servo_torque[j] + vehicle.joint_damping[j] * scratch.servo_vel[j]
-        servo[j] = memory[layout.JOINT_CMD + j] + wanted_torque / vehicle.joint_stiffness[j]
+        servo[j] = state[layout.JOINT_CMD + j] + wanted_torque / vehicle.joint_stiffness[j]
 
 
 @kernel
@@ -169,47 +169,47 @@ def _thrust_acceleration(vehicle, rot, thrust_now):
 
 
 @kernel
-def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, memory, dt):
+def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, state, dt):
     """Update the disturbance estimate; return centre of mass minus base origin, world frame, m."""
     linear, angular, com, mass = momentum(vehicle, frames, pos, rot, vel, omega, joint_vel)
     lever = sub(com, pos)
-    if memory[layout.READY] == 1.0:  # first tick: no rate of momentum yet
-        put(memory, layout.LINEAR, linear)
-        put(memory, layout.ANGULAR, angular)
-        memory[layout.READY] = 2.0
+    if state[layout.READY] == 1.0:  # first tick: no rate of momentum yet
+        put(state, layout.LINEAR, linear)
+        put(state, layout.ANGULAR, angular)
+        state[layout.READY] = 2.0
         return lever
     closing = 1.0 - gripper_opening(vehicle, action)
-    memory[layout.CLOSED] += min(1.0, GRIP_RESPONSE * dt) * (closing - memory[layout.CLOSED])
-    bandwidth = gains.observer + memory[layout.CLOSED] * (gains.observer_loaded - gains.observer)
+    state[layout.CLOSED] += min(1.0, GRIP_RESPONSE * dt) * (closing - state[layout.CLOSED])
+    bandwidth = gains.observer + state[layout.CLOSED] * (gains.observer_loaded - gains.observer)
     force, torque = rotor_wrench(vehicle, thrust_now, rot, lever)
     force = add(force, (0.0, 0.0, -GRAVITY * mass))
     limit = gains.observer_limit * mass * GRAVITY
-    observe_disturbance(memory, linear, angular, force, torque, bandwidth, limit, limit * gains.observer_lever, dt)
+    observe_disturbance(state, linear, angular, force, torque, bandwidth, limit, limit * gains.observer_lever, dt)
     return lever
 
 
 @kernel
-def _advance_references(vehicle, gains, scratch, level, action, pos, rot, memory, dt):
+def _advance_references(vehicle, gains, scratch, level, action, pos, rot, state, dt):
     """Move the base and joint references on; return the base acceleration to feed forward, m/s²."""
     count = vehicle.num_joints
     if level <= EE_DELTA:
-        advance_tool(memory, dt)
-        advance_base(memory, dt)
-        solve_arm(vehicle, gains, scratch, memory, pos, rot, dt)
-        return vec(memory, layout.TOOL_ACC)
+        advance_tool(state, dt)
+        advance_base(state, dt)
+        solve_arm(vehicle, gains, scratch, state, pos, rot, dt)
+        return vec(state, layout.TOOL_ACC)
     first = vehicle.num_rotors if level == ROTOR else 4
     if vehicle.base_mobility == 0.0:
         first = 0
     elif level == VELOCITY:
-        _integrate_base(memory, vec(action, 0), action[3], pos, gains, dt)
+        _integrate_base(state, vec(action, 0), action[3], pos, gains, dt)
     elif level == BASE_JOINT:
-        _approach_base(memory, vec(action, 0), action[3], gains, dt)
+        _approach_base(state, vec(action, 0), action[3], gains, dt)
     for j in range(count):
-        old = memory[layout.JOINT_CMD + j]
+        old = state[layout.JOINT_CMD + j]
         wanted = old + dt * action[first + j] if level == VELOCITY else action[first + j]
         reach = vehicle.joint_speed[j] * dt
         new = clip(clip(wanted, old - reach, old + reach), vehicle.joint_low[j], vehicle.joint_high[j])
-        memory[layout.JOINT_CMD + j] = new
+        state[layout.JOINT_CMD + j] = new
         scratch.servo_vel[j] = (new - old) / dt
     return (0.0, 0.0, 0.0)
 
@@ -221,27 +221,27 @@ def gripper_opening(vehicle, action):
 
 
 @kernel
-def _integrate_base(memory, velocity, yaw_rate, pos, gains, dt):
+def _integrate_base(state, velocity, yaw_rate, pos, gains, dt):
     """Follow a velocity command, on a leash to the actual position."""
-    old = vec(memory, layout.BASE_VEL)
+    old = vec(state, layout.BASE_VEL)
     change = limit_norm(sub(velocity, old), 2.0 * gains.reference_acceleration * dt)
     new = add(old, change)
-    put(memory, layout.BASE_VEL, new)
-    ahead = limit_norm(sub(add(vec(memory, layout.BASE_POS), scale(dt, new)), pos), LEASH)
-    put(memory, layout.BASE_POS, add(pos, ahead))
-    memory[layout.BASE_YAW] = wrap_angle(memory[layout.BASE_YAW] + dt * yaw_rate)
-    memory[layout.BASE_YAW_RATE] = yaw_rate
+    put(state, layout.BASE_VEL, new)
+    ahead = limit_norm(sub(add(vec(state, layout.BASE_POS), scale(dt, new)), pos), LEASH)
+    put(state, layout.BASE_POS, add(pos, ahead))
+    state[layout.BASE_YAW] = wrap_angle(state[layout.BASE_YAW] + dt * yaw_rate)
+    state[layout.BASE_YAW_RATE] = yaw_rate
 
 
 @kernel
-def _approach_base(memory, target, yaw, gains, dt):
+def _approach_base(state, target, yaw, gains, dt):
     """Move the base reference towards an absolute target at the reference speed."""
-    step = limit_norm(sub(target, vec(memory, layout.BASE_POS)), gains.reference_speed * dt)
-    put(memory, layout.BASE_POS, add(vec(memory, layout.BASE_POS), step))
-    put(memory, layout.BASE_VEL, scale(1.0 / dt, step))
-    turn = clip(wrap_angle(yaw - memory[layout.BASE_YAW]), -gains.reference_turn * dt, gains.reference_turn * dt)
-    memory[layout.BASE_YAW] = wrap_angle(memory[layout.BASE_YAW] + turn)
-    memory[layout.BASE_YAW_RATE] = turn / dt
+    step = limit_norm(sub(target, vec(state, layout.BASE_POS)), gains.reference_speed * dt)
+    put(state, layout.BASE_POS, add(vec(state, layout.BASE_POS), step))
+    put(state, layout.BASE_VEL, scale(1.0 / dt, step))
+    turn = clip(wrap_angle(yaw - state[layout.BASE_YAW]), -gains.reference_turn * dt, gains.reference_turn * dt)
+    state[layout.BASE_YAW] = wrap_angle(state[layout.BASE_YAW] + turn)
+    state[layout.BASE_YAW_RATE] = turn / dt
 
 
 @kernel
@@ -280,14 +280,14 @@ class Controller:
 
     def reset(self) -> None:
         """Forget references and disturbance estimate; the next update seats them at the state it is given."""
-        self.memory = np.zeros(layout.CONTROLLER_STATE_SIZE)
+        self.state = np.zeros(layout.CONTROLLER_STATE_SIZE)
         self._ticks = 0
 
     @property
     def disturbance(self) -> np.ndarray:
         """(6,) estimated disturbance force (N) and torque about the centre of mass (N m), world frame."""
         return np.concatenate(
-            [self.memory[layout.FORCE : layout.FORCE + 3], self.memory[layout.TORQUE : layout.TORQUE + 3]]
+            [self.state[layout.FORCE : layout.FORCE + 3], self.state[layout.TORQUE : layout.TORQUE + 3]]
         )
 
     def update(
@@ -313,12 +313,12 @@ class Controller:
         if self._ticks % self.ticks_per_action == 0:
             interval = self.dt * self.ticks_per_action
             receive_action(
-                self._record, self._tuning, self._scratch, int(self.level), action, qpos, self.memory, interval
+                self._record, self._tuning, self._scratch, int(self.level), action, qpos, self.state, interval
             )
         self._ticks += 1
         thrust, servo = np.empty(self.vehicle.num_rotors), np.empty(self.vehicle.num_joints)
         tick(
-            self._record, self._tuning, self._scratch, int(self.level), action, qpos, qvel, thrust_now, self.memory,
+            self._record, self._tuning, self._scratch, int(self.level), action, qpos, qvel, thrust_now, self.state,
             self.dt, thrust, servo,
         )  # fmt: skip
         return thrust, servo

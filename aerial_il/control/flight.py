@@ -29,10 +29,10 @@ from aerial_il.core.rotations import (
 
 
 @kernel
-def position_loop(gains, memory, pos, vel, feed_forward):
+def position_loop(gains, state, pos, vel, feed_forward):
     """Base acceleration (world, m/s²) that brings the base to its reference."""
-    error = sub(vec(memory, layout.BASE_POS), pos)
-    error_rate = sub(vec(memory, layout.BASE_VEL), vel)
+    error = sub(vec(state, layout.BASE_POS), pos)
+    error_rate = sub(vec(state, layout.BASE_VEL), vel)
     acc = add(feed_forward, add(scale(gains.position, error), scale(gains.velocity, error_rate)))
     return limit_norm(acc, gains.max_acceleration)
 
@@ -107,26 +107,26 @@ def hasten_rotors(vehicle, gains, thrust_now, thrust):
 
 
 @kernel
-def observe_disturbance(memory, linear, angular, force, torque, bandwidth, force_limit, torque_limit, dt):
+def observe_disturbance(state, linear, angular, force, torque, bandwidth, force_limit, torque_limit, dt):
     """Advance the generalised-momentum observer (De Luca & Mattone 2003): first order, ``bandwidth`` in 1/s.
 
     Args:
-        memory: controller memory; the estimate is stored in it.
+        state: controller state; the estimate is stored in it.
         linear, angular: momentum of the vehicle (kg m/s; about the centre of mass, kg m²/s), world frame.
         force, torque: known external wrench about the centre of mass, gravity included.
         force_limit, torque_limit: longest estimate, N and N m.
         dt: s.
     """
     gain = 1.0 - math.exp(-bandwidth * dt)
-    _low_pass_residual(memory, layout.FORCE, layout.LINEAR, linear, force, gain, force_limit, dt)
-    _low_pass_residual(memory, layout.TORQUE, layout.ANGULAR, angular, torque, gain, torque_limit, dt)
+    _low_pass_residual(state, layout.FORCE, layout.LINEAR, linear, force, gain, force_limit, dt)
+    _low_pass_residual(state, layout.TORQUE, layout.ANGULAR, angular, torque, gain, torque_limit, dt)
 
 
 @kernel
-def _low_pass_residual(memory, estimate, last, momentum, known, gain, limit, dt):
+def _low_pass_residual(state, estimate, last, momentum, known, gain, limit, dt):
     """Blend what the momentum's rate leaves unexplained into the estimate."""
-    rate = scale(1.0 / dt, sub(momentum, vec(memory, last)))
-    old = vec(memory, estimate)
+    rate = scale(1.0 / dt, sub(momentum, vec(state, last)))
+    old = vec(state, estimate)
     new = add(old, scale(gain, sub(sub(rate, known), old)))
-    put(memory, estimate, limit_norm(new, limit))
-    put(memory, last, momentum)
+    put(state, estimate, limit_norm(new, limit))
+    put(state, last, momentum)

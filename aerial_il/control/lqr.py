@@ -77,20 +77,20 @@ def regulator(a: np.ndarray, b: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.
 
 
 @kernel
-def lqr_wrench(vehicle, gains, memory, pos, vel, rot, omega_body):
+def lqr_wrench(vehicle, gains, state, pos, vel, rot, omega_body):
     """Force (N) and torque about the base origin (N m), body frame, that bring the base to its reference.
 
     Args:
-        vehicle, gains: model, feedback matrix included, and tuning. memory: controller memory.
+        vehicle, gains: model, feedback matrix included, and tuning. state: controller state.
         pos, vel: of the base, world. rot: world from base. omega_body: rad/s.
     """
     roll, pitch, yaw = euler_from_mat(rot)
     c, s = math.cos(yaw), math.sin(yaw)
     heading = (c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
-    off = rotate_back(heading, sub(pos, vec(memory, layout.BASE_POS)))
-    drift = rotate_back(heading, sub(vel, vec(memory, layout.BASE_VEL)))
-    lean = (roll, pitch, wrap_angle(yaw - memory[layout.BASE_YAW]))
-    spin = sub(omega_body, (0.0, 0.0, memory[layout.BASE_YAW_RATE]))
+    off = rotate_back(heading, sub(pos, vec(state, layout.BASE_POS)))
+    drift = rotate_back(heading, sub(vel, vec(state, layout.BASE_VEL)))
+    lean = (roll, pitch, wrap_angle(yaw - state[layout.BASE_YAW]))
+    spin = sub(omega_body, (0.0, 0.0, state[layout.BASE_YAW_RATE]))
     share = _share_within_tilt(vehicle.feedback, off, drift, gains.max_tilt)
     off, drift = (share * off[0], share * off[1], off[2]), (share * drift[0], share * drift[1], drift[2])
     force = scale(-1.0, _rows(vehicle.feedback, 0, off, drift, lean, spin))

@@ -46,15 +46,15 @@ LEAST_UPRIGHTNESS = 0.5  # cos φ cos θ, below which lift is not made up for
 
 
 @kernel
-def pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, dt):
+def pid_wrench(vehicle, gains, state, pos, vel, rot, omega_body, feed_forward, dt):
     """Force (N) and torque about the base origin (N m), body frame, that bring the base to its reference.
 
     Args:
-        vehicle, gains: model and tuning. memory: controller memory; the integrals in it are advanced.
+        vehicle, gains: model and tuning. state: controller state; the integrals in it are advanced.
         pos, vel: of the base, world. rot: world from base. omega_body: rad/s.
         feed_forward: acceleration of the reference, world, m/s². dt: s.
     """
-    acc = _position_loop(gains, memory, pos, vel, feed_forward, dt)
+    acc = _position_loop(gains, state, pos, vel, feed_forward, dt)
     mass = vehicle.base_mass
     for j in range(vehicle.num_joints):
         mass += vehicle.link_mass[j]
@@ -64,9 +64,9 @@ def pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, 
     by_tilt = max(0.0, sideways - vehicle.lateral_limit) / max(sideways, 1e-9) / GRAVITY
     forward, left = by_tilt * (c * acc[0] + s * acc[1]), by_tilt * (-s * acc[0] + c * acc[1])
     tilt = limit_norm((-left, forward, 0.0), gains.max_tilt)
-    error = (tilt[0] - roll, tilt[1] - pitch, wrap_angle(memory[layout.BASE_YAW] - yaw))
-    rate_error = sub((0.0, 0.0, memory[layout.BASE_YAW_RATE]), omega_body)
-    alpha = _attitude_loop(gains, memory, error, rate_error, dt)
+    error = (tilt[0] - roll, tilt[1] - pitch, wrap_angle(state[layout.BASE_YAW] - yaw))
+    rate_error = sub((0.0, 0.0, state[layout.BASE_YAW_RATE]), omega_body)
+    alpha = _attitude_loop(gains, state, error, rate_error, dt)
     push = rotate_back(rot, scale(mass, add(acc, (0.0, 0.0, GRAVITY))))
     lift = mass * (GRAVITY + acc[2]) / max(math.cos(roll) * math.cos(pitch), LEAST_UPRIGHTNESS)
     inertia = vec(vehicle.hover_inertia, 0)
@@ -75,34 +75,34 @@ def pid_wrench(vehicle, gains, memory, pos, vel, rot, omega_body, feed_forward, 
 
 
 @kernel
-def _position_loop(gains, memory, pos, vel, feed_forward, dt):
+def _position_loop(gains, state, pos, vel, feed_forward, dt):
     """Commanded acceleration of the base, world, m/s²."""
-    error = sub(vec(memory, layout.BASE_POS), pos)
-    error_rate = sub(vec(memory, layout.BASE_VEL), vel)
-    integral = vec(memory, layout.POSITION_INTEGRAL)
+    error = sub(vec(state, layout.BASE_POS), pos)
+    error_rate = sub(vec(state, layout.BASE_VEL), vel)
+    integral = vec(state, layout.POSITION_INTEGRAL)
     wanted = add(feed_forward, add(scale(gains.position, error), scale(gains.velocity, error_rate)))
     wanted = add(wanted, integral)
     if norm(error) < NEAR and (norm(wanted) <= gains.max_acceleration or dot(wanted, error) < 0.0):
         integral = limit_norm(add(integral, scale(gains.integral * dt, error)), LARGEST_POSITION_INTEGRAL)
-        put(memory, layout.POSITION_INTEGRAL, integral)
+        put(state, layout.POSITION_INTEGRAL, integral)
     return limit_norm(wanted, gains.max_acceleration)
 
 
 @kernel
-def _attitude_loop(gains, memory, error, rate_error, dt):
+def _attitude_loop(gains, state, error, rate_error, dt):
     """Commanded angular acceleration about roll, pitch and yaw, rad/s²; ``error`` in rad, ``rate_error`` in rad/s."""
     pid, limit = (gains.attitude, gains.attitude_integral, gains.rate), LARGEST_TILT_ACCELERATION
-    roll = _axis(memory, layout.ATTITUDE_INTEGRAL, error[0], rate_error[0], pid, limit, dt)
-    pitch = _axis(memory, layout.ATTITUDE_INTEGRAL + 1, error[1], rate_error[1], pid, limit, dt)
+    roll = _axis(state, layout.ATTITUDE_INTEGRAL, error[0], rate_error[0], pid, limit, dt)
+    pitch = _axis(state, layout.ATTITUDE_INTEGRAL + 1, error[1], rate_error[1], pid, limit, dt)
     pid, limit = (gains.heading, gains.heading_integral, gains.heading_rate), LARGEST_YAW_ACCELERATION
-    return (roll, pitch, _axis(memory, layout.ATTITUDE_INTEGRAL + 2, error[2], rate_error[2], pid, limit, dt))
+    return (roll, pitch, _axis(state, layout.ATTITUDE_INTEGRAL + 2, error[2], rate_error[2], pid, limit, dt))
 
 
 @kernel
-def _axis(memory, place, error, rate_error, pid, limit, dt):
-    """One axis of the attitude: proportional, integral and differential gain, the integral at ``place`` of memory."""
-    wanted = pid[0] * error + memory[place] + pid[2] * rate_error
+def _axis(state, place, error, rate_error, pid, limit, dt):
+    """One axis of the attitude: proportional, integral and differential gain, the integral at ``place`` of state."""
+    wanted = pid[0] * error + state[place] + pid[2] * rate_error
     if abs(error) < NEAR_ANGLE and (abs(wanted) <= limit or wanted * error < 0.0):
-        grown = memory[place] + pid[1] * dt * error
-        memory[place] = clip(grown, -LARGEST_ATTITUDE_INTEGRAL, LARGEST_ATTITUDE_INTEGRAL)
+        grown = state[place] + pid[1] * dt * error
+        state[place] = clip(grown, -LARGEST_ATTITUDE_INTEGRAL, LARGEST_ATTITUDE_INTEGRAL)
     return clip(wanted, -limit, limit)

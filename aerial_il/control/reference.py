@@ -35,99 +35,99 @@ TURN_APPROACH = 4.0  # 1/s: the same for orientation
 
 
 @kernel
-def read_rotation(memory, start):
+def read_rotation(state, start):
     """Read nine numbers as a rotation matrix."""
     return (
-        memory[start],
-        memory[start + 1],
-        memory[start + 2],
-        memory[start + 3],
-        memory[start + 4],
-        memory[start + 5],
-        memory[start + 6],
-        memory[start + 7],
-        memory[start + 8],
+        state[start],
+        state[start + 1],
+        state[start + 2],
+        state[start + 3],
+        state[start + 4],
+        state[start + 5],
+        state[start + 6],
+        state[start + 7],
+        state[start + 8],
     )
 
 
 @kernel
-def write_rotation(memory, start, rot):
+def write_rotation(state, start, rot):
     """Write a rotation matrix as nine numbers."""
     for k in range(9):
-        memory[start + k] = rot[k]
+        state[start + k] = rot[k]
 
 
 @kernel
-def displaced_target(memory, displacement, turn):
+def displaced_target(state, displacement, turn):
     """Move the target in its own frame; return its new position and rotation.
 
     Args:
-        memory: controller memory; the target's rotation in it is advanced.
+        state: controller state; the target's rotation in it is advanced.
         displacement: m, turn: rotation vector, rad; both in the frame of the last target.
     """
-    rot, tool = read_rotation(memory, layout.TARGET_ROT), vec(memory, layout.TOOL_POS)
-    ahead = sub(add(vec(memory, layout.TARGET_POS), rotate(rot, displacement)), tool)
+    rot, tool = read_rotation(state, layout.TARGET_ROT), vec(state, layout.TOOL_POS)
+    ahead = sub(add(vec(state, layout.TARGET_POS), rotate(rot, displacement)), tool)
     rot = matmul(rot, mat_from_rotvec(turn))
     rot = orthonormalise(column(rot, 0), column(rot, 1))
-    write_rotation(memory, layout.TARGET_ROT, rot)
+    write_rotation(state, layout.TARGET_ROT, rot)
     return add(tool, limit_norm(ahead, TARGET_LEAD)), rot
 
 
 @kernel
-def observe_target_rate(memory, target, gains, interval):
+def observe_target_rate(state, target, gains, interval):
     """Estimate how fast the commanded position moves; a jump counts as standing still.
 
     Call once per command. ``target``: position, world, m. ``interval``: seconds since the previous command.
     """
-    rate = scale(1.0 / interval, sub(target, vec(memory, layout.TARGET_POS)))
+    rate = scale(1.0 / interval, sub(target, vec(state, layout.TARGET_POS)))
     if norm(rate) > 1.5 * gains.reference_speed:
         rate = (0.0, 0.0, 0.0)
-    blended = add(scale(0.7, vec(memory, layout.TARGET_VEL)), scale(0.3, rate))
-    put(memory, layout.TARGET_VEL, blended)
-    put(memory, layout.TARGET_POS, target)
+    blended = add(scale(0.7, vec(state, layout.TARGET_VEL)), scale(0.3, rate))
+    put(state, layout.TARGET_VEL, blended)
+    put(state, layout.TARGET_POS, target)
 
 
 @kernel
-def steer_position(memory, target, gains):
+def steer_position(state, target, gains):
     """Choose the acceleration of the reference position towards ``target`` (world, m) until the next command."""
-    error = sub(target, vec(memory, layout.TOOL_POS))
+    error = sub(target, vec(state, layout.TOOL_POS))
     distance = norm(error)
     braking = math.sqrt(1.4 * gains.reference_acceleration * distance)
     speed = min(APPROACH * distance, min(braking, gains.reference_speed))
     near = max(0.0, 1.0 - (distance / NEAR) ** 2)
-    wanted = add(scale(near, vec(memory, layout.TARGET_VEL)), scale(speed / max(distance, 1e-9), error))
+    wanted = add(scale(near, vec(state, layout.TARGET_VEL)), scale(speed / max(distance, 1e-9), error))
     wanted = limit_norm(wanted, gains.reference_speed)
-    acc = limit_norm(scale(RESPONSE, sub(wanted, vec(memory, layout.TOOL_VEL))), gains.reference_acceleration)
-    put(memory, layout.TOOL_ACC, acc)
+    acc = limit_norm(scale(RESPONSE, sub(wanted, vec(state, layout.TOOL_VEL))), gains.reference_acceleration)
+    put(state, layout.TOOL_ACC, acc)
 
 
 @kernel
-def steer_rotation(memory, target, gains, interval):
+def steer_rotation(state, target, gains, interval):
     """Choose the angular velocity of the reference towards ``target`` (world from tool) for ``interval`` seconds."""
-    rot = read_rotation(memory, layout.TOOL_ROT)
+    rot = read_rotation(state, layout.TOOL_ROT)
     error = rotate(rot, rotvec_from_mat(matmul_back(rot, target)))
     wanted = limit_norm(scale(TURN_APPROACH, error), gains.reference_turn)
-    omega = vec(memory, layout.TOOL_OMEGA)
-    put(memory, layout.TOOL_OMEGA, add(omega, scale(min(1.0, RESPONSE * interval), sub(wanted, omega))))
+    omega = vec(state, layout.TOOL_OMEGA)
+    put(state, layout.TOOL_OMEGA, add(omega, scale(min(1.0, RESPONSE * interval), sub(wanted, omega))))
 
 
 @kernel
-def moved_tool(memory, dt):
+def moved_tool(state, dt):
     """Position, velocity and rotation of the reference ``dt`` seconds from now."""
-    vel, acc = vec(memory, layout.TOOL_VEL), vec(memory, layout.TOOL_ACC)
-    pos = add(vec(memory, layout.TOOL_POS), add(scale(dt, vel), scale(0.5 * dt * dt, acc)))
-    turn = mat_from_rotvec(scale(dt, vec(memory, layout.TOOL_OMEGA)))
-    rot = matmul(turn, read_rotation(memory, layout.TOOL_ROT))
+    vel, acc = vec(state, layout.TOOL_VEL), vec(state, layout.TOOL_ACC)
+    pos = add(vec(state, layout.TOOL_POS), add(scale(dt, vel), scale(0.5 * dt * dt, acc)))
+    turn = mat_from_rotvec(scale(dt, vec(state, layout.TOOL_OMEGA)))
+    rot = matmul(turn, read_rotation(state, layout.TOOL_ROT))
     return pos, add(vel, scale(dt, acc)), orthonormalise(column(rot, 0), column(rot, 1))
 
 
 @kernel
-def advance_tool(memory, dt):
+def advance_tool(state, dt):
     """Move the end-effector reference on for ``dt`` seconds."""
-    pos, vel, rot = moved_tool(memory, dt)
-    put(memory, layout.TOOL_POS, pos)
-    put(memory, layout.TOOL_VEL, vel)
-    write_rotation(memory, layout.TOOL_ROT, rot)
+    pos, vel, rot = moved_tool(state, dt)
+    put(state, layout.TOOL_POS, pos)
+    put(state, layout.TOOL_VEL, vel)
+    write_rotation(state, layout.TOOL_ROT, rot)
 
 
 @kernel

@@ -89,7 +89,7 @@ class Vehicle(NamedTuple):
 
     @property
     def record(self) -> np.record:
-        """The same numbers as one block of memory of fixed size: what compiled functions take for a vehicle.
+        """The same numbers as one block of state of fixed size: what compiled functions take for a vehicle.
 
         Raises:
             InvalidValueError: more joints or rotors than the block has room for.
@@ -127,7 +127,7 @@ class Vehicle(NamedTuple):
 
 
 def record_of(settings: NamedTuple) -> np.record:
-    """The numbers of a named tuple as one block of memory.
+    """The numbers of a named tuple as one block of state.
 
     Compiled code hands a record on as one address, a named tuple number by number, from each function to the next.
     """

@@ -45,38 +45,36 @@ POSTURE_MISSED = 0.02  # m or rad: ... with the tool off by more get no nearer
 
 
 @kernel
-def seat_references(vehicle, scratch, memory, pos, rot, yaw, joints):
+def seat_references(vehicle, scratch, state, pos, rot, yaw, joints):
     """Place every reference at the current state, at rest: the start of an episode, or a change of pilot."""
     forward_kinematics(vehicle, pos, rot, joints, 0, scratch.frames)
     tool, tool_rot = tool_pose(vehicle, scratch.frames)
     for k in range(layout.CONTROLLER_STATE_SIZE):
-        memory[k] = 0.0
-    put(memory, layout.TOOL_POS, tool)
-    put(memory, layout.TARGET_POS, tool)
-    write_rotation(memory, layout.TARGET_ROT, tool_rot)
-    write_rotation(memory, layout.TOOL_ROT, tool_rot)
-    put(memory, layout.BASE_POS, pos)
-    memory[layout.BASE_YAW] = yaw
+        state[k] = 0.0
+    put(state, layout.TOOL_POS, tool)
+    put(state, layout.TARGET_POS, tool)
+    write_rotation(state, layout.TARGET_ROT, tool_rot)
+    write_rotation(state, layout.TOOL_ROT, tool_rot)
+    put(state, layout.BASE_POS, pos)
+    state[layout.BASE_YAW] = yaw
     for j in range(vehicle.num_joints):
-        memory[layout.JOINT_REF + j] = joints[j]
-        memory[layout.JOINT_CMD + j] = joints[j]
-    memory[layout.READY] = 1.0
+        state[layout.JOINT_REF + j] = joints[j]
+        state[layout.JOINT_CMD + j] = joints[j]
+    state[layout.READY] = 1.0
 
 
 @kernel
-def plan_reference(vehicle, scratch, memory, interval):
+def plan_reference(vehicle, scratch, state, interval):
     """Choose the velocity of the reference base, and its joints, so that the tool's reference is met an interval later.
 
     Args:
         vehicle: the nominal model. scratch: working memory.
-        memory: controller memory; the base's velocity and the joints of the reference are written.
+        state: controller state; the base's velocity and the joints of the reference are written.
         interval: s, until the next plan.
     """
-    pos, yaw = vec(memory, layout.BASE_POS), memory[layout.BASE_YAW]
-    target, _, target_rot = moved_tool(memory, interval)
-    _linearise(
-        vehicle, scratch, pos, mat_from_yaw(yaw), memory, layout.JOINT_REF, target, target_rot, ORIENTATION_SHARE
-    )
+    pos, yaw = vec(state, layout.BASE_POS), state[layout.BASE_YAW]
+    target, _, target_rot = moved_tool(state, interval)
+    _linearise(vehicle, scratch, pos, mat_from_yaw(yaw), state, layout.JOINT_REF, target, target_rot, ORIENTATION_SHARE)
     heading, pitch = yaw_and_pitch(target_rot)
     share, most = min(1.0, REST_RATE * interval), REST_SPEED * interval
     pull, mobility, step = scratch.pull, scratch.mobility, scratch.step
@@ -86,50 +84,50 @@ def plan_reference(vehicle, scratch, memory, interval):
     mobility[3] = YAW_MOBILITY * vehicle.base_mobility
     rest_posture(vehicle, pitch, pull, 4)
     for j in range(vehicle.num_joints):
-        pull[4 + j] = clip(share * (pull[4 + j] - memory[layout.JOINT_REF + j]), -most, most)
+        pull[4 + j] = clip(share * (pull[4 + j] - state[layout.JOINT_REF + j]), -most, most)
     solve_in_task_space(scratch, 4 + vehicle.num_joints, DAMPING)
-    if freeze_at_limits(vehicle, scratch, memory, layout.JOINT_REF):
+    if freeze_at_limits(vehicle, scratch, state, layout.JOINT_REF):
         solve_in_task_space(scratch, 4 + vehicle.num_joints, DAMPING)
-    put(memory, layout.BASE_VEL, scale(1.0 / interval, vec(step, 0)))
-    memory[layout.BASE_YAW_RATE] = step[3] / interval
+    put(state, layout.BASE_VEL, scale(1.0 / interval, vec(step, 0)))
+    state[layout.BASE_YAW_RATE] = step[3] / interval
     for j in range(vehicle.num_joints):
-        moved = memory[layout.JOINT_REF + j] + step[4 + j]
-        memory[layout.JOINT_REF + j] = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
+        moved = state[layout.JOINT_REF + j] + step[4 + j]
+        state[layout.JOINT_REF + j] = clip(moved, vehicle.joint_low[j], vehicle.joint_high[j])
 
 
 @kernel
-def advance_base(memory, dt):
+def advance_base(state, dt):
     """Move the base reference on for ``dt`` seconds."""
-    put(memory, layout.BASE_POS, add(vec(memory, layout.BASE_POS), scale(dt, vec(memory, layout.BASE_VEL))))
-    memory[layout.BASE_YAW] = wrap_angle(memory[layout.BASE_YAW] + dt * memory[layout.BASE_YAW_RATE])
+    put(state, layout.BASE_POS, add(vec(state, layout.BASE_POS), scale(dt, vec(state, layout.BASE_VEL))))
+    state[layout.BASE_YAW] = wrap_angle(state[layout.BASE_YAW] + dt * state[layout.BASE_YAW_RATE])
 
 
 @kernel
-def solve_arm(vehicle, gains, scratch, memory, pos, rot, dt):
+def solve_arm(vehicle, gains, scratch, state, pos, rot, dt):
     """Move the joint set-points so that the tool meets its reference from the base's actual pose.
 
     Args:
         vehicle, gains: model and tuning.
         scratch: working memory; ``servo_vel`` (J,) is written: velocity of the set-points, rad/s.
-        memory: controller memory; the set-points in it are advanced.
+        state: controller state; the set-points in it are advanced.
         pos, rot: measured base pose.
         dt: s.
     """
     count = vehicle.num_joints
     if count == 0:
         return
-    target, target_rot = vec(memory, layout.TOOL_POS), read_rotation(memory, layout.TOOL_ROT)
-    _linearise(vehicle, scratch, pos, rot, memory, layout.JOINT_CMD, target, target_rot, gains.orientation_weight)
+    target, target_rot = vec(state, layout.TOOL_POS), read_rotation(state, layout.TOOL_ROT)
+    _linearise(vehicle, scratch, pos, rot, state, layout.JOINT_CMD, target, target_rot, gains.orientation_weight)
     for j in range(count):
-        scratch.pull[4 + j] = ARM_REST_RATE * dt * (memory[layout.JOINT_REF + j] - memory[layout.JOINT_CMD + j])
+        scratch.pull[4 + j] = ARM_REST_RATE * dt * (state[layout.JOINT_REF + j] - state[layout.JOINT_CMD + j])
     solve_in_joint_space(scratch, 4, count, DAMPING)
-    if freeze_at_limits(vehicle, scratch, memory, layout.JOINT_CMD):
+    if freeze_at_limits(vehicle, scratch, state, layout.JOINT_CMD):
         solve_in_joint_space(scratch, 4, count, DAMPING)
     for j in range(count):
-        joint, reach = memory[layout.JOINT_CMD + j], vehicle.joint_speed[j] * dt
+        joint, reach = state[layout.JOINT_CMD + j], vehicle.joint_speed[j] * dt
         moved = clip(joint + clip(scratch.step[4 + j], -reach, reach), vehicle.joint_low[j], vehicle.joint_high[j])
         scratch.servo_vel[j] = (moved - joint) / dt
-        memory[layout.JOINT_CMD + j] = moved
+        state[layout.JOINT_CMD + j] = moved
 
 
 @kernel

@@ -286,6 +286,18 @@ def intervention_of(policy: Policy, n: int) -> np.ndarray:
 
 
 @runtime_checkable
+class Device[Frame](Protocol):
+    """Whatever a person flies with, and whatever stands in for it: asked once a tick, it returns a frame.
+
+    A flight by hand takes devices of ``DeviceFrame`` (``aerial_il/teleop/input/frame.py``).
+    """
+
+    def frame(self) -> Frame:
+        """Return what has arrived since the last call; never wait for more."""
+        ...
+
+
+@runtime_checkable
 class Algorithm(Protocol):
     """Settings of a training, a frozen dataclass that checks itself, and the training itself.
 

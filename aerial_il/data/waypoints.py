@@ -32,6 +32,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import flown_by_hand
 
 LEVEL = "ee_pose"
+LOOKAHEAD_S = 0.5  # for flights by hand
 FlownBy = Literal["hand", "anyone"]
 TURN = slice(3, 9)  # of an ``ee_pose`` action; before it the position, after it the gripper
 STILL_M_S, STILL_ROT6D_S, STILL_GRIPPER_S = 0.01, 0.1, 0.05  # rates of a command that is taken to stand still

@@ -1,7 +1,7 @@
 """lerobot's own diffusion policy (a 1-D U-Net) as one of our policies, trained and flown by our commands.
 
 Network, noise schedule and loss are lerobot's; observations, normalisation, anchor, images and the execution of chunks
-are ours. The noise that a chunk is denoised from is told from outside (``parts/noise.py``), and denoising adds no more
+are ours. The noise that a chunk is denoised from is handed in (``policies/parts/noise.py``), and denoising adds no more
 (DDIM). It needs the package ``diffusers``.
 
 Source: C. Chi et al., "Diffusion Policy: Visuomotor Policy Learning via Action Diffusion", 2023; lerobot 0.6. Its

@@ -8,16 +8,16 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
-from aerial_il.teleop.controls import Controls
-from aerial_il.teleop.film import Film
-from aerial_il.teleop.hardware import Attached, Driver
-from aerial_il.teleop.inbox import Inbox
-from aerial_il.teleop.loop import Loop
-from aerial_il.teleop.mapping import Bindings
-from aerial_il.teleop.perturb import possible
-from aerial_il.teleop.readings import readings_of
-from aerial_il.teleop.server import Server
+from aerial_il.teleop.input.hardware import Attached, Driver
+from aerial_il.teleop.input.inbox import Inbox
+from aerial_il.teleop.input.mapping import Bindings
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.loop import Loop
+from aerial_il.teleop.session.perturb import possible
+from aerial_il.teleop.session.readings import readings_of
+from aerial_il.teleop.web.controls import Controls
+from aerial_il.teleop.web.film import Film
+from aerial_il.teleop.web.server import Server
 
 CAMERAS = ("chase", "wrist")  # shown at first
 VIEWS = (*CAMERAS, "scene")  # that may be shown

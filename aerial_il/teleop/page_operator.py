@@ -9,17 +9,17 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, Self
 
-from aerial_il.core.contracts import Policy
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
-from aerial_il.teleop.film import Film
 from aerial_il.teleop.flight import CAMERAS, Site, about
-from aerial_il.teleop.inbox import Inbox
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.loop import Loop
-from aerial_il.teleop.mapping import Bindings
-from aerial_il.teleop.server import Server
-from aerial_il.teleop.session import State
+from aerial_il.teleop.input.inbox import Inbox
+from aerial_il.teleop.input.mapping import Bindings
+from aerial_il.teleop.session.cockpit import Cockpit, by_hand
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.loop import Loop
+from aerial_il.teleop.session.session import State
+from aerial_il.teleop.web.film import Film
+from aerial_il.teleop.web.server import Server
 
 LEARNER = "learner"
 WATCH_S = 0.1
@@ -28,10 +28,17 @@ WATCH_S = 0.1
 class Costs(Protocol):
     """What a round's flights cost and brought, as far as a person is shown it."""
 
-    flights: int
-    steps: int
-    expert_steps: int
-    solved_alone: int
+    @property
+    def flights(self) -> int: ...
+
+    @property
+    def steps(self) -> int: ...
+
+    @property
+    def expert_steps(self) -> int: ...
+
+    @property
+    def solved_alone(self) -> int: ...
 
 
 class PageOperator:
@@ -87,7 +94,7 @@ class PageOperator:
 
     def record(
         self,
-        env: BatchEnvironment,
+        env: BatchEnv,
         learner: Policy,
         out: str | os.PathLike[str],
         *,
@@ -95,8 +102,11 @@ class PageOperator:
         tags: Mapping[str, Any],
     ) -> None:
         """Let the person watch, take over and keep flights until ``out`` holds one for each of ``seeds``."""
-        logbook = Logbook(env, str(out), operator=self._operator, first_seed=seeds.start, policy=LEARNER, settings=tags)
-        cockpit = Cockpit(env, self._bindings, logbook, policy=learner)
+        world = by_hand(env)
+        logbook = Logbook(
+            world, str(out), operator=self._operator, first_seed=seeds.start, policy=LEARNER, settings=tags
+        )
+        cockpit = Cockpit(world, self._bindings, logbook, policy=learner)
         flight = Loop(cockpit, self._inbox, self._film.show, self._server.report)
         self._server.flight = flight
         flight.start()

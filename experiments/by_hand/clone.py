@@ -18,7 +18,7 @@ from typing import Any
 
 from aerial_il.cli.main import main as aerial_il
 from aerial_il.data.dataset import open_dataset
-from aerial_il.evaluation.result import load_result
+from aerial_il.evaluation.result import FILE_NAME, load_result
 from aerial_il.evaluation.statistics import wilson
 
 RESULTS = Path(__file__).parent / "cloning"
@@ -41,10 +41,11 @@ def judged(args: argparse.Namespace, settings: list[str], seed: int, robot: str,
     folder = Path(args.out) / args.name / f"seed={seed}"
     learned, judged = [f"dataset={args.dataset}", f"seed={seed}", *settings], folder / f"evaluation_{args.seed}"
     words = [f"robot={robot}", f"task={task}", f"episodes={args.episodes}", f"seed={args.seed}", "videos=0"]
-    for command in (
+    commands = (
         ["train", *learned, f"run={folder}"],
         ["evaluate", f"policy={folder}", *words, "threads=1", f"out={judged}"],
-    ):
+    )
+    for command in () if (judged / FILE_NAME).exists() else commands:
         if aerial_il([*command, "progress=false"]):
             raise SystemExit(f"aerial-il {' '.join(command)} has failed.")
     result = load_result(judged)

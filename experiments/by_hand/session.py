@@ -21,7 +21,7 @@ from pathlib import Path
 import aerial_il
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.recording.reader import read_episode
-from aerial_il.teleop.refly import refly
+from aerial_il.teleop.session.refly import refly
 from experiments.by_hand.fly import served, stranger_at
 from tests.teleop.chromium import browser
 from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again, rescued

@@ -82,7 +82,7 @@ def export(study: Path, task: str, draw: int, folder: Path) -> None:
     """Write the demonstrations of one draw as plain arrays."""
     import numpy as np
 
-    from aerial_il.benchmarks.parts.record import Record
+    from aerial_il.benchmarks.parts.records.record import Record
     from aerial_il.cli.configuration import groups
     from aerial_il.cli.configuration.build import build
 

@@ -21,9 +21,9 @@ from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.ppo import ProximalPolicyOptimisation, minibatches
 from aerial_il.algorithms.rl.collector import Collector
-from aerial_il.algorithms.rl.demonstrations import check_same, read_transitions
 from aerial_il.algorithms.rl.interface import check_policy, decode, encode, encode_actions, fit_interface
-from aerial_il.algorithms.rl.replay_buffer import Batch, ReplayBuffer, rows_of, split
+from aerial_il.algorithms.rl.replay.demonstrations import check_same, read_transitions
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of, split
 from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
 from aerial_il.algorithms.sac import SoftActorCritic, SoftActorCriticLearning
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError

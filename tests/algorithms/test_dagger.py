@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+import aerial_il
 from aerial_il.algorithms.dart import Disturbed, Noise
 from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.interactive.disagreement import ActionScale, disagreement
@@ -23,11 +24,13 @@ from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.gate import Round
 from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.interactive.gates.thrifty import Thresholds, ThriftyGate, _Thrifty
-from aerial_il.algorithms.interactive.mixture import IGNORED_STEPS, Decision, GateInput, Mixture
+from aerial_il.algorithms.interactive.mixture import IGNORED_STEPS, Decision, GateInput, Mixture, newcomer_of
+from aerial_il.algorithms.interactive.rounds import demonstration_weights
 from aerial_il.algorithms.interactive.supervisors import Corrector
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
 from aerial_il.core import checkpoint
+from aerial_il.core.contracts import attach
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -224,8 +227,8 @@ def test_named_schedules_are_what_their_names_say() -> None:
     assert [CoinGate(beta="zero").share(i) for i in (0, 1)] == [1.0, 0.0]
 
 
-def coins(seeds: np.ndarray, steps: int = 200) -> np.ndarray:
-    gate = CoinGate(beta="exponential", decay=0.3).open(Round(1, 7, [], [], []))
+def coins(seeds: np.ndarray, steps: int = 200, hold: int = 1) -> np.ndarray:
+    gate = CoinGate(beta="exponential", decay=0.3, hold=hold).open(Round(1, 7, [], [], []))
     gate.begin(seeds, np.ones(len(seeds), bool))
     sight = GateInput({}, *np.zeros((2, len(seeds), 1)), np.zeros(len(seeds), bool))
     return np.stack([gate.decide(sight).expert_flies for _ in range(steps)], axis=1)
@@ -236,6 +239,60 @@ def test_coins_fall_by_the_episode_not_by_its_place_in_the_batch() -> None:
     np.testing.assert_array_equal(coins(np.array([7]))[0], together[2])
     assert not np.array_equal(together[0], together[1])
     assert 0.2 < coins(np.arange(10)).mean() < 0.4
+
+
+def test_whoever_wins_a_toss_flies_for_a_while_from_the_start_of_the_episode() -> None:
+    held = coins(np.arange(40), steps=60, hold=20)
+    np.testing.assert_array_equal(held, np.repeat(coins(np.arange(40), steps=3), 20, axis=1))
+    assert held.any(axis=0).all(), "somebody's coin falls for the expert in each stretch"
+    gate = CoinGate(decay=0.5, hold=20).open(Round(1, 7, [], [], []))
+    sight = GateInput({}, *np.zeros((2, 40, 1)), np.zeros(40, bool))
+    gate.begin(np.arange(40), np.ones(40, bool))
+    before = [gate.decide(sight).expert_flies for _ in range(7)][-1]
+    gate.begin(np.arange(100, 140), np.arange(40) < 20)
+    after = gate.decide(sight).expert_flies
+    np.testing.assert_array_equal(after[20:], before[20:])
+    assert (after[:20] != before[:20]).any(), "a new episode tosses anew"
+
+
+@pytest.mark.parametrize("wrong", [{"hold": 0}, {"over": 0}, {"decay": 1.5}, {"beta": "cosine"}])
+def test_a_coin_that_cannot_be_tossed_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InvalidValueError, match=next(iter(wrong))):
+        CoinGate(**wrong)
+
+
+# --- what of it is learned from
+
+
+def test_a_learner_that_hangs_is_not_waited_for(tmp_path: Path, demos: list[Episode]) -> None:
+    """Its flights are cut off after a multiple of the longest demonstration, and count as failures."""
+    longest = max(map(len, demos))
+    hasty = replace(DAGGER, rounds=1, patience=0.25, gate=CoinGate(beta="zero"))
+    train(tmp_path / "hasty", hasty, demos)
+    flights = flights_of(tmp_path / "hasty", 1)
+    assert [len(f) for f in flights] == [-(-longest // 4)] * len(flights)
+    assert all(f.truncated[-1] and not f.success for f in flights)
+    train(tmp_path / "patient", replace(hasty, patience=0.0), demos)
+    assert max(map(len, flights_of(tmp_path / "patient", 1))) > longest // 4
+
+
+def test_demonstrations_keep_their_share_of_the_minibatches(whole: Path, demos: list[Episode]) -> None:
+    flown = [flight for number in (1, 2, 3) for flight in flights_of(whole, number)]
+    dataset, steps = [*demos, *flown], np.array([len(e) for e in [*demos, *flown]])
+    shown = steps[: len(demos)].sum() / steps.sum()
+    for share in (0.0, 0.5 * shown, 0.5, 0.9):
+        weights = demonstration_weights(demos, flown, share)
+        if share <= shown:
+            assert weights is None, "they have more than that: all steps are visited alike"
+            continue
+        divided = BC.divide(dataset, POLICY, seed=0, failures=True, weights=weights)
+        visited = divided.weights * steps
+        assert visited[: len(demos)].sum() / visited.sum() == pytest.approx(share)
+
+
+def test_weights_that_do_not_fit_the_episodes_are_refused(demos: list[Episode]) -> None:
+    with pytest.raises(InvalidValueError, match=f"{len(demos)} demonstrations .* 1 weights"):
+        BC.divide(demos, POLICY, seed=0, weights=[1.0])
 
 
 class Fixed:
@@ -295,6 +352,51 @@ def test_an_expert_that_is_ignored_for_long_looks_again() -> None:
         assert (mixture.expert_action == 9.0).all()
     mixture.act({"error": np.zeros((2, 1))})
     assert mixture.expert_action[:, 0].tolist() == [0.0, 9.0]
+
+
+class Counting(Stubborn):
+    """Wants as much as it remembers steps: what no policy can see."""
+
+    def attach(self, env: Any) -> None:
+        self.wishes = np.zeros((env.num_envs, 1))
+
+    def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
+        self.wishes = self.wishes + 1.0
+        return self.wishes.copy()
+
+
+def test_advice_that_follows_from_memory_is_no_label_unless_the_expert_flies() -> None:
+    gate = Every([False, True], [True, True])
+    mixture = Mixture(Fixed(0.0), Counting(0.0), gate, ActionScale(np.ones(1)), newcomer=Counting(0.0))
+    mixture.attach(Corridor(2))
+    seen = {"error": np.zeros((2, 1))}
+    mixture.act(seen)
+    assert mixture.expert_action[:, 0].tolist() == [1.0, 1.0], "in its first step it knows no more than a newcomer"
+    mixture.act(seen)
+    np.testing.assert_array_equal(mixture.expert_action[:, 0], [np.nan, 2.0])
+    mixture.reset(np.array([True, False]))
+    mixture.act(seen)
+    assert mixture.expert_action[:, 0].tolist() == [1.0, 3.0]
+
+
+def test_a_newcomer_disturbs_neither_the_expert_nor_its_noise() -> None:
+    """It shares nothing with the expert that either of them writes."""
+    expert = aerial_il.expert("fa_hexa_arm4", "pick_place", noise=1.0)
+    env = aerial_il.load_batch("fa_hexa_arm4", "pick_place", num_envs=2, num_threads=1)
+    obs = env.reset(0)
+    alone, watched = [], []
+    for actions, beside in ((alone, False), (watched, True)):
+        newcomer = newcomer_of(expert) if beside else None
+        for policy in filter(None, (expert, newcomer)):
+            attach(policy, env)
+        for _ in range(5):
+            actions.append(expert.act(obs))
+            if newcomer is not None:
+                newcomer.reset()
+                newcomer.act(obs)
+    env.close()
+    np.testing.assert_array_equal(alone, watched)
+    assert newcomer_of(Fixed(0.0)) is None, "who has no phases remembers none"
 
 
 def thrifty(others: list[Any], **options: Any) -> _Thrifty:

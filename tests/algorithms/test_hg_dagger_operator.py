@@ -22,7 +22,7 @@ from aerial_il.policies.mlp import MlpConfig
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.driver.operator import DriverOperator
 from aerial_il.teleop.driver.watch import Judgement
-from aerial_il.teleop.logbook import POLICY_ACTION
+from aerial_il.teleop.session.logbook import POLICY_ACTION
 from tests.teleop.hands import world
 
 HASTY = Judgement(patience_ticks=15, step_m=0.05)  # one that soon loses patience with a policy of forty steps

@@ -14,9 +14,9 @@ import yaml
 from aerial_il import algorithms
 from aerial_il.algorithms.npg import NaturalGradientAgent, NaturalGradientLearning, conjugate_gradients, flat_gradient
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
-from aerial_il.algorithms.rl.hindsight import Hindsight, Relabeller
 from aerial_il.algorithms.rl.interface import check_policy, plain_interface
 from aerial_il.algorithms.rl.on_policy import OnPolicy
+from aerial_il.algorithms.rl.replay.hindsight import Hindsight, Relabeller
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.folder import CONFIG, read_metrics
 from aerial_il.core.contracts import StepResult

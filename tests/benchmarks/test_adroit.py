@@ -12,9 +12,9 @@ import pytest
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.benchmarks.adroit import Adroit
-from aerial_il.benchmarks.parts import adroit_tables
-from aerial_il.benchmarks.parts.adroit import TASKS, PublishedRewards, expert_of
-from aerial_il.benchmarks.parts.stages import steps_of
+from aerial_il.benchmarks.parts.adroit import tables as adroit_tables
+from aerial_il.benchmarks.parts.adroit.tasks import TASKS, PublishedRewards, expert_of
+from aerial_il.benchmarks.parts.training.stages import steps_of
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.rollouts import evaluate
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from aerial_il.cli import commands
-from aerial_il.cli.commands import bench
+from aerial_il.cli.commands.project import bench
 from aerial_il.cli.configuration import compose, groups
 
 SCRIPT = Path(sys.executable).with_name("aerial-il")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerial_il.benchmarks.controllers import Controllers
-from aerial_il.benchmarks.parts.steps import step_figures
+from aerial_il.benchmarks.parts.tracking.steps import step_figures
 from aerial_il.core.errors import InvalidValueError
 
 DT = 0.01

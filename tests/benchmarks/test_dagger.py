@@ -13,7 +13,7 @@ from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks import dagger
 from aerial_il.benchmarks.dagger import EPISODES, START, STEPS, Arm, Asked, Interactive
-from aerial_il.benchmarks.parts.demonstrations import Source
+from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from aerial_il.benchmarks.parts import demonstrations
-from aerial_il.benchmarks.parts.demonstrations import MOST_PER_DRAW, SEEDS_PER_DRAW, Source
-from aerial_il.benchmarks.parts.stages import EVALUATION_SEED, TUNING_SEEDS, check_seeds
+from aerial_il.benchmarks.parts.training import demonstrations
+from aerial_il.benchmarks.parts.training.demonstrations import MOST_PER_DRAW, SEEDS_PER_DRAW, Source
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, TUNING_SEEDS, check_seeds
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import DEMOS, FAILURES
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import aerial_il
-from aerial_il.benchmarks.parts.earlier import Checkout, PeerError, turns
+from aerial_il.benchmarks.parts.earlier.checkout import Checkout, PeerError, turns
 from aerial_il.core.errors import InvalidValueError
 
 SCRIPT = """

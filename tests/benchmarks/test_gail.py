@@ -12,9 +12,9 @@ import pytest
 
 from aerial_il.benchmarks import gail
 from aerial_il.benchmarks.gail import Gail, Point
-from aerial_il.benchmarks.parts import ratios
-from aerial_il.benchmarks.parts.ratios import LIKE
-from aerial_il.benchmarks.parts.record import Record
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting import ratios
+from aerial_il.benchmarks.parts.reporting.ratios import LIKE
 from aerial_il.core.errors import InvalidValueError
 
 

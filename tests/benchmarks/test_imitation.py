@@ -12,8 +12,8 @@ import pytest
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.benchmarks import imitation
 from aerial_il.benchmarks.imitation import Flight, Imitation
-from aerial_il.benchmarks.parts.demonstrations import Source
-from aerial_il.benchmarks.parts.stages import Cloned
+from aerial_il.benchmarks.parts.training.demonstrations import Source
+from aerial_il.benchmarks.parts.training.stages import Cloned
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerial_il.benchmarks.parts.motions import CIRCLE_RADIUS_M, Motion, curves, poses
+from aerial_il.benchmarks.parts.tracking.motions import CIRCLE_RADIUS_M, Motion, curves, poses
 from aerial_il.suite.tasks.reach import TARGET_HIGH, TARGET_LOW
 
 SPEED_M_S = 0.2

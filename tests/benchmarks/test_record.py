@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.benchmarks.parts import ground
-from aerial_il.benchmarks.parts.record import Record, digest
+from aerial_il.benchmarks.parts.records import ground
+from aerial_il.benchmarks.parts.records.record import Record, digest
 
 CODE = '"""Words."""\n\ndef f(x):\n    """More words."""\n    return x + 1  # why\n'
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.benchmarks.parts.earlier import ROOT
+from aerial_il.benchmarks.parts.earlier.checkout import ROOT
 from aerial_il.benchmarks.recording import EARLIER, OURS, Recording, _collecting, _files
 from aerial_il.core.errors import InvalidValueError
 

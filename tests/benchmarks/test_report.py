@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.benchmarks.parts.report import Report, Target
-from aerial_il.benchmarks.parts.study import save_study
+from aerial_il.benchmarks.parts.reporting.report import Report, Target
+from aerial_il.benchmarks.parts.reporting.study import save_study
 from aerial_il.core.errors import InvalidValueError
 
 REPORT = Report(

@@ -12,10 +12,10 @@ import pytest
 
 import aerial_il
 from aerial_il.benchmarks import speed
-from aerial_il.benchmarks.parts.earlier import ROOT
-from aerial_il.benchmarks.parts.stopwatch import Arm, interleave
-from aerial_il.benchmarks.parts.workload import RawPhysics, Workload, fly_again, record
-from aerial_il.benchmarks.speed import SECTIONS, Speed, time_of_a_step
+from aerial_il.benchmarks.parts.earlier.checkout import ROOT, Checkout
+from aerial_il.benchmarks.parts.timing.stopwatch import Arm, interleave
+from aerial_il.benchmarks.parts.timing.workload import RawPhysics, Workload, fly_again, record
+from aerial_il.benchmarks.speed import PARTS, RATES, SECTIONS, SPEED, Speed, time_of_a_step
 from aerial_il.suite.batch import BatchEnvironment
 
 STEPS, WORLDS = 30, 2
@@ -96,6 +96,25 @@ def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path, monkeypatc
     assert report.tables["Demonstrations per minute"][0]["recorded_per_minute"] > 0
     assert not report.targets[-1].met, "four seconds to the first flight are too many"
     json.dumps(report.to_dict(), allow_nan=False)
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize(("commit", "times"), [("0123456789", 1), ("0123456789+", 2), ("unknown", 2)])
+def test_a_cell_is_timed_once_at_a_commit_that_tells_what_it_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, commit: str, times: int
+) -> None:
+    timed: list[tuple[str, str]] = []
+    row = {"robot": "quad", "task": "hover", "flight_us": 1.0, "python_us": 1.0, "total_us": 2.0}
+    tables = {SPEED: [row], PARTS: [row], RATES: [row]}
+    monkeypatch.setattr(Speed, "_timed", lambda _, *cell: timed.append(cell[:2]) or tables)
+    monkeypatch.setattr(Checkout, "commit", commit)
+    monkeypatch.setattr(speed, "first_flights", lambda *_, **__: {"ours_s": 1.0})
+    quad = Speed(robots=("quad",), tasks=("hover",))
+    reports = [quad.run(tmp_path, progress=False) for _ in range(2)]
+    assert len(timed) == times
+    assert reports[0].tables == reports[1].tables
+    replace(quad, repetitions=3).run(tmp_path, progress=False)
+    assert len(timed) == times + 1, "with other settings it is timed anew"
 
 
 @pytest.mark.slow

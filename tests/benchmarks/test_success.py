@@ -11,8 +11,8 @@ import pytest
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.benchmarks.learning_curve import LearningCurve
-from aerial_il.benchmarks.parts.report import Report
-from aerial_il.benchmarks.parts.success import pooled_row
+from aerial_il.benchmarks.parts.reporting.report import Report
+from aerial_il.benchmarks.parts.reporting.success import pooled_row
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from aerial_il.benchmarks import tracking
-from aerial_il.benchmarks.parts.motions import curves
-from aerial_il.benchmarks.parts.report import Report
+from aerial_il.benchmarks.parts.reporting.report import Report
+from aerial_il.benchmarks.parts.tracking.motions import curves
 from aerial_il.benchmarks.tracking import Flights, Tracking
 from aerial_il.core.errors import InvalidValueError
 

@@ -10,9 +10,9 @@ import yaml
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.human import HumanGate
-from aerial_il.cli.flights.by_hand import LOOKAHEAD_S, suited
+from aerial_il.cli.flights.by_hand import suited
 from aerial_il.cli.main import main
-from aerial_il.data.waypoints import Waypoints
+from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.egocentric import egocentric
 from aerial_il.teleop.driver.operator import DriverOperator

@@ -5,10 +5,13 @@ from __future__ import annotations
 import shlex
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from omegaconf import OmegaConf
 
 from aerial_il.cli import commands
 from aerial_il.cli.configuration import spelling
@@ -39,15 +42,37 @@ def every_hostile_name(test):
     return test
 
 
+def taken(command: commands.Command, words: list[str]) -> dict[str, Any]:
+    """Return what Hydra's own parser and OmegaConf take each word for, much faster than a composition does.
+
+    That a composition agrees is tried with every hostile name below.
+    """
+    found = {}
+    for override in OverridesParser.create().parse_overrides(prepare(command, words)):
+        assert not override.is_sweep_override()
+        found[override.key_or_group] = OmegaConf.create({"value": override.value()}).value
+    return found
+
+
+@pytest.mark.parametrize(("name", "other"), list(zip(HOSTILE[::2], HOSTILE[1::2], strict=True)))
+def test_a_composition_takes_a_path_as_it_stands(name: str, other: str) -> None:
+    given_words = [f"policy={name}", f"out={other}"]
+    config = compose(EVALUATE, given_words)
+    assert (config.policy.path, config.out) == (name, other)
+    assert taken(EVALUATE, given_words) == {"policy.path": name, "out": other}
+
+
 @every_hostile_name
 @settings(deadline=None, max_examples=150)
 @given(names)
 def test_a_path_is_taken_as_it_stands(name: str) -> None:
     if name == "???":
         return  # what OmegaConf takes for "not said"
-    given_words = [f"policy={name}", f"out={name}"]
-    config = compose(EVALUATE, given_words)
-    assert (config.policy.path, config.out) == (name, name)
+    assert taken(EVALUATE, [f"policy={name}", f"out={name}"]) == {"policy.path": name, "out": name}
+
+
+def test_a_composition_takes_each_of_several_paths_as_it_stands() -> None:
+    assert list(compose(REPORT, [f"result=[{','.join(map(literal, HOSTILE))}]", "run=x"]).result) == HOSTILE
 
 
 @every_hostile_name
@@ -55,13 +80,10 @@ def test_a_path_is_taken_as_it_stands(name: str) -> None:
 @given(names)
 def test_each_of_several_paths_is_taken_as_it_stands(name: str) -> None:
     bare = [] if name.startswith(("-", "+", "~")) or "=" in name else [name]
-    given_words = [*bare, "other"] if bare else [f"result={literal_list(name)}"]
-    config = compose(REPORT, [*given_words, f"run={name}" if name not in ("null", "???") else "run=x"])
-    assert config.result[0] == name
-
-
-def literal_list(name: str) -> str:
-    return f"[{literal(name)}]"
+    given_words = [*bare, "other"] if bare else [f"result=[{literal(name)}]"]
+    run = name if name not in ("null", "???") else "run"
+    found = taken(REPORT, [*given_words, f"run={run}"])
+    assert (found["result"][0], found["run"]) == (name, run)
 
 
 @every_hostile_name
@@ -71,13 +93,12 @@ def test_what_comes_next_may_be_pasted_into_a_shell(name: str) -> None:
     if name == "???":
         return
     for line, command, key in (
-        (command_line(["train", spelling.path("dataset", name), "run=runs/x"]), TRAIN, "dataset"),
-        (command_line(["evaluate", spelling.path("policy", name), f"out={name}/evaluation"]), EVALUATE, "policy"),
+        (command_line(["train", spelling.path("dataset", name), "run=runs/x"]), TRAIN, "dataset.path"),
+        (command_line(["evaluate", spelling.path("policy", name), f"out={name}/evaluation"]), EVALUATE, "policy.path"),
     ):
         program, said, *rest = shlex.split(line)
         assert (program, said) == ("aerial-il", command.name)
-        found = getattr(compose(command, rest), key).path
-        assert Path(found) == Path(name)
+        assert Path(taken(command, rest)[key]) == Path(name)
 
 
 @pytest.mark.parametrize("name", ["it's", "a&b;rm", "$HOME", "${seed}", "数据", "two  words", "`id`", "line\nbreak"])
@@ -88,7 +109,7 @@ def test_a_real_shell_reads_the_line_alike(name: str) -> None:
 
 
 def test_what_training_says_of_itself_leads_back_to_it() -> None:
-    from aerial_il.cli.commands import train
+    from aerial_il.cli.commands.runs import train
 
     typed = [
         "dataset=数据/it's",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.commands import list as catalogue
+from aerial_il.cli.commands.project import list as catalogue
 from aerial_il.cli.flights import pilots
 from aerial_il.cli.main import main
 from aerial_il.data.recording.reader import read_episode

@@ -10,7 +10,7 @@ import pytest
 
 import aerial_il
 from aerial_il import robots
-from aerial_il.cli.commands.list import as_text, catalogue
+from aerial_il.cli.commands.project.list import as_text, catalogue
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.pages import robot_pages, task_pages
 from aerial_il.robots.parts.arm import Arm

@@ -103,7 +103,7 @@ class Stage:
         self.model = self.worlds.model
         self.qpos, self.qvel = self.worlds.bind("qpos"), self.worlds.bind("qvel")
         self.userdata, self.mocap_pos = self.worlds.bind("userdata"), self.worlds.bind("mocap_pos")
-        self.memory = self.userdata[:, layout.TASK]
+        self.task_state = self.userdata[:, layout.TASK]
         self.family = np.zeros(WORLDS, int)
 
     def scatter(self, families: Mapping[str, tuple[str, Scatter]], seed: int, rng: np.random.Generator) -> Placed:
@@ -177,7 +177,7 @@ class Placed:
         self._datas = [stage.worlds.data(i) for i in range(WORLDS)]
         self.robot = stage.robot
         self.userdata, self.qvel = stage.userdata.copy(), stage.qvel.copy()
-        self.memory = self.userdata[:, layout.TASK]
+        self.task_state = self.userdata[:, layout.TASK]
 
     def pos(self, body: str) -> np.ndarray:
         """(n, 3)."""
@@ -522,7 +522,7 @@ def probe_on_spot(placed: Placed) -> np.ndarray:
     readings = placed.userdata[:, layout.SAMPLES].reshape(-1, layout.SUBSTEPS, 6)[:, :, :3]
     pressed = -np.einsum("nti,ni->nt", readings, out)
     off_square = np.rad2deg(np.arccos(np.clip(-np.einsum("ni,ni->n", out, ahead), -1.0, 1.0)))
-    touching, began = placed.memory[:, 3] > 0.0, placed.memory[:, :3]
+    touching, began = placed.task_state[:, 3] > 0.0, placed.task_state[:, :3]
     return (
         (along_plate(tip - spot) <= 0.04) & (off_square <= 5.0) & (placed.opening <= 0.2) & touching
         & ((pressed >= 3.0) & (pressed <= 7.0)).all(axis=1) & (along_plate(tip - began) <= 0.02) & placed.untouched
@@ -559,8 +559,8 @@ def probe(
         sideways = np.einsum("nij,ntj->nti", mat, rng.normal(0.0, 1.0, (k, layout.SUBSTEPS, 3)) * [1.0, 1.0, 0.0])
         samples = stage.userdata[:, layout.SAMPLES].reshape(WORLDS, layout.SUBSTEPS, 6)
         samples[rows, :, :3] = sideways - pressed[:, :, None] * out[:, None]
-        stage.memory[rows, :3] = tip + np.einsum("nij,nj->ni", mat, disc(rng, k, *slid))
-        stage.memory[rows, 3] = touched
+        stage.task_state[rows, :3] = tip + np.einsum("nij,nj->ni", mat, disc(rng, k, *slid))
+        stage.task_state[rows, 3] = touched
 
     return place
 
@@ -677,8 +677,8 @@ HOVER = {
 
 def lap_followed(placed: Placed) -> np.ndarray:
     """A full turn of the path in one piece, 3 cm root mean square, and still within 8 cm."""
-    lap, rate = placed.memory[:, track.LAP], np.abs(placed.memory[:, track.RATE])
-    error = np.sqrt(placed.memory[:, track.SQUARES] / np.maximum(lap / (DT_S * rate), 1.0))
+    lap, rate = placed.task_state[:, track.LAP], np.abs(placed.task_state[:, track.RATE])
+    error = np.sqrt(placed.task_state[:, track.SQUARES] / np.maximum(lap / (DT_S * rate), 1.0))
     there = np.linalg.norm(placed.tool - placed.pos("target"), axis=1) <= 0.08
     return (lap >= 2.0 * np.pi) & (error <= 0.03) & there & placed.untouched
 
@@ -688,9 +688,9 @@ def lap(turns: tuple[float, float], rmse: tuple[float, float], off: tuple[float,
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         angle = 2.0 * np.pi * rng.uniform(*turns, rows.size)
-        steps = angle / (DT_S * np.abs(stage.memory[rows, track.RATE]))
-        stage.memory[rows, track.LAP] = angle
-        stage.memory[rows, track.SQUARES] = steps * rng.uniform(*rmse, rows.size) ** 2
+        steps = angle / (DT_S * np.abs(stage.task_state[rows, track.RATE]))
+        stage.task_state[rows, track.LAP] = angle
+        stage.task_state[rows, track.SQUARES] = steps * rng.uniform(*rmse, rows.size) ** 2
         stage.move(rows, "tool", stage.where(rows, "target")[0] + ball(rng, rows.size, *off))
 
     return place

@@ -133,7 +133,7 @@ def test_reset_forgets_the_past() -> None:
     flight, other = Flight(robots.names()[0]), Flight(robots.names()[0])
     flight.fly(flight.pose((0.3, 0.0, 0.0)), 0.5)
     flight.controller.reset()
-    np.testing.assert_array_equal(flight.controller.memory, other.controller.memory)
+    np.testing.assert_array_equal(flight.controller.state, other.controller.state)
 
 
 @each_armed

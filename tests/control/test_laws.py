@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerial_il import robots
-from aerial_il.benchmarks.parts.steps import StepFigures, step_figures
+from aerial_il.benchmarks.parts.tracking.steps import StepFigures, step_figures
 from aerial_il.control import controller_state as layout
 from aerial_il.control import laws, lqr
 from aerial_il.control.controller import Controller
@@ -38,7 +38,7 @@ def step(robot: str, law: str, kind: str) -> StepFigures:
     flight.fly(action, 3.0)
     entry, k, size = (layout.BASE_POS, 0, 1.0) if kind == "position" else (layout.BASE_YAW, 3, np.deg2rad(30.0))
     action[k] += size
-    flight.controller.memory[entry] = action[k]
+    flight.controller.state[entry] = action[k]
     made = []
     for _ in range(200):
         flight.fly(action, SAMPLE_S)

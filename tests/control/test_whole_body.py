@@ -26,26 +26,26 @@ DT, INTERVAL = 0.004, 0.02
 
 
 def solve(vehicle: Vehicle, target: np.ndarray, rot: np.ndarray, plans: int = 150) -> np.ndarray:
-    """Controller memory after following a fixed tool pose from hover for some plans."""
-    memory, record, scratch = np.zeros(layout.CONTROLLER_STATE_SIZE), vehicle.record, make_scratch()
-    seat_references(record, scratch, memory, (0.0, 0.0, 1.5), IDENTITY, 0.0, vehicle.rest_down.copy())
-    memory[layout.TOOL_POS : layout.TOOL_POS + 3] = target
-    memory[layout.TOOL_ROT : layout.TOOL_ROT + 9] = rot.ravel()
+    """Controller state after following a fixed tool pose from hover for some plans."""
+    state, record, scratch = np.zeros(layout.CONTROLLER_STATE_SIZE), vehicle.record, make_scratch()
+    seat_references(record, scratch, state, (0.0, 0.0, 1.5), IDENTITY, 0.0, vehicle.rest_down.copy())
+    state[layout.TOOL_POS : layout.TOOL_POS + 3] = target
+    state[layout.TOOL_ROT : layout.TOOL_ROT + 9] = rot.ravel()
     for _ in range(plans):
-        plan_reference(record, scratch, memory, INTERVAL)
-        advance_base(memory, INTERVAL)
-        joints = memory[layout.JOINT_REF : layout.JOINT_REF + len(vehicle.link_mass)]
+        plan_reference(record, scratch, state, INTERVAL)
+        advance_base(state, INTERVAL)
+        joints = state[layout.JOINT_REF : layout.JOINT_REF + len(vehicle.link_mass)]
         assert (joints >= vehicle.joint_low).all()
         assert (joints <= vehicle.joint_high).all()
-    return memory
+    return state
 
 
-def tool_of(vehicle: Vehicle, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tool_of(vehicle: Vehicle, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = len(vehicle.link_mass)
     frames = np.empty((count + 1, FRAME_SIZE))
-    pos = tuple(memory[layout.BASE_POS : layout.BASE_POS + 3])
-    joints = memory[layout.JOINT_REF : layout.JOINT_REF + count]
-    forward_kinematics(vehicle.record, pos, mat_from_yaw(memory[layout.BASE_YAW]), joints, 0, frames)
+    pos = tuple(state[layout.BASE_POS : layout.BASE_POS + 3])
+    joints = state[layout.JOINT_REF : layout.JOINT_REF + count]
+    forward_kinematics(vehicle.record, pos, mat_from_yaw(state[layout.BASE_YAW]), joints, 0, frames)
     tool, rot = tool_pose(vehicle.record, frames)
     return np.array(tool), np.reshape(rot, (3, 3))
 
@@ -130,7 +130,7 @@ def test_only_joints_that_leave_their_limits_are_frozen() -> None:
 
 
 def test_the_observer_converges_at_its_bandwidth() -> None:
-    memory, force, torque = (
+    state, force, torque = (
         np.zeros(layout.CONTROLLER_STATE_SIZE),
         np.array([1.0, -2.0, 0.5]),
         np.array([0.1, 0.0, -0.2]),
@@ -138,15 +138,15 @@ def test_the_observer_converges_at_its_bandwidth() -> None:
     bandwidth, linear, angular = 5.0, np.zeros(3), np.zeros(3)
     for _ in range(round(1.0 / bandwidth / DT)):
         linear, angular = linear + DT * force, angular + DT * torque
-        observe_disturbance(memory, tuple(linear), tuple(angular), (0.0,) * 3, (0.0,) * 3, bandwidth, 5.0, 5.0, DT)
+        observe_disturbance(state, tuple(linear), tuple(angular), (0.0,) * 3, (0.0,) * 3, bandwidth, 5.0, 5.0, DT)
     reached = 1.0 - np.exp(-1.0)  # after one time constant
-    np.testing.assert_allclose(memory[layout.FORCE : layout.FORCE + 3], reached * force, rtol=1e-9)
-    np.testing.assert_allclose(memory[layout.TORQUE : layout.TORQUE + 3], reached * torque, rtol=1e-9)
+    np.testing.assert_allclose(state[layout.FORCE : layout.FORCE + 3], reached * force, rtol=1e-9)
+    np.testing.assert_allclose(state[layout.TORQUE : layout.TORQUE + 3], reached * torque, rtol=1e-9)
 
 
 def test_the_observer_does_not_claim_more_than_its_limit() -> None:
-    memory, force, linear = np.zeros(layout.CONTROLLER_STATE_SIZE), np.array([3.0, -4.0, 0.0]), np.zeros(3)
+    state, force, linear = np.zeros(layout.CONTROLLER_STATE_SIZE), np.array([3.0, -4.0, 0.0]), np.zeros(3)
     for _ in range(500):
         linear = linear + DT * force
-        observe_disturbance(memory, tuple(linear), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 10.0, 2.0, 1.0, DT)
-    np.testing.assert_allclose(memory[layout.FORCE : layout.FORCE + 3], 2.0 * force / 5.0, rtol=1e-9)
+        observe_disturbance(state, tuple(linear), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 10.0, 2.0, 1.0, DT)
+    np.testing.assert_allclose(state[layout.FORCE : layout.FORCE + 3], 2.0 * force / 5.0, rtol=1e-9)

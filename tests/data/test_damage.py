@@ -18,8 +18,8 @@ from mcap.writer import CompressionType, Writer
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.recording import columns
 from aerial_il.data.recording.container import MAGIC, record_bytes
+from aerial_il.data.recording.encoding import columns
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recording.schema import Layout
 from aerial_il.data.recording.version2 import Version2

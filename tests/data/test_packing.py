@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.data.recording.packing import bytes_of, gather
+from aerial_il.data.recording.encoding.packing import bytes_of, gather
 
 ROW = np.dtype([("position", "<f8", (2,)), ("flag", "u1"), ("rest", "u1", (7,))])
 

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from aerial_il.collection.collect import collect
-from aerial_il.data.recording import messages
+from aerial_il.data.recording.encoding import messages
 from aerial_il.data.recording.reader import read_episode
 from tests.data.crane import CraneBatch, CraneExpert
 

@@ -1,4 +1,4 @@
-"""Pages name files that are there: links and paths in all Markdown."""
+"""Pages and docstrings name files that are there: links and paths in Markdown, paths in our code."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"\]\((?!https?://|mailto:|#)([^)#\s]+)[^)]*\)")
 CODE = re.compile(r"`((?:aerial_il|tests|conf|setup|docs|notebooks|experiments)/[\w./-]+\.\w+)`")
 SHOWN = re.compile(r"^`([\w./-]+)`\n\n```", re.MULTILINE)  # a file whose content follows, for the reader to write
+SAID = re.compile(r"``([\w.-]+(?:/[\w.-]+)+\.(?:py|md|toml|js|html|css))``")  # in a docstring, from the top or a room
+FORMS = re.compile(r"\b(NAME|GROUP)\b")  # stand for any name
 HISTORY = "CHANGELOG.md"  # tells of files that are gone
 
 
@@ -26,6 +28,30 @@ def missing(page: Path, text: str) -> list[str]:
     named = {*CODE.findall(text)} - {*SHOWN.findall(text)}
     paths = sorted(name for name in named if not re.search(r"\bNAME\b|\bX\b", name) and not (ROOT / name).exists())
     return links + paths
+
+
+def sources() -> list[Path]:
+    listed = subprocess.run(["git", "ls-files", "aerial_il/*.py"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [ROOT / name for name in listed.stdout.splitlines()]
+
+
+def gone(text: str) -> list[str]:
+    """Return the files that code names, of rooms and folders of ours, that are not there."""
+    tops = (ROOT, ROOT / "aerial_il", ROOT / "docs")
+    ours = {path.name for top in tops for path in top.iterdir() if path.is_dir()}
+    named = (name for name in SAID.findall(text) if name.split("/")[0] in ours and not FORMS.search(name))
+    return sorted(name for name in named if not any((top / name).exists() for top in tops))
+
+
+def test_what_docstrings_name_is_there() -> None:
+    lost = {str(file.relative_to(ROOT)): found for file in sources() if (found := gone(file.read_text("utf-8")))}
+    assert lost == {}
+
+
+def test_a_docstring_that_names_what_is_gone_is_found() -> None:
+    text = "``suite/gone.py``, ``aerial_il/gone.py``, ``suite/batch.py``, ``docs/tiers.md``, ``robots/NAME.md``"
+    text += ", ``d4rl/elsewhere.py``"
+    assert gone(text) == ["aerial_il/gone.py", "suite/gone.py"]
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: str(page.relative_to(ROOT)))

@@ -185,7 +185,7 @@ def test_nothing_that_is_seen_is_the_truth(robot: str, task: str) -> None:
     shown, exact, about = seen.reset(7), true.reset(7), tasks.get(task)
     same = {name for name in shown if (shown[name] == exact[name]).all(axis=-1).any()}
     assert same >= ENCODERS & set(shown)
-    known = {name for name in same if about.told and name.startswith("target_")}
+    known = {name for name in same if about.commanded and name.startswith("target_")}
     if seen.simulation.robot.fixed:
         known |= {name for name in same if name.startswith("ee_") or name == "tool_to_target"}
     assert same <= ENCODERS | MARKED | known
@@ -276,7 +276,7 @@ def test_a_recording_tells_the_errors_that_were_declared() -> None:
 
 
 def test_a_task_must_say_what_its_mocap_bodies_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Track, "told", ())
+    monkeypatch.setattr(Track, "commanded", ())
     monkeypatch.setattr(Track, "names", Names(mocaps=("target",)))
     with pytest.raises(InvalidValueError, match="reads body target, but no site of the object that it belongs to"):
         aerial_il.load_batch(ROBOT, "track", num_envs=1, tier="gusts")
@@ -310,4 +310,4 @@ def test_a_task_names_only_its_own_fields_and_sites(name: str) -> None:
     task = tasks.get(name)
     assert {name for name, _ in task.privileged} <= {field.name for field in task.fields()}
     assert all(len(reason.split()) >= 3 for _, reason in task.privileged)
-    assert set(task.told) <= {*task.names.sites, *task.names.mocaps}
+    assert set(task.commanded) <= {*task.names.sites, *task.names.mocaps}

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -20,6 +22,8 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite.faces.gymnasium_env import SingleEnv
 from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
 from aerial_il.suite.faces.gymnasium_vector import VectorEnvironment
+from aerial_il.suite.faces.options import SCENARIO, FaceOptions, Presentation, read_options
+from aerial_il.suite.scenario import Scenario
 from tests.contract.registered import CELLS, each_sample, levels, random_actions
 
 ROBOT, TASK = "ua_quad_arm4", "pick_place"
@@ -143,6 +147,24 @@ def test_names_and_modes_are_checked() -> None:
         SingleEnv(ROBOT, TASK, render_camera="moon")
     with pytest.raises(InvalidValueError, match="render_mode"):
         VectorEnvironment(ROBOT, TASK, render_mode="human")
+
+
+@pytest.mark.parametrize("make", [gymnasium.make, make_vector])
+def test_an_option_that_there_is_not_is_answered_with_those_that_there_are(make: Callable[..., Any]) -> None:
+    told = "Unknown option 'teir'. Did you mean 'tier'"
+    with pytest.raises(UnknownNameError, match=told):
+        make(*([ID] if make is gymnasium.make else []), teir="gusts")
+
+
+def test_defaults_of_the_faces_are_those_of_the_scenario() -> None:
+    scenario, shown = read_options(ROBOT, TASK, {})
+    assert (scenario, shown) == (Scenario(ROBOT, TASK), Presentation())
+    fields = {field.name for part in (Scenario, Presentation) for field in dataclasses.fields(part)}
+    assert {SCENARIO.get(name, name) for name in FaceOptions.__annotations__} == fields - {
+        "robot_name",
+        "task_name",
+        "horizon",  # only a batch's: a face ends an episode where Gymnasium's wrappers say
+    }
 
 
 @pytest.fixture(scope="module")

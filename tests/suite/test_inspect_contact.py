@@ -77,7 +77,7 @@ def test_a_reading_out_of_the_band_spoils_it_although_the_last_one_is_in(
 def test_the_raw_share_is_that_of_the_solver_since_contact_began(pressing: tuple[BatchEnvironment, Expert]) -> None:
     worlds, expert = pressing
     simulation, view = worlds.simulation, worlds.simulation.view
-    view.memory[:, [PRESSED, IN_BAND]] = 0.0
+    view.task_state[:, [PRESSED, IN_BAND]] = 0.0
     address, inside = view.address("plate_force"), []
     for step in range(20):
         action = expert.act({})
@@ -98,7 +98,7 @@ def test_the_raw_share_is_that_of_the_solver_since_contact_began(pressing: tuple
 def test_an_oblique_tool_or_a_slipped_one_does_not_count(pressing: tuple[BatchEnvironment, Expert]) -> None:
     worlds, expert = pressing
     view = worlds.simulation.view
-    view.memory[0, :3] += 1.5 * SLIP_M * view.site_mat("plate")[0, [0, 3, 6]]  # contact began farther up the plate
+    view.task_state[0, :3] += 1.5 * SLIP_M * view.site_mat("plate")[0, [0, 3, 6]]  # contact began farther up the plate
     assert np.linalg.norm(slip(view)[0]) > SLIP_M
     action = expert.act({})
     tilted = np.deg2rad(15.0)
@@ -112,7 +112,7 @@ def test_an_oblique_tool_or_a_slipped_one_does_not_count(pressing: tuple[BatchEn
 def test_letting_go_forgets_the_contact_and_the_expert_begins_anew(pressing: tuple[BatchEnvironment, Expert]) -> None:
     worlds, expert = pressing
     view = worlds.simulation.view
-    began = view.memory[:, :3].copy()
+    began = view.task_state[:, :3].copy()
     away = expert.act({})
     away[:, :3] += 0.08 * normal(view)
     for _ in range(60):
@@ -125,4 +125,4 @@ def test_letting_go_forgets_the_contact_and_the_expert_begins_anew(pressing: tup
         if solved.all():
             break
     assert solved.all()
-    assert (np.linalg.norm(view.memory[:, :3] - began, axis=1) > 1e-4).all()
+    assert (np.linalg.norm(view.task_state[:, :3] - began, axis=1) > 1e-4).all()

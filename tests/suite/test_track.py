@@ -16,7 +16,7 @@ def test_the_target_goes_where_the_preview_says_and_comes_round() -> None:
     first = worlds.reset(7)
     hover = np.concatenate([first["ee_pos"], first["ee_rot6d"], np.ones((3, 1))], axis=1)
     announced = first["tool_to_preview"][:, :3] + first["ee_pos"]
-    lap = np.ceil(track.FULL_LAP / np.abs(worlds.simulation.view.memory[:, track.RATE]) / 0.02)
+    lap = np.ceil(track.FULL_LAP / np.abs(worlds.simulation.view.task_state[:, track.RATE]) / 0.02)
     positions = []
     for _ in range(int(lap.max()) + 1):
         obs = worlds.step(hover).obs
@@ -47,7 +47,7 @@ def test_losing_the_target_breaks_the_lap_off() -> None:
     expert.reset()
     for _ in range(200):
         worlds.step(expert.act({}))
-    memory = worlds.simulation.view.memory
+    memory = worlds.simulation.view.task_state
     assert (memory[:, track.LAP] > 0.5).all()
     while (memory[:, track.LAP] > 0.0).any():
         worlds.step(expert.act({}) + np.eye(10)[2] * 0.3)

@@ -13,12 +13,12 @@ from typing import Any
 from aerial_il.cli.configuration import groups
 from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
-from aerial_il.teleop.controls import Controls
 from aerial_il.teleop.devices import drivers_of
 from aerial_il.teleop.flight import Site, fly
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.server import Server
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.web.controls import Controls
+from aerial_il.teleop.web.server import Server
 from tests.teleop.hands import shipped, world
 
 

@@ -11,7 +11,7 @@ import aerial_il
 from aerial_il.cli.configuration import groups
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.devices import bindings_of
-from aerial_il.teleop.mapping import Bindings
+from aerial_il.teleop.input.mapping import Bindings
 
 
 def shipped(*names: str) -> Bindings:

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from aerial_il.teleop.servo_bus import LANGUAGES, SYNC_READ, Answer, DamagedError, Register, crc16
+from aerial_il.teleop.input.servo_bus import LANGUAGES, SYNC_READ, Answer, DamagedError, Register, crc16
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex")
 

@@ -20,14 +20,14 @@ from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.arbiter import HAND_OVER_TICKS, Arbiter, Flier
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.frame import LABELS, DeviceFrame, bits_of
-from aerial_il.teleop.logbook import POLICY_ACTION, Logbook
-from aerial_il.teleop.pilot import Pilot
-from aerial_il.teleop.refly import refly
-from aerial_il.teleop.session import State
+from aerial_il.teleop.input.frame import LABELS, DeviceFrame, bits_of
+from aerial_il.teleop.piloting.arbiter import HAND_OVER_TICKS, Arbiter, Flier
+from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import POLICY_ACTION, Logbook
+from aerial_il.teleop.session.refly import refly
+from aerial_il.teleop.session.session import State
 from tests.teleop.hands import schedule, shipped, world
 
 START, TAKEN, GIVEN, END = 4, 40, 90, 140  # ticks: recording has begun, take-over is held, let go, the recording ends

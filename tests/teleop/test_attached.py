@@ -15,8 +15,8 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.replay import replay
-from aerial_il.teleop.pilot import check_leader
-from aerial_il.teleop.refly import refly
+from aerial_il.teleop.piloting.pilot import check_leader
+from aerial_il.teleop.session.refly import refly
 from tests.teleop.flown import Flown, flown
 from tests.teleop.hands import shipped, world
 from tests.teleop.simulated import FakeArm, FakeMouse, buttons, simulated, translation

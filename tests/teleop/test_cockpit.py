@@ -17,12 +17,12 @@ from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.physics.episode_state import FORCES
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.frame import LABELS, bits_of
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.refly import refly
-from aerial_il.teleop.session import Event, State
+from aerial_il.teleop.input.frame import LABELS, bits_of
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.refly import refly
+from aerial_il.teleop.session.session import Event, State
 from tests.teleop.hands import schedule, shipped, world
 
 
@@ -301,7 +301,7 @@ def wanted(cockpit: Cockpit, tick: int) -> list[str]:
 def keys_towards(obs: dict[str, np.ndarray], mode: str, tick: int) -> list[str]:
     """Return keys for the tool's position first, then for its rotation."""
     from aerial_il.core.rotations import matmul_back, rotate, rotvec_from_mat
-    from aerial_il.teleop.targets import heading, rotation
+    from aerial_il.teleop.piloting.targets import heading, rotation
 
     yaw = heading(obs)
     c, s = np.cos(yaw), np.sin(yaw)

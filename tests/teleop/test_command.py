@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.commands import teleop
+from aerial_il.cli.commands.flying import teleop
 from aerial_il.cli.main import BAD_USAGE, main
 
 

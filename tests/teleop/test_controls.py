@@ -9,7 +9,7 @@ import pytest
 
 from aerial_il.cli.configuration import groups
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.teleop.controls import Controls
+from aerial_il.teleop.web.controls import Controls
 from tests.teleop.hands import shipped
 
 NAMES = ("keyboard", "gamepad", "touch")

@@ -10,12 +10,15 @@ from threading import Event
 import pytest
 
 from aerial_il.cli.configuration import groups
+from aerial_il.core.contracts import Device
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop import devices
-from aerial_il.teleop.frame import AXES, DeviceFrame, names_of
-from aerial_il.teleop.hardware import Attached, Reading
-from aerial_il.teleop.inbox import STALE_S, Inbox
-from aerial_il.teleop.mapping import COMMANDS
+from aerial_il.teleop.devices.replay import Replay
+from aerial_il.teleop.devices.scripted import Scripted
+from aerial_il.teleop.input.frame import AXES, DeviceFrame, names_of
+from aerial_il.teleop.input.hardware import Attached, Reading
+from aerial_il.teleop.input.inbox import STALE_S, Inbox
+from aerial_il.teleop.input.mapping import COMMANDS
 from tests.teleop.hands import shipped
 from tests.teleop.simulated import SIMULATED, simulated
 
@@ -33,6 +36,14 @@ def test_every_device_has_controls_of_its_own_and_a_mapping_of_known_commands(na
     assert set(bindings.keys) <= set(controls)
     others = {control for other in NAMES if other != name for control in devices.controls_of(other)}
     assert not set(controls) & others or name in ("scripted",)
+
+
+def test_whatever_stands_in_for_a_device_answers_with_frames_and_never_waits() -> None:
+    stand_ins = [Inbox(shipped("keyboard")), Scripted(lambda _: (), shipped("keyboard")), Replay([])]
+    for device in stand_ins:
+        assert isinstance(device, Device)
+        assert isinstance(device.frame(), DeviceFrame)
+    assert not isinstance(object(), Device)
 
 
 @pytest.mark.parametrize("name", DRIVEN)

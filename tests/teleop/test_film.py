@@ -11,12 +11,12 @@ from PIL import Image
 
 import aerial_il
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.film import Film, Shot
 from aerial_il.teleop.flight import CAMERAS
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.loop import state_of
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.loop import state_of
+from aerial_il.teleop.web.film import Film, Shot
 from tests.teleop.hands import schedule, shipped, world
 
 CELLS = dict(reversed(aerial_il.list_cells()))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.teleop.frame import LABELS, NUM_AXES, DeviceFrame, bits_of, names_of
+from aerial_il.teleop.input.frame import LABELS, NUM_AXES, DeviceFrame, bits_of, names_of
 
 BITS = st.integers(0, 2**64 - 1)
 FRAMES = st.builds(

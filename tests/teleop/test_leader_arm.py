@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.teleop import devices, serial_port
+from aerial_il.teleop import devices
 from aerial_il.teleop.devices import leader_arm
 from aerial_il.teleop.devices.leader_arm import LIVE, LeaderArm, OpenArm, Servo, read_calibration
-from aerial_il.teleop.hardware import DeviceError, DeviceLostError, Reading
-from aerial_il.teleop.serial_port import SerialPort
+from aerial_il.teleop.input import serial_port
+from aerial_il.teleop.input.hardware import DeviceError, DeviceLostError, Reading
+from aerial_il.teleop.input.serial_port import SerialPort
 from tests.teleop.simulated import JOINTS, FakeArm
 
 PROTOCOLS = ("feetech", "dynamixel")

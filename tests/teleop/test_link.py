@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from aerial_il.teleop.film import THRIFT
-from aerial_il.teleop.link import Link
+from aerial_il.teleop.web.film import THRIFT
+from aerial_il.teleop.web.link import Link
 
 
 def shown(link: Link, now: list[float], count: int, took: float) -> list[int]:

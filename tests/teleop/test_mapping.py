@@ -7,9 +7,9 @@ import pytest
 from aerial_il.cli.configuration import groups
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop import devices
-from aerial_il.teleop.frame import DeviceFrame, bits_of
-from aerial_il.teleop.inbox import Inbox
-from aerial_il.teleop.mapping import DIRECTIONS, read_bindings
+from aerial_il.teleop.input.frame import DeviceFrame, bits_of
+from aerial_il.teleop.input.inbox import Inbox
+from aerial_il.teleop.input.mapping import DIRECTIONS, read_bindings
 from tests.teleop.hands import shipped
 
 

@@ -18,7 +18,7 @@ from aerial_il.cli.flights.page import operator
 from aerial_il.data.dataset import open_dataset
 from aerial_il.teleop.flight import Site
 from aerial_il.teleop.page_operator import PageOperator, progress_of
-from aerial_il.teleop.server import Server
+from aerial_il.teleop.web.server import Server
 from tests.teleop.hands import shipped, world
 
 pytestmark = pytest.mark.render

@@ -10,7 +10,7 @@ import aerial_il
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.replay import replay
-from aerial_il.teleop.refly import refly
+from aerial_il.teleop.session.refly import refly
 from tests.teleop.chromium import browser, needs_browser
 from tests.teleop.flown import flown
 from tests.teleop.hands import world

@@ -12,11 +12,11 @@ from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.replay import replay
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.perturb import GUST_MPS, PUSH_MPS, Perturber, possible
-from aerial_il.teleop.refly import refly
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.perturb import GUST_MPS, PUSH_MPS, Perturber, possible
+from aerial_il.teleop.session.refly import refly
 from tests.teleop.hands import schedule, shipped, world
 
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from aerial_il import robots
 from aerial_il.core.rotations import mat_from_axis_angle
 from aerial_il.teleop.devices.phone import CLUTCH, Phone, Pose, pose_of
-from aerial_il.teleop.follow import Follower
-from aerial_il.teleop.frame import AXES, PHONE_AXES, DeviceFrame, bits_of
-from aerial_il.teleop.messages import MessageError, read_message
-from aerial_il.teleop.pilot import Pilot
+from aerial_il.teleop.input.frame import AXES, PHONE_AXES, DeviceFrame, bits_of
+from aerial_il.teleop.piloting.follow import Follower
+from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.web.messages import MessageError, read_message
 from tests.teleop.hands import first, shipped, world
 
 X, Y, Z = np.eye(3)

@@ -10,11 +10,11 @@ import pytest
 from aerial_il import robots
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.assist import STALE_TICKS, fenced, tilt_of, within_fence
-from aerial_il.teleop.command import Command, modes_of
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.frame import DeviceFrame
-from aerial_il.teleop.pilot import Pilot
+from aerial_il.teleop.input.frame import DeviceFrame
+from aerial_il.teleop.piloting.assist import STALE_TICKS, fenced, tilt_of, within_fence
+from aerial_il.teleop.piloting.command import Command, modes_of
+from aerial_il.teleop.piloting.pilot import Pilot
 from tests.teleop.hands import first, schedule, shipped, world
 
 SCRIPT = schedule(

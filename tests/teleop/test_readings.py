@@ -11,8 +11,8 @@ import aerial_il
 from aerial_il.core.rotations import mat_from_rotvec, mat_from_yaw, matmul, rotate
 from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.pilot import Pilot
-from aerial_il.teleop.readings import readings_of
+from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.session.readings import readings_of
 from tests.teleop.hands import first, schedule, shipped, world
 
 XYZ = ("x", "y", "z")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerial_il.teleop.reel import Reel
+from aerial_il.teleop.session.reel import Reel
 
 
 @pytest.mark.parametrize("length", [1, 5, 10, 11, 23, 400])

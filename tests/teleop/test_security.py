@@ -12,11 +12,11 @@ import aiohttp
 import pytest
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.teleop import server as server_module
-from aerial_il.teleop.inbox import Inbox
-from aerial_il.teleop.server import MAX_CONNECTIONS, MAX_DROPPED, MAX_VISITORS, Server
-from aerial_il.teleop.session import State
-from aerial_il.teleop.tls import fresh_certificate, own_certificate
+from aerial_il.teleop.input.inbox import Inbox
+from aerial_il.teleop.session.session import State
+from aerial_il.teleop.web import server as server_module
+from aerial_il.teleop.web.server import MAX_CONNECTIONS, MAX_DROPPED, MAX_VISITORS, Server
+from aerial_il.teleop.web.tls import fresh_certificate, own_certificate
 from tests.teleop.flown import flown
 from tests.teleop.hands import shipped
 from tests.teleop.test_server import an_input, socket, told, until
@@ -244,7 +244,7 @@ async def hold(client: aiohttp.ClientWebSocketResponse) -> None:
 
 def test_a_page_cannot_say_what_only_a_device_says() -> None:
     """An arm's joints and a mouse's axes come from the devices themselves."""
-    from aerial_il.teleop.messages import MessageError, read_message
+    from aerial_il.teleop.web.messages import MessageError, read_message
 
     for axis in ("leader_1", "mouse_x", "phone_x"):
         with pytest.raises(MessageError):

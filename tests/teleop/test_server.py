@@ -11,9 +11,9 @@ from typing import Any
 import aiohttp
 import pytest
 
-from aerial_il.teleop.messages import BURST, Bucket, MessageError, read_message
-from aerial_il.teleop.server import PortTakenError
-from aerial_il.teleop.session import State
+from aerial_il.teleop.session.session import State
+from aerial_il.teleop.web.messages import BURST, Bucket, MessageError, read_message
+from aerial_il.teleop.web.server import PortTakenError
 from tests.teleop.flown import Flown, flown
 
 pytestmark = pytest.mark.render

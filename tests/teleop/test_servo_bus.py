@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerial_il.teleop.servo_bus import LANGUAGES, Answer, Dynamixel, Feetech, Register
+from aerial_il.teleop.input.servo_bus import LANGUAGES, Answer, Dynamixel, Feetech, Register
 from tests.teleop.simulated import answers
 
 PROTOCOLS = sorted(LANGUAGES)

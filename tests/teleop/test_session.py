@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerial_il.teleop.session import HOLDS_EPISODE, TABLE, Event, State, after, answers
+from aerial_il.teleop.session.session import HOLDS_EPISODE, TABLE, Event, State, after, answers
 
 EVENTS = st.lists(st.sampled_from(Event), max_size=60)
 

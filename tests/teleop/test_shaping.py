@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerial_il.teleop.mapping import MOTIONS, Intent
-from aerial_il.teleop.shaping import ACCELERATION, BRAKING, DEAD_ZONE, Shaper, expo, without_dead_zone
+from aerial_il.teleop.input.mapping import MOTIONS, Intent
+from aerial_il.teleop.piloting.shaping import ACCELERATION, BRAKING, DEAD_ZONE, Shaper, expo, without_dead_zone
 
 
 def test_a_key_takes_150_ms_from_rest_to_full() -> None:

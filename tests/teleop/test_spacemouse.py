@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from aerial_il.teleop.devices import spacemouse
 from aerial_il.teleop.devices.spacemouse import CONTROLS, STALE_S, Decoder, OpenMouse, SpaceMouse, plugged_in
-from aerial_il.teleop.frame import MOUSE_AXES
-from aerial_il.teleop.hardware import DeviceError, DeviceLostError
+from aerial_il.teleop.input.frame import MOUSE_AXES
+from aerial_il.teleop.input.hardware import DeviceError, DeviceLostError
 from tests.teleop.simulated import FakeMouse, buttons, combined, rotation, translation
 
 

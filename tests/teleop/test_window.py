@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.teleop.window import NoWindowError, open_window, window_program
+from aerial_il.teleop.web.window import NoWindowError, open_window, window_program
 from tests.teleop.chromium import needs_browser
 from tests.teleop.flown import flown
 

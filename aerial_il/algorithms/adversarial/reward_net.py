@@ -20,7 +20,7 @@ from aerial_il.algorithms.adversarial.discriminator import (
     gradient_penalty,
 )
 from aerial_il.algorithms.rl.interface import encode, encode_actions
-from aerial_il.algorithms.rl.replay_buffer import Batch
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of

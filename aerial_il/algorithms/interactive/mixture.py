@@ -5,6 +5,7 @@ Every step is recorded as it was: the action that was executed, the expert's whe
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from aerial_il.algorithms.interactive.disagreement import ActionScale
 from aerial_il.core.contracts import (
     BatchEnv,
     Observation,
+    PhasedPolicy,
     Policy,
     SeededPolicy,
     attach,
@@ -23,6 +25,7 @@ from aerial_il.core.contracts import (
 )
 
 IGNORED = 1.0  # distance of action and advice, in deviations of demonstrated actions, that counts as ignoring it
+SAME = 0.1  # distance, in the same unit, up to which two pieces of advice are one
 IGNORED_STEPS = 50  # in a row after which the expert is reset
 
 
@@ -73,6 +76,11 @@ class Gate(Protocol):
         ...
 
 
+def newcomer_of(expert: Policy) -> Policy | None:
+    """Return the same expert, to be attached and reset apart from it; None for one without phases to remember."""
+    return copy.copy(expert) if isinstance(expert, PhasedPolicy) else None
+
+
 class Mixture:
     """Flies for the learner or the expert, as the gate decides.
 
@@ -80,19 +88,31 @@ class Mixture:
     expert with phases follows the flight. What it is not asked for is not recorded. An expert whose advice has been
     ignored for a while is reset: what it believes to be going on is not.
 
+    While the learner flies, an expert with phases may go by what it remembers of a flight that is not its own. A
+    newcomer, the same expert without memory, is asked beside it: where the two differ, the advice follows from more
+    than a policy can see, contradicts itself from flight to flight, and is no label.
+
     Args:
         learner: the policy in training.
         expert: whom to learn from.
         gate: who decides.
         scale: in which advice and action are compared; None never resets the expert.
+        newcomer: the same expert once more, which is reset before each step; None takes all advice for a label.
 
     Attributes:
         expert_action: (n, Da) the expert's answers, NaN where it was not asked.
         is_intervention: (n,) bool, the expert flew.
     """
 
-    def __init__(self, learner: Policy, expert: Policy, gate: Gate, scale: ActionScale | None = None) -> None:
-        self.learner, self.expert, self.gate, self.scale = learner, expert, gate, scale
+    def __init__(
+        self,
+        learner: Policy,
+        expert: Policy,
+        gate: Gate,
+        scale: ActionScale | None = None,
+        newcomer: Policy | None = None,
+    ) -> None:
+        self.learner, self.expert, self.gate, self.scale, self.newcomer = learner, expert, gate, scale, newcomer
         self._ignored = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
         self.is_intervention = np.zeros(0, bool)
@@ -109,6 +129,8 @@ class Mixture:
     def attach(self, env: BatchEnv) -> None:
         attach(self.learner, env)
         attach(self.expert, env)
+        if self.newcomer is not None:
+            attach(self.newcomer, env)
         self.is_intervention, self._ignored = np.zeros(env.num_envs, bool), np.zeros(env.num_envs, int)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -131,9 +153,17 @@ class Mixture:
         decision = self.gate.decide(GateInput(obs, of_learner, label, self.is_intervention))
         self.is_intervention = decision.expert_flies
         self._reset_ignored(of_learner, label)
-        asked = decision.asked | decision.expert_flies
+        asked = decision.asked & self._unambiguous(obs, label) | decision.expert_flies
         self.expert_action = np.where(asked[:, None], label, np.nan)
         return np.where(decision.expert_flies[:, None], of_expert, of_learner)
+
+    def _unambiguous(self, obs: Observation, label: np.ndarray) -> np.ndarray:
+        """(n,) bool: whoever comes to this state without a memory gives the same advice."""
+        if self.newcomer is None or self.scale is None:
+            return np.ones(len(label), bool)
+        self.newcomer.reset()
+        other = label_of(self.newcomer, np.asarray(self.newcomer.act(obs), float))
+        return self.scale.distance(label, other) <= SAME
 
     def _reset_ignored(self, of_learner: np.ndarray, label: np.ndarray) -> None:
         """Reset the expert in the worlds in which the learner has done something else for long."""

@@ -13,6 +13,7 @@ A round is a function of the round before and of the seed, and so are the bytes 
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import BatchEnv, Policy
@@ -62,6 +64,7 @@ class Collect(Protocol):
         *,
         policy_name: str,
         settings: Mapping[str, Any],
+        longest: int | None,
         progress: bool,
     ) -> object: ...
 
@@ -74,13 +77,16 @@ class Operator(Protocol):
     """
 
     def record(
-        self, env: Any, learner: Policy, out: str | os.PathLike[str], *, seeds: range, tags: Mapping[str, Any]
+        self, env: BatchEnv, learner: Policy, out: str | os.PathLike[str], *, seeds: range, tags: Mapping[str, Any]
     ) -> None:
         """Record flights until ``out`` holds as many as there are ``seeds``; those it holds already count.
 
         Args:
-            env: one world, of a kind that they can fly. learner: flies while nobody takes over. out: a dataset folder.
+            env: one world of the suite. learner: flies while nobody takes over. out: a dataset folder.
             seeds: from the first on, one after another. tags: plain values for the provenance.
+
+        Raises:
+            InvalidValueError: a person cannot fly ``env``.
         """
         ...
 
@@ -202,7 +208,8 @@ class Rounds:
             self.problem.expert.told(self.costs, f"Round {number} of {settings.rounds}: it learns.")
         training = settings.training if number in (0, settings.rounds) else settings.between
         initial = self.learner if settings.warm_start else None
-        self._train(training, self.dataset, place, self.problem.seed, initial)
+        weights = demonstration_weights(self.demos, self.dataset[len(self.demos) :], settings.demos_share)
+        self._train(training, self.dataset, place, self.problem.seed, initial, weights)
         self.learner = load_policy(place)  # as a resumed run has it, on the processor, wherever it was trained
         return self.learner
 
@@ -235,10 +242,25 @@ class Rounds:
         return self._folder.path / ROUNDS / f"{number:03d}"
 
     def _train(
-        self, training: Any, dataset: Sequence[Episode], run: Path, seed: int, initial: ChunkPolicy | None
+        self,
+        training: SupervisedAlgorithm,
+        dataset: Sequence[Episode],
+        run: Path,
+        seed: int,
+        initial: ChunkPolicy | None,
+        weights: Sequence[float] | None = None,
     ) -> ChunkPolicy:
-        options = {"seed": seed, "progress": self.problem.progress, "failures": True, "initial": initial}
-        return training.train(dataset, self.problem.policy, run=run, **options)
+        progress = self.problem.progress
+        return training.train(
+            dataset,
+            self.problem.policy,
+            run=run,
+            seed=seed,
+            progress=progress,
+            failures=True,
+            weights=weights,
+            initial=initial,
+        )
 
     def _signed(self, number: int) -> ChunkPolicy:
         """Return the learner with where it comes from."""
@@ -246,6 +268,11 @@ class Rounds:
         costs = {name: int(value) for name, value in self._metrics().items()}
         origin = {**self.problem.origin(self.demos), "round": number, **costs, "provenance": provenance()}
         return ChunkPolicy(self.problem.policy, self.learner.interface, self.learner.network, origin)
+
+    @property
+    def _longest(self) -> int | None:
+        """Control steps after which a flight is cut off."""
+        return math.ceil(self._settings.patience * max(map(len, self.demos))) or None
 
     def _metrics(self) -> dict[str, float]:
         return metrics_of(self.costs, self.demos, self.dataset)
@@ -264,7 +291,12 @@ class Rounds:
             self.problem.expert.record(self.problem.env, pilot, aside, seeds=seeds, tags=tags)
         else:
             shutil.rmtree(aside, ignore_errors=True)
-            options = {"policy_name": name, "settings": tags, "progress": self.problem.progress}
+            options = {
+                "policy_name": name,
+                "settings": tags,
+                "progress": self.problem.progress,
+                "longest": self._longest,
+            }
             self.problem.collect(self.problem.env, pilot, list(seeds), aside, **options)
         os.replace(aside, folder)
         sync_folder(folder.parent)
@@ -286,6 +318,18 @@ class Rounds:
                 write_episode(episode, dataset.file(episode.uid))
         dataset.adopt(DatasetFolder(self._place(number) / FLIGHTS))
         dataset.write_index(spec)
+
+
+def demonstration_weights(demos: Sequence[Episode], flights: Sequence[Episode], share: float) -> list[float] | None:
+    """Return how often each episode is visited, so that a step in ``share`` of all is one of the demonstrations.
+
+    Returns:
+        The weights of the demonstrations and then of the flights; None, all alike, where they have that share anyway.
+    """
+    shown, flown = (sum(map(len, episodes)) for episodes in (demos, flights))
+    if shown >= share * (shown + flown):
+        return None
+    return [share / shown] * len(demos) + [(1.0 - share) / flown] * len(flights)
 
 
 def _as_shown(episode: Episode, spec: EnvSpec) -> Episode:

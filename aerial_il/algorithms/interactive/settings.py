@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.core.errors import InvalidValueError
 
@@ -19,6 +19,12 @@ class InteractiveSettings:
         episodes: labelled flights per round.
         training: supervised learning, used as it is in the first and in the last round.
         between_steps: optimisation steps of the rounds between.
+        patience: a labelled flight that has not ended is cut off when it has lasted this many times as long as the
+            longest demonstration: a learner that hangs would fill the dataset with one state; 0 for the task's limit.
+        demos_share: of each minibatch, at least, that comes from the demonstrations, however much is flown after them.
+            What a learner brings about is mostly where it hangs. Half and half is what intervention weighted regression
+            gives the two kinds of steps (A. Mandlekar et al., "Human-in-the-loop imitation learning using remote
+            teleoperation", 2020); 0 visits all steps alike, as the paper of DAgger does.
         warm_start: all rounds but the first go on from the weights of the round before; otherwise each starts afresh.
         evaluate_every: rounds between two evaluations; the last one is always evaluated; 0 for that one only.
         keep_checkpoints: how many of the newest rounds' policies stay on disk.
@@ -32,9 +38,11 @@ class InteractiveSettings:
     rewarded: ClassVar[bool] = False
     demonstrated: ClassVar[bool] = True
 
-    rounds: int = 10
-    episodes: int = 5
+    rounds: int = 5
+    episodes: int = 10
     training: SupervisedAlgorithm
+    patience: float = 1.2
+    demos_share: float = 0.5
     between_steps: int = 2_000
     warm_start: bool = True
     evaluate_every: int = 1
@@ -42,7 +50,8 @@ class InteractiveSettings:
 
     def __post_init__(self) -> None:
         require_positive(self, "rounds", "episodes", "between_steps", "keep_checkpoints")
-        require_not_negative(self, "evaluate_every")
+        require_not_negative(self, "evaluate_every", "patience")
+        require_share(self, "demos_share", below_one=True)
         if self.training.evaluate_every:
             raise InvalidValueError(
                 f"training.evaluate_every is {self.training.evaluate_every}; rounds are judged when they end, every so "

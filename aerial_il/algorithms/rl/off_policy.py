@@ -83,7 +83,7 @@ class SoftOffPolicy(OffPolicyActorCritic):
 
 
 class Collected(NamedTuple):
-    """One step of n worlds, in the order that :func:`aerial_il.algorithms.rl.replay_buffer.rows_of` takes.
+    """One step of n worlds, in the order that :func:`aerial_il.algorithms.rl.replay.replay_buffer.rows_of` takes.
 
     Attributes:
         obs, next_obs: (n, Do) encoded; ``next_obs`` was seen before any reset.

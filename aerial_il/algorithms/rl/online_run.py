@@ -14,7 +14,7 @@ import torch
 from tqdm import tqdm
 
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
-from aerial_il.algorithms.rl.demonstrations import Transitions
+from aerial_il.algorithms.rl.replay.demonstrations import Transitions
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.metrics import MetricMeans

@@ -8,8 +8,8 @@ from typing import Literal
 
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.collector import RewardScheme
-from aerial_il.algorithms.rl.hindsight import Hindsight
 from aerial_il.algorithms.rl.online_run import Problem
+from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.checks import require_choice, require_not_negative
 from aerial_il.core.contracts import BatchEnv

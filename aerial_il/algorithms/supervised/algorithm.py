@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -83,6 +83,7 @@ class SupervisedAlgorithm(ABC):
         resume: bool = True,
         progress: bool = True,
         failures: bool = False,
+        weights: Sequence[float] | None = None,
         initial: ChunkPolicy | None = None,
     ) -> ChunkPolicy:
         """Learn from ``dataset``; see :meth:`aerial_il.algorithms.bc.BehaviourCloning.train`."""

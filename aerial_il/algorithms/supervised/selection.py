@@ -51,24 +51,34 @@ class Selection:
             if not 0 < weight < np.inf:
                 raise InvalidValueError(f"The weight of {name} is {weight}; it must be positive. See operators.")
 
-    def apply(self, demos: Sequence[Episode]) -> tuple[list[Episode], np.ndarray]:
+    def apply(
+        self, demos: Sequence[Episode], weights: Sequence[float] | None = None
+    ) -> tuple[list[Episode], np.ndarray]:
         """Return the demonstrations that count, in their order, and the weight of each (E,).
 
+        Args:
+            demos: to choose from. weights: of each, to begin with.
+
         Raises:
+            InvalidValueError: there are not as many weights as demonstrations.
             UnknownNameError: an operator is named who flew none of them.
         """
+        given = np.ones(len(demos)) if weights is None else np.asarray(weights, float)
+        if given.shape != (len(demos),):
+            raise InvalidValueError(f"There are {len(demos)} demonstrations to choose from and {given.size} weights.")
         flew = {operator_of(demo) for demo in demos}
         for name in (*self.operators, *self.operator_weights):
             if name not in flew:
                 raise UnknownNameError("operator", name, sorted(flew), "That is who flew these demonstrations.")
-        demos = [demo for demo in demos if not self.operators or operator_of(demo) in self.operators]
+        chosen = [i for i, demo in enumerate(demos) if not self.operators or operator_of(demo) in self.operators]
+        demos, given = [demos[i] for i in chosen], given[chosen]
         ranks = _ranks(demos, self.quality)
         kept = [i for i in range(len(demos)) if ranks[i] < max(1, round(self.keep * len(demos)))]
         worst = max(1, len(kept) - 1)
         by_rank = np.exp(-self.sharpness * ranks[kept] / worst)
         by_operator = [self.operator_weights.get(operator_of(demos[i]), 1.0) for i in kept]
         by_success = [1.0 if demos[i].success else self.failures for i in kept]
-        return [demos[i] for i in kept], by_rank * np.array(by_operator) * np.array(by_success)
+        return [demos[i] for i in kept], by_rank * np.array(by_operator) * np.array(by_success) * given[kept]
 
 
 def operator_of(demo: Episode) -> str:

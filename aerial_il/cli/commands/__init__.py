@@ -1,6 +1,6 @@
-"""One file per command: a docstring, a ``Config`` dataclass of its keys and ``run(config)``.
+"""One file per command, in rooms by theme: a docstring, a ``Config`` dataclass of its keys and ``run(config)``.
 
-A new file is a new command. At the top of these files only light imports
+A new file in one of the rooms is a new command. At the top of these files only light imports
 stand, so that help and completion answer at once.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +48,19 @@ class Command:
 
 def names() -> tuple[str, ...]:
     """Return the names of all commands."""
-    return tuple(sorted(p.stem for p in Path(__file__).parent.glob("[a-z]*.py")))
+    return tuple(sorted(_modules()))
 
 
 def find(name: str) -> Command:
     """Import one command by its name."""
     if name not in names():
         raise UnknownNameError("command", name, names(), "See: aerial-il --help")
-    module = importlib.import_module(f"aerial_il.cli.commands.{name}")
+    module = importlib.import_module(_modules()[name])
     return Command(name, (module.__doc__ or "").strip(), module.Config, module.run)
+
+
+@cache
+def _modules() -> dict[str, str]:
+    """Return each command's module; its name is that of the file, whichever room the file is in."""
+    files = Path(__file__).parent.glob("*/[a-z]*.py")
+    return {file.stem: f"{__name__}.{file.parent.name}.{file.stem}" for file in files}

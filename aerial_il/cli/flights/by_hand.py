@@ -10,13 +10,11 @@ from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import flown_by_hand
-from aerial_il.data.waypoints import LEVEL, Waypoints
+from aerial_il.data.waypoints import LEVEL, LOOKAHEAD_S, Waypoints
 from aerial_il.policies.parts.egocentric import chose_view, egocentric
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicyConfig
-
-LOOKAHEAD_S = 2.0
 
 
 def suited[A, P: PolicyConfig](path: str | None, algorithm: A, policy: P, *, by_hand: bool | None) -> tuple[A, P]:
@@ -32,7 +30,8 @@ def suited[A, P: PolicyConfig](path: str | None, algorithm: A, policy: P, *, by_
     cloning = _cloning(algorithm)
     if path is None or cloning is None or by_hand is False:
         return algorithm, policy
-    flown = [e for e in open_dataset(path).one_of_each() if by_hand or flown_by_hand(e.provenance)]
+    episodes = open_dataset(path, failures=True).one_of_each()
+    flown = [episode for episode in episodes if by_hand or flown_by_hand(episode.provenance)]
     if not flown or not (by_hand or all(_relabels(e) for e in flown)):
         return algorithm, policy
     said = []

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aerial_il.suite.batch import BatchEnvironment
-    from aerial_il.teleop.server import Server
+    from aerial_il.teleop.web.server import Server
 
 HUMAN, DRIVER = "human", "driver"
 OPERATORS = (HUMAN, DRIVER)  # who sits at the controls: a person on the page, or a model of one
@@ -30,7 +30,7 @@ def operator(name: str, env: BatchEnvironment, *, port: int = PORT) -> Iterator[
     from aerial_il.teleop.driver.operator import DriverOperator
     from aerial_il.teleop.flight import Site
     from aerial_il.teleop.page_operator import PageOperator
-    from aerial_il.teleop.server import PortTakenError
+    from aerial_il.teleop.web.server import PortTakenError
 
     if name == DRIVER:
         yield DriverOperator()
@@ -57,7 +57,7 @@ def greet(server: Server, open_page: bool, program: str | None = None) -> None:
     import webbrowser
 
     from aerial_il.evaluation.films.window import has_screen
-    from aerial_il.teleop.window import open_window
+    from aerial_il.teleop.web.window import open_window
 
     print(f"Fly here: {server.url}", flush=True)
     if has_screen():

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerial_il.data.recording.packing import first_difference
+from aerial_il.data.recording.encoding.packing import first_difference
+from aerial_il.data.recording.encoding.topics import RECORD_HEAD, RECORD_HEAD_SIZE, Block, Camera, FixedTopic
 from aerial_il.data.recording.scan import Contents, Stream
-from aerial_il.data.recording.topics import RECORD_HEAD, RECORD_HEAD_SIZE, Block, Camera, FixedTopic
 from aerial_il.data.validation import Report
 
 

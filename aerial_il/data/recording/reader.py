@@ -16,13 +16,13 @@ from aerial_il.core.bounded import parse_json
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.data.recording import images
 from aerial_il.data.recording.container import Definitions
 from aerial_il.data.recording.decoding import Messages
-from aerial_il.data.recording.digest import ContentDigest
+from aerial_il.data.recording.encoding import images
+from aerial_il.data.recording.encoding.digest import ContentDigest
+from aerial_il.data.recording.encoding.topics import Camera
 from aerial_il.data.recording.scan import Contents, scan
 from aerial_il.data.recording.schema import Layout
-from aerial_il.data.recording.topics import Camera
 from aerial_il.data.recording.version1 import Version1
 from aerial_il.data.recording.version2 import Version2
 from aerial_il.data.recording.writer import EPISODE, MODEL, OUTCOME, PROVENANCE

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.specs import EnvSpec
-from aerial_il.data.recording import images
-from aerial_il.data.recording.packing import bytes_of, gather
+from aerial_il.data.recording.encoding import images
+from aerial_il.data.recording.encoding.packing import bytes_of, gather
+from aerial_il.data.recording.encoding.topics import NO_EXTRAS, Extras, place_of
 from aerial_il.data.recording.schema import Layout
 from aerial_il.data.recording.threads import WriterThreads
-from aerial_il.data.recording.topics import NO_EXTRAS, Extras, place_of
 from aerial_il.data.recording.writer import STEPS_PER_CHUNK, EpisodeWriter
 
 BLOCK_BYTES = 64 << 20  # of blocks that wait to be written

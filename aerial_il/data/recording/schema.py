@@ -29,7 +29,7 @@ from functools import cached_property
 import numpy as np
 
 from aerial_il.core.specs import EnvSpec
-from aerial_il.data.recording.topics import NO_EXTRAS, Block, Extras, place_of
+from aerial_il.data.recording.encoding.topics import NO_EXTRAS, Block, Extras, place_of
 from aerial_il.data.recording.views import Views
 
 VERSION = 2

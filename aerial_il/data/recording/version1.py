@@ -12,12 +12,12 @@ from itertools import count
 
 import numpy as np
 
-from aerial_il.data.recording import messages
-from aerial_il.data.recording.cdr import CdrTemplate
 from aerial_il.data.recording.decoding import Messages, check_shown, read_images, read_records
+from aerial_il.data.recording.encoding import messages
+from aerial_il.data.recording.encoding.cdr import CdrTemplate
+from aerial_il.data.recording.encoding.topics import ALL, FixedTopic, Sources, definitions_of, nanoseconds
 from aerial_il.data.recording.scan import Contents
 from aerial_il.data.recording.schema import Layout
-from aerial_il.data.recording.topics import ALL, FixedTopic, Sources, definitions_of, nanoseconds
 from aerial_il.data.validation import Report
 
 

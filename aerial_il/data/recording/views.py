@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from aerial_il.core.specs import EnvSpec, Field
-from aerial_il.data.recording import messages
-from aerial_il.data.recording.poses import quat_xyzw
-from aerial_il.data.recording.topics import ALL, Camera, Extras, FixedTopic, Sources
+from aerial_il.data.recording.encoding import messages
+from aerial_il.data.recording.encoding.poses import quat_xyzw
+from aerial_il.data.recording.encoding.topics import ALL, Camera, Extras, FixedTopic, Sources
 
 
 class Views:

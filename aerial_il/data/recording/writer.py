@@ -16,12 +16,11 @@ import numpy as np
 
 from aerial_il.core.errors import InvalidValueError, StorageError
 from aerial_il.data.episode import Episode
-from aerial_il.data.recording.columns import MOST_STEPS
 from aerial_il.data.recording.container import ContainerWriter
-from aerial_il.data.recording.digest import ContentDigest
-from aerial_il.data.recording.images import encode
-from aerial_il.data.recording.schema import VERSION, Layout
-from aerial_il.data.recording.topics import (
+from aerial_il.data.recording.encoding.columns import MOST_STEPS
+from aerial_il.data.recording.encoding.digest import ContentDigest
+from aerial_il.data.recording.encoding.images import encode
+from aerial_il.data.recording.encoding.topics import (
     MESSAGE_HEAD_SIZE,
     MESSAGE_OPCODE,
     RECORD_HEAD,
@@ -29,6 +28,7 @@ from aerial_il.data.recording.topics import (
     Camera,
     nanoseconds,
 )
+from aerial_il.data.recording.schema import VERSION, Layout
 from aerial_il.data.recording.version2 import STEP, version2_of
 
 STEPS_PER_CHUNK = MOST_STEPS  # written at once; what a kill loses: 1.3 s at 50 Hz
@@ -48,7 +48,7 @@ class BusyError(Exception):
 class EpisodeWriter:
     """One episode on its way to the disk, under the name ``<path>.part`` until it is finished.
 
-    Equal calls give equal bytes: time stamps are simulation time, and wall time is nobody's business here. Making one
+    Equal calls give equal bytes: time stamps are simulation time, and wall time is left out. Making one
     only claims the file; all else may be done by another thread, one call after the other.
 
     Args:

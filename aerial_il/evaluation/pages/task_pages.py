@@ -75,10 +75,10 @@ def _facts(task: Task) -> list[tuple[str, str]]:
 def _privileges(task: Task) -> str:
     """Which fields a robot could not measure, and which are exact for a reason."""
     rows = [(f"`{name}`", reason) for name, reason in task.privileged]
-    told = ", ".join(f"`{name}`" for name in task.told)
+    commanded = ", ".join(f"`{name}`" for name in task.commanded)
     parts = [
         _table(("field", "why"), rows) if rows else "Nothing in kind: a robot could estimate every field.",
-        f"Told by the user, not seen, and exact in every tier: {told}." if told else "",
+        f"Commanded by the user rather than seen, and exact in every tier: {commanded}." if commanded else "",
         EXACTNESS,
     ]
     return "\n\n".join(part for part in parts if part)

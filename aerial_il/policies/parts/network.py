@@ -20,8 +20,8 @@ class ChunkNetwork(nn.Module, ABC):
     """Maps normalised observation histories to normalised action chunks, and knows what it is trained on.
 
     A network that draws random numbers to act takes them as a second argument, ``forward(obs, noise=None)`` with
-    ``noise`` (B, S) standard normal, so that what they depend on is decided outside (see ``parts/noise.py``). Without
-    them it answers with its most ordinary chunk.
+    ``noise`` (B, S) standard normal, so that what they depend on is decided outside (see ``policies/parts/noise.py``).
+    Without them it answers with its most ordinary chunk.
 
     Attributes:
         noise_size: numbers S that one prediction takes.

@@ -39,7 +39,7 @@ from aerial_il.suite.physics.world import (
     tool_pos,
 )
 
-EXACT = -1  # in the place of an object: told, not seen
+EXACT = -1  # in the place of an object: commanded, not seen
 STILL = -1  # in the place of a slot: it does not move
 NOT_SEEN, HINGE, SLIDE = range(3)  # kinds of joints
 

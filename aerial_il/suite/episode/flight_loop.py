@@ -97,7 +97,7 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
         push_state(worlds, i)
         qpos, qvel, act = inside(worlds, QPOS, i), inside(worlds, QVEL, i), inside(worlds, ACT, i)
         ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), inside(worlds, USERDATA, i)
-        memory, noise, wind = (
+        state, noise, wind = (
             userdata[:CONTROLLER_STATE_SIZE],
             userdata[NOISE_START:NOISE_STOP],
             userdata[WIND_START:WIND_STOP],
@@ -106,7 +106,7 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
         action, servo = row_at(actions, i), ctrl[rotors:]
         vehicle_state(vehicle, qpos, qvel, pos, vel)
         if fresh:
-            receive_action(vehicle, gains, scratch, level, action, pos, memory, flight.interval)
+            receive_action(vehicle, gains, scratch, level, action, pos, state, flight.interval)
             if sensors.position > 0.0:
                 advance_noise(sensors, noise, userdata[SEED], userdata[TICK], flight.interval)
             if rules.perception.active != 0:
@@ -117,7 +117,7 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
                 advance_wind(air, wind, pos[2], userdata[SEED], userdata[TICK], flight.interval)
         for _ in range(steps):
             measure(vehicle, sensors, noise, pos, vel, measured_pos, measured_vel)
-            tick(vehicle, gains, scratch, level, action, measured_pos, measured_vel, act, memory, dt, thrust, servo)
+            tick(vehicle, gains, scratch, level, action, measured_pos, measured_vel, act, state, dt, thrust, servo)
             for r in range(rotors):
                 ctrl[r] = lagged_command(thrust[r], act[r], falling)
             if vehicle.gripper_stroke > 0.0:

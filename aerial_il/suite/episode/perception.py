@@ -89,14 +89,16 @@ class Perceived:
         """Give each site, joint and mocap body its object, and its place among what is remembered."""
         names, model, record = self._task.names, self._model, self.view.records[0]
         sites = [int(model.site(name).bodyid[0]) for name in names.sites]
-        told = [name in self._task.told for name in names.sites]
-        self._roots = _unique(model.body_rootid[body] for body, exact in zip(sites, told, strict=True) if not exact)
+        commanded = [name in self._task.commanded for name in names.sites]
+        self._roots = _unique(
+            model.body_rootid[body] for body, exact in zip(sites, commanded, strict=True) if not exact
+        )
         if len(self._roots) > layout.MAX_OBJECTS:
             raise InvalidValueError(
                 f"{self._task.name} shows {len(self._roots)} objects; at most {layout.MAX_OBJECTS}."
             )
         for k, body in enumerate(sites):
-            sight["site_objects"][0, k] = EXACT if told[k] else self._roots.index(model.body_rootid[body])
+            sight["site_objects"][0, k] = EXACT if commanded[k] else self._roots.index(model.body_rootid[body])
             sight["site_slots"][0, k] = self._slot(POSE_SIZE) if self._moves(body) else STILL
         for which in range(len(self._roots)):
             sight["centres"][0, which] = list(sight["site_objects"][0, : len(sites)]).index(which)
@@ -107,8 +109,10 @@ class Perceived:
                 sight["joint_objects"][0, k] = self._object_of(f"joint {name}", int(model.joint(name).bodyid[0]))
                 sight["joint_slots"][0, k] = self._slot(JOINT_SIZE)
         for k, name in enumerate(names.mocaps):
-            is_told = name in self._task.told
-            sight["mocap_objects"][0, k] = EXACT if is_told else self._object_of(f"body {name}", model.body(name).id)
+            is_commanded = name in self._task.commanded
+            sight["mocap_objects"][0, k] = (
+                EXACT if is_commanded else self._object_of(f"body {name}", model.body(name).id)
+            )
         sight["num_objects"], sight["num_sites"] = len(self._roots), len(sites)
         sight["num_joints"], sight["num_mocaps"] = len(names.joints), len(names.mocaps)
         sight["num_forces"] = len(self._task.force_sensors)

@@ -167,7 +167,7 @@ class Simulation:
             self._rules,
             self._found,
             self._own.workspace,
-            self.worlds.memory,
+            self.worlds.pointers,
             self._actions,
             self._arriving,
             self._mask,

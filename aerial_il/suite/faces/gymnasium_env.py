@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 
 from aerial_il.control.actions import ActionLevel
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
 from aerial_il.suite.environment import AerialEnvironment
-from aerial_il.suite.rendering import CameraRequest
+from aerial_il.suite.faces.options import RENDER_MODES, FaceOptions, read_options
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import CONTROL_DT_S
 
 OF_AN_EVENT = ("ee_error_m", "force_in_band_raw")  # NaN where nothing has been commanded or touched yet
-METADATA = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_DT_S)}
+METADATA = {"render_modes": list(RENDER_MODES), "render_fps": round(1.0 / CONTROL_DT_S)}
 
 
 class SingleEnv(gymnasium.Env[Any, np.ndarray]):
@@ -38,9 +36,9 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         aerial: the dm_control environment behind it; experts attach to this.
 
     Args:
-        robot, task, tier, action, cameras, image_size, seed, controller: as for :func:`aerial_il.load`.
-        terminate_on_success: end an episode when its task is done; otherwise only a crash or a lost object ends it.
-        render_mode: None or ``rgb_array``. render_camera: which camera. render_size: (height, width), pixels.
+        robot, task, seed: as for :func:`aerial_il.load`.
+        options: ``tier``, ``action``, ``cameras``, ``image_size``, ``controller``, ``terminate_on_success``,
+            ``render_mode``, ``render_camera``, ``render_size``: see :class:`FaceOptions`.
     """
 
     metadata = METADATA
@@ -50,20 +48,11 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         robot: str,
         task: str,
         *,
-        tier: str = "calm",
-        action: str = "ee_pose",
-        cameras: Sequence[str] = (),
-        image_size: tuple[int, int] = (240, 320),
         seed: int = 0,
-        controller: str = "geometric_observer",
-        terminate_on_success: bool = False,
-        render_mode: str | None = None,
-        render_camera: str = "scene",
-        render_size: tuple[int, int] = (240, 320),
+        **options: Unpack[FaceOptions],
     ) -> None:
-        scenario = Scenario(robot, task, tier, action, cameras, image_size, controller)
-        self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
-        self.render_size, self.terminate_on_success = render_size, terminate_on_success
+        scenario, self.shown = read_options(robot, task, options)
+        self.render_mode = self.shown.render_mode
         self.aerial = AerialEnvironment(scenario, seed)
         self.observation_space = observation_space(scenario.spec.observation)
         self.action_space = action_space(scenario.spec.action)
@@ -90,14 +79,15 @@ class SingleEnv(gymnasium.Env[Any, np.ndarray]):
         timestep = self.aerial.step(action)
         info = self._info()
         lost = info["crash"] or info["dropped"]
-        terminated = lost or (self.terminate_on_success and info["success"])
+        terminated = lost or (self.shown.terminate_on_success and info["success"])
         truncated = bool(self.aerial.simulation.steps[0] >= self.aerial.spec.max_steps)
         self._over = terminated or truncated
         return dict(timestep.observation), float(timestep.reward), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:
         """(H, W, 3) uint8 image of the world as it stands, or None without a render mode."""
-        return None if self.render_mode is None else self.aerial.render(self.render_camera, *self.render_size)
+        camera, size = self.shown.render_camera, self.shown.render_size
+        return None if self.render_mode is None else self.aerial.render(camera, *size)
 
     def close(self) -> None:
         """Free graphics contexts."""
@@ -125,18 +115,6 @@ def observation_space(spec: ObservationSpec) -> spaces.Dict:
 def action_space(spec: ActionSpec) -> spaces.Box:
     """Space of one world's actions, in SI units."""
     return spaces.Box(spec.low, spec.high, dtype=np.float64)
-
-
-def check_rendering(mode: str | None, camera: str) -> str | None:
-    """Return the render mode if it and the camera exist.
-
-    Raises:
-        InvalidValueError: unknown mode. UnknownNameError: unknown camera.
-    """
-    CameraRequest(camera)
-    if mode not in (None, *METADATA["render_modes"]):
-        raise InvalidValueError(f"render_mode is None or 'rgb_array', got {mode!r}.")
-    return mode
 
 
 def _box(field: Field) -> spaces.Box:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -11,8 +11,8 @@ from gymnasium.vector.utils import batch_space
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.batch import BatchEnvironment, info_of
-from aerial_il.suite.faces.gymnasium_env import METADATA, action_space, check_rendering, observation_space
-from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.faces.gymnasium_env import METADATA, action_space, observation_space
+from aerial_il.suite.faces.options import FaceOptions, read_options
 
 
 class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]):
@@ -26,10 +26,9 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
         aerial: the batch behind it; experts attach to this.
 
     Args:
-        robot, task, num_envs, tier, action, cameras, image_size, seed, num_threads, controller: as for
-            :func:`aerial_il.load_batch`.
+        robot, task, num_envs, seed, num_threads: as for :func:`aerial_il.load_batch`.
         max_episode_steps: truncate episodes earlier than the task does.
-        terminate_on_success, render_mode, render_camera, render_size: as for the single environment.
+        options: as for the single environment, see :class:`FaceOptions`.
     """
 
     metadata = {**METADATA, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -40,22 +39,13 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
         task: str,
         *,
         num_envs: int = 1,
-        tier: str = "calm",
-        action: str = "ee_pose",
-        cameras: Sequence[str] = (),
-        image_size: tuple[int, int] = (240, 320),
         seed: int = 0,
         num_threads: int = 0,
         max_episode_steps: int | None = None,
-        controller: str = "geometric_observer",
-        terminate_on_success: bool = False,
-        render_mode: str | None = None,
-        render_camera: str = "scene",
-        render_size: tuple[int, int] = (240, 320),
+        **options: Unpack[FaceOptions],
     ) -> None:
-        scenario = Scenario(robot, task, tier, action, cameras, image_size, controller)
-        self.render_mode, self.render_camera = check_rendering(render_mode, render_camera), render_camera
-        self.render_size, self.terminate_on_success = render_size, terminate_on_success
+        scenario, self.shown = read_options(robot, task, options)
+        self.render_mode = self.shown.render_mode
         self.num_envs, self.aerial = num_envs, BatchEnvironment(scenario, num_envs, num_threads)
         self.max_episode_steps = min(max_episode_steps or scenario.spec.max_steps, scenario.spec.max_steps)
         self.single_observation_space = observation_space(scenario.spec.observation)
@@ -89,7 +79,7 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
         if fresh.any():
             self._start(fresh)
         result = self.aerial.step(actions, ~fresh)
-        terminated = result.terminated | (self.terminate_on_success & result.info["success"])
+        terminated = result.terminated | (self.shown.terminate_on_success & result.info["success"])
         terminated, truncated = terminated & ~fresh, (self.aerial.simulation.steps >= self.max_episode_steps) & ~fresh
         self._over = terminated | truncated
         everyone = np.ones(self.num_envs, bool)
@@ -105,7 +95,8 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
         """Images (H, W, 3) uint8 of all worlds, or None without a render mode."""
         if self.render_mode is None:
             return None
-        return tuple(self.aerial.render(i, self.render_camera, *self.render_size) for i in range(self.num_envs))
+        camera, size = self.shown.render_camera, self.shown.render_size
+        return tuple(self.aerial.render(i, camera, *size) for i in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free graphics contexts and threads."""

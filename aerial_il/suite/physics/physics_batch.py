@@ -49,59 +49,59 @@ class PhysicsPointers(NamedTuple):
 
 
 @kernel
-def inside(memory, field, i):
+def inside(pointers, field, i):
     """A field of world ``i`` in MuJoCo's memory, flat."""
-    return doubles(memory.inside[field, i], memory.sizes[field])
+    return doubles(pointers.inside[field, i], pointers.sizes[field])
 
 
 @kernel
-def push_state(memory, i):
+def push_state(pointers, i):
     """Copy everything of world ``i`` that may have been written from outside to MuJoCo."""
     for field in range(NUM_STATE_FIELDS):
-        if memory.inside[field, i] != memory.outside[field, i]:
-            mju_copy(memory.inside[field, i], memory.outside[field, i], memory.sizes[field])
+        if pointers.inside[field, i] != pointers.outside[field, i]:
+            mju_copy(pointers.inside[field, i], pointers.outside[field, i], pointers.sizes[field])
 
 
 @kernel
-def pull_all(memory, i):
+def pull_all(pointers, i):
     """Copy state, derived quantities and warnings of world ``i`` from MuJoCo to our arrays."""
-    for field in range(memory.sizes.size):
-        if memory.inside[field, i] != memory.outside[field, i]:
-            mju_copy(memory.outside[field, i], memory.inside[field, i], memory.sizes[field])
-    mju_copy(memory.warnings[1, i], memory.warnings[0, i], memory.num_warnings)
+    for field in range(pointers.sizes.size):
+        if pointers.inside[field, i] != pointers.outside[field, i]:
+            mju_copy(pointers.outside[field, i], pointers.inside[field, i], pointers.sizes[field])
+    mju_copy(pointers.warnings[1, i], pointers.warnings[0, i], pointers.num_warnings)
 
 
 @kernel
-def _clear(memory, active):
+def _clear(pointers, active):
     for i in range(active.size):
         if active[i]:
-            mj_reset_data(memory.models[i], memory.datas[i])
-            pull_all(memory, i)
+            mj_reset_data(pointers.models[i], pointers.datas[i])
+            pull_all(pointers, i)
 
 
 @kernel
-def _forward(memory, active):
+def _forward(pointers, active):
     for i in range(active.size):
         if active[i]:
-            push_state(memory, i)
-            mj_step1(memory.models[i], memory.datas[i])
-            pull_all(memory, i)
+            push_state(pointers, i)
+            mj_step1(pointers.models[i], pointers.datas[i])
+            pull_all(pointers, i)
 
 
 @kernel
-def _get_states(memory, rows, size):
-    for i in range(memory.datas.size):
-        push_state(memory, i)
-        mj_get_state(memory.models[i], memory.datas[i], rows + 8 * i * size, SIGNATURE)
+def _get_states(pointers, rows, size):
+    for i in range(pointers.datas.size):
+        push_state(pointers, i)
+        mj_get_state(pointers.models[i], pointers.datas[i], rows + 8 * i * size, SIGNATURE)
 
 
 @kernel
-def _set_states(memory, active, rows, size):
+def _set_states(pointers, active, rows, size):
     for i in range(active.size):
         if active[i]:
-            mj_set_state(memory.models[i], memory.datas[i], rows + 8 * i * size, SIGNATURE)
-            mj_step1(memory.models[i], memory.datas[i])
-            pull_all(memory, i)
+            mj_set_state(pointers.models[i], pointers.datas[i], rows + 8 * i * size, SIGNATURE)
+            mj_step1(pointers.models[i], pointers.datas[i])
+            pull_all(pointers, i)
 
 
 @kernel
@@ -128,7 +128,7 @@ class PhysicsBatch:
         self._warnings = np.zeros((self.n, len(datas[0].warning.number), 2), np.int32)
         self._size = mujoco.mj_stateSize(model, SIGNATURE)
         self._everyone = np.ones(self.n, bool)
-        self.memory = self._memory()
+        self.pointers = self._pointers()
         self.clear()
 
     @staticmethod
@@ -145,21 +145,21 @@ class PhysicsBatch:
         """Live (n, ...) array of an ``MjData`` field of doubles; what is written to a state field counts."""
         if name not in self._arrays:
             self._arrays[name] = self._array(name)
-            self.memory = self._memory()
+            self.pointers = self._pointers()
         return self._arrays[name]
 
     def clear(self, active: np.ndarray | None = None) -> None:
         """Reset to the model's defaults, without computing anything derived, the worlds in ``active`` (n,) bool."""
-        _clear(self.memory, self._everyone if active is None else active)
+        _clear(self.pointers, self._everyone if active is None else active)
 
     def forward(self, active: np.ndarray | None = None) -> None:
         """Make position- and velocity-dependent quantities current in the worlds of ``active`` (n,) bool."""
-        _forward(self.memory, self._everyone if active is None else active)
+        _forward(self.pointers, self._everyone if active is None else active)
 
     def get_state(self) -> np.ndarray:
         """Copy of the integration states, (n, S)."""
         states = np.empty((self.n, self._size))
-        _get_states(self.memory, states.ctypes.data, self._size)
+        _get_states(self.pointers, states.ctypes.data, self._size)
         return states
 
     def set_state(self, states: np.ndarray, active: np.ndarray | None = None) -> None:
@@ -168,13 +168,13 @@ class PhysicsBatch:
         rows = np.ascontiguousarray(states, float)
         for i in np.flatnonzero(active):
             self._datas[i].warning.number[:] = 0
-        _set_states(self.memory, active, rows.ctypes.data, self._size)
+        _set_states(self.pointers, active, rows.ctypes.data, self._size)
 
     def own_model(self, world: int) -> mujoco.MjModel:
         """Model of one world alone, to be edited; it stays its own from the first call on."""
         if self.n > 1 and self._models[world] is self.model:
             self._models[world] = copy.copy(self.model)
-            self.memory.models[world] = self._models[world]._address
+            self.pointers.models[world] = self._models[world]._address
         return self._models[world]
 
     def first_warned(self, active: np.ndarray) -> int:
@@ -192,14 +192,14 @@ class PhysicsBatch:
 
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` of its model."""
-        push_state(self.memory, world)
+        push_state(self.pointers, world)
         return self._datas[world]
 
     def _array(self, name: str) -> np.ndarray:
         fields = [getattr(data, name) for data in self._datas]
         return fields[0][None] if self.n == 1 else np.stack(fields)
 
-    def _memory(self) -> PhysicsPointers:
+    def _pointers(self) -> PhysicsPointers:
         rows = list(self._arrays.items())
         return PhysicsPointers(
             models=np.array([model._address for model in self._models], np.int64),

@@ -117,7 +117,7 @@ class View:
         return self.userdata[:, layout.FORCES.start + 3 * layout.MAX_FORCES + k]
 
     @property
-    def memory(self) -> np.ndarray:
+    def task_state(self) -> np.ndarray:
         """(n, 8) numbers that the task may write in ``TaskKernels.remember``; zero at the start of an episode."""
         return self.userdata[:, layout.TASK]
 

@@ -44,7 +44,7 @@ class Hover(Task):
     needs_arm = False
     subtasks = ("upright", "within_20_cm", "at_point", "at_attitude")
     names = Names(sites=("target",))
-    told = ("target",)
+    commanded = ("target",)
 
     def own_infeasibility(self, robot: Robot) -> str | None:
         if robot.num_joints:

@@ -44,7 +44,7 @@ PLATE_LOW, PLATE_HIGH = np.array([-0.25, -0.35, 0.45]), np.array([0.25, 0.35, 0.
 TILT_RANGE_RAD = (0.15, 0.60)
 YAW_RANGE_RAD = (-1.0, 1.0)
 START_LOW, START_HIGH = np.array([-0.25, -0.3, 1.35]), np.array([0.3, 0.2, 1.5])
-CONTACT, TOUCHED = 0, 3  # in the task's memory: where contact began, world, m; whether there is contact
+CONTACT, TOUCHED = 0, 3  # in the task's state: where contact began, world, m; whether there is contact
 PRESSED, IN_BAND = 4, 5  # physics steps since then, and those among them whose raw force was in the band
 PLATE = 0  # site
 ON_PLATE, BY_TOOL = range(2)  # forces: on the plate, and what a sensor in the wrist feels
@@ -54,9 +54,10 @@ class InspectContact(Task):
     """Normal force of 5 ± 2 N on the plate's spot for 3 s, at most 5° off square, slipping at most 2 cm meanwhile.
 
     The force is what all parts of the robot together exert on the plate, taken at each physics step (250 Hz) behind a
-    first-order low-pass of 15 Hz, as force sensors have (``suite/force_sensing.py`` gives the source); every one of
-    these values must lie in the band. Without the filter some do not: ``force_in_band_raw`` is the share of the physics
-    steps since contact began in which the contact solver's own force did. Links and rotors must not touch anything.
+    first-order low-pass of 15 Hz, as force sensors have (``suite/physics/force_sensing.py`` gives the source); every
+    one of these values must lie in the band. Without the filter some do not: ``force_in_band_raw`` is the share of the
+    physics steps since contact began in which the contact solver's own force did. Links and rotors must not touch
+    anything.
 
     The probe is the end of the closed gripper, open by a fifth at most. The plate is tilted by 9° to 34° towards the
     robot, and sprung like the holders of ultrasonic probes: it gives way by 8 mm per newton. Its face is soft, like
@@ -118,17 +119,17 @@ def observe(world, found):
 
 @kernel
 def remember(world):
-    memory, felt = task_state(world), normal_force(world) >= TOUCH_N
+    state, felt = task_state(world), normal_force(world) >= TOUCH_N
     begun = felt and not in_touch(world)
     if begun:
-        put(memory, CONTACT, tip_pos(world))
+        put(state, CONTACT, tip_pos(world))
     if begun or not felt:
-        memory[PRESSED] = memory[IN_BAND] = 0.0
+        state[PRESSED] = state[IN_BAND] = 0.0
     if felt:
-        memory[PRESSED] += SUBSTEPS
+        state[PRESSED] += SUBSTEPS
         for tick in range(SUBSTEPS):
-            memory[IN_BAND] += in_band(along_normal(world, raw_force_sample(world, tick)))
-    memory[TOUCHED] = 1.0 if felt else 0.0
+            state[IN_BAND] += in_band(along_normal(world, raw_force_sample(world, tick)))
+    state[TOUCHED] = 1.0 if felt else 0.0
 
 
 @kernel
@@ -139,8 +140,8 @@ def solved(world):
 
 @kernel
 def force_in_band_raw(world):
-    memory = task_state(world)
-    return memory[IN_BAND] / memory[PRESSED] if memory[PRESSED] > 0.0 else math.nan
+    state = task_state(world)
+    return state[IN_BAND] / state[PRESSED] if state[PRESSED] > 0.0 else math.nan
 
 
 @kernel

@@ -45,8 +45,8 @@ class PressButton(Task):
 
     Pressed in: from 8 to 21 mm, the stop being at 20 and yielding, by a force of the robot of at least 0.5 N. The force
     is the net force of all contacts of all its parts, taken at each physics step (250 Hz) behind a first-order low-pass
-    of 15 Hz, as force sensors have (``suite/force_sensing.py`` gives the source): that the largest is remembered from.
-    Without the filter it may be larger for some milliseconds. Links and rotors must not touch anything.
+    of 15 Hz, as force sensors have (``suite/physics/force_sensing.py`` gives the source): the largest of these values
+    counts. Without the filter it may be larger for some milliseconds. Links and rotors must not touch anything.
 
     The button leans back by up to 26°, so that it is pressed from above or at a slant.
     """

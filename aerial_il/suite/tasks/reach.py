@@ -51,7 +51,7 @@ class Reach(Task):
     dwell_s = 1.0
     subtasks = ("within_10_cm", "at_position", "at_orientation")
     names = Names(sites=("target",))
-    told = ("target",)
+    commanded = ("target",)
     goal = GoalSpec(
         achieved=("ee_pos", "ee_rot6d"),
         desired=("target_pos", "target_rot6d"),

@@ -73,8 +73,8 @@ class Task(ABC):
         asks_for_force: success takes a force within a band.
         force_sensors: names of up to two force sensors whose readings the episode remembers; of the first, the one that
             a task judges, every physics step of the last control step is kept.
-        told: sites and mocap bodies of ``names`` that the user tells the robot, which need not see them: exact in
-            every tier.
+        commanded: sites and mocap bodies of ``names`` that the user gives the robot as numbers: it need not see them,
+            and they are exact in every tier.
         privileged: fields that no real robot has, each with the reason.
         goal: which fields tell what is wanted and what has been achieved, and what any of it is paid, where success is
             a matter of the goal alone; None elsewhere.
@@ -92,7 +92,7 @@ class Task(ABC):
     force_sensors: ClassVar[tuple[str, ...]] = ()
     asks_for_force: ClassVar[bool] = False
     names: ClassVar[Names] = Names()
-    told: ClassVar[tuple[str, ...]] = ()
+    commanded: ClassVar[tuple[str, ...]] = ()
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
     goal: ClassVar[GoalSpec | None] = None
 

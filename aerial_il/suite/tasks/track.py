@@ -31,7 +31,7 @@ SPEED_M_S = (0.15, 0.30)  # the largest along the path
 PREVIEW_S = (0.2, 0.5)
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.2]), np.array([0.3, 0.3, 1.35])
 
-PHASE, RATE, WIDTH, HEIGHT, HARMONIC, LAP, SQUARES = range(7)  # places in the episode's memory
+PHASE, RATE, WIDTH, HEIGHT, HARMONIC, LAP, SQUARES = range(7)  # places in the episode's state
 FULL_LAP = 2.0 * math.pi
 TARGET = 0  # site and mocap body
 
@@ -49,7 +49,7 @@ class Track(Task):
     dwell_s = 0.1
     subtasks = ("within_10_cm", "on_target", "quarter_lap", "half_lap", "full_lap")
     names = Names(sites=("target",), mocaps=("target",))
-    told = ("target",)
+    commanded = ("target",)
     privileged = (("lap", "`done` and `rmse_of_allowed` are the judge's, counted on where the tool truly was"),)
 
     needs_arm = False
@@ -62,12 +62,12 @@ class Track(Task):
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
-        memory, target = view.memory[world], view.mocap_id("target")
+        state, target = view.task_state[world], view.mocap_id("target")
         harmonic, width, height = rng.integers(1, 3), rng.uniform(*HALF_WIDTH_M), rng.uniform(*HALF_HEIGHT_M)
         fastest = max(width, height) if harmonic == 1 else math.hypot(width, 2.0 * height)
         phase, direction = rng.uniform(0.0, FULL_LAP), rng.choice([-1.0, 1.0])
-        memory[PHASE], memory[RATE] = phase, direction * rng.uniform(*SPEED_M_S) / fastest
-        memory[WIDTH], memory[HEIGHT], memory[HARMONIC] = width, height, harmonic
+        state[PHASE], state[RATE] = phase, direction * rng.uniform(*SPEED_M_S) / fastest
+        state[WIDTH], state[HEIGHT], state[HARMONIC] = width, height, harmonic
         yaw, tilt = rng.uniform(-np.pi, np.pi), rng.uniform(0.0, 0.5 * np.pi)
         c, s, ct, st = math.cos(yaw), math.sin(yaw), math.cos(tilt), math.sin(tilt)
         across, along = np.array([c, s, 0.0]), np.array([-s * ct, c * ct, st])
@@ -90,30 +90,30 @@ class Track(Task):
 
 @kernel
 def observe(world, found):
-    target, tool, memory = target_pos(world), tool_pos(world), task_state(world)
+    target, tool, state = target_pos(world), tool_pos(world), task_state(world)
     put(found, 0, target)
     put(found, 3, scale(1.0 / CONTROL_DT_S, sub(target_ahead(world, CONTROL_DT_S), target)))
     put(found, 6, sub(target, tool))
     put(found, 9, sub(target_ahead(world, PREVIEW_S[0]), tool))
     put(found, 12, sub(target_ahead(world, PREVIEW_S[1]), tool))
-    found[15], found[16] = math.cos(memory[PHASE]), math.sin(memory[PHASE])
+    found[15], found[16] = math.cos(state[PHASE]), math.sin(state[PHASE])
     found[17], found[18] = lap_share(world), lap_rmse(world) / RMSE_M
 
 
 @kernel
 def remember(world):
     """Move the target on by a control step; count for how long, and how closely, the tool has followed."""
-    memory = task_state(world)
+    state = task_state(world)
     put(mocap_pos(world, TARGET), 0, target_ahead(world, CONTROL_DT_S))
-    memory[PHASE] += CONTROL_DT_S * memory[RATE]
+    state[PHASE] += CONTROL_DT_S * state[RATE]
     distance = norm(sub(target_pos(world), tool_pos(world)))
-    close = distance <= (LOST_M if memory[LAP] > 0.0 else CAUGHT_M)
-    failed = memory[LAP] >= FULL_LAP and lap_rmse(world) > RMSE_M
+    close = distance <= (LOST_M if state[LAP] > 0.0 else CAUGHT_M)
+    failed = state[LAP] >= FULL_LAP and lap_rmse(world) > RMSE_M
     if failed or not close:
-        memory[LAP] = memory[SQUARES] = 0.0
+        state[LAP] = state[SQUARES] = 0.0
     else:
-        memory[LAP] += CONTROL_DT_S * abs(memory[RATE])
-        memory[SQUARES] += distance * distance
+        state[LAP] += CONTROL_DT_S * abs(state[RATE])
+        state[SQUARES] += distance * distance
 
 
 @kernel
@@ -146,20 +146,20 @@ def target_pos(world):
 @kernel
 def target_ahead(world, seconds):
     """Position of the target in ``seconds``, world frame, m."""
-    memory, axes = task_state(world), site_mat(world, TARGET)
-    now, harmonic = memory[PHASE], memory[HARMONIC]
-    then = now + seconds * memory[RATE]
-    across = memory[WIDTH] * (math.cos(then) - math.cos(now))
-    along = memory[HEIGHT] * (math.sin(harmonic * then) - math.sin(harmonic * now))
+    state, axes = task_state(world), site_mat(world, TARGET)
+    now, harmonic = state[PHASE], state[HARMONIC]
+    then = now + seconds * state[RATE]
+    across = state[WIDTH] * (math.cos(then) - math.cos(now))
+    along = state[HEIGHT] * (math.sin(harmonic * then) - math.sin(harmonic * now))
     return add(target_pos(world), add(scale(across, column(axes, 0)), scale(along, column(axes, 1))))
 
 
 @kernel
 def lap_rmse(world):
     """Root mean square distance of the tool from the target since the lap began, m; 0 before."""
-    memory = task_state(world)
-    steps = memory[LAP] / max(CONTROL_DT_S * abs(memory[RATE]), 1e-9)
-    return math.sqrt(memory[SQUARES] / max(steps, 1.0))
+    state = task_state(world)
+    steps = state[LAP] / max(CONTROL_DT_S * abs(state[RATE]), 1e-9)
+    return math.sqrt(state[SQUARES] / max(steps, 1.0))
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Devices, one file and one ``conf/device/NAME.yaml`` each.
 
 A module says the names of its ``CONTROLS``; one of a device that no browser reads has a ``DRIVER`` too, whose settings
-are the ``hardware`` of its YAML. Whatever flies is asked as a :class:`Device`.
+are the ``hardware`` of its YAML. Whatever flies is asked as a :class:`aerial_il.core.contracts.Device`.
 """
 
 from __future__ import annotations
@@ -11,22 +11,13 @@ import pkgutil
 from collections.abc import Mapping
 from dataclasses import fields
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.teleop.frame import DeviceFrame
-from aerial_il.teleop.hardware import Driver
-from aerial_il.teleop.mapping import Bindings, read_bindings, together
+from aerial_il.teleop.input.hardware import Driver
+from aerial_il.teleop.input.mapping import Bindings, read_bindings, together
 
 HARDWARE = "hardware"  # key of a device's YAML beside its commands
-
-
-class Device(Protocol):
-    """Whatever is asked once a tick."""
-
-    def frame(self) -> DeviceFrame:
-        """Return what has arrived since the last call."""
-        ...
 
 
 def names() -> tuple[str, ...]:

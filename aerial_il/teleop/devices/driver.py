@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from aerial_il.core.seeding import named_rng
-from aerial_il.teleop.cockpit import Status
 from aerial_il.teleop.driver.eyes import Eyes, Sight
 from aerial_il.teleop.driver.habit import Habit
 from aerial_il.teleop.driver.hand import Hand
 from aerial_il.teleop.driver.plan import plan_for
 from aerial_il.teleop.driver.watch import Judgement, Watch
-from aerial_il.teleop.frame import AXES, DeviceFrame, bits_of
-from aerial_il.teleop.mapping import HELD, PRESSED, Bindings
-from aerial_il.teleop.readings import Reading
+from aerial_il.teleop.input.frame import AXES, DeviceFrame, bits_of
+from aerial_il.teleop.input.mapping import HELD, PRESSED, Bindings
+from aerial_il.teleop.session.cockpit import Status
+from aerial_il.teleop.session.readings import Reading
 
 CONTROLS = tuple(f"driver:{command}" for command in ("grip+", "grip-", *HELD, *PRESSED))
 BINDINGS = Bindings(

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.teleop.frame import LEADER_AXES
-from aerial_il.teleop.hardware import DeviceError, DeviceLostError, Reading, paced
-from aerial_il.teleop.serial_port import SerialPort
-from aerial_il.teleop.servo_bus import LANGUAGES, TURN, DamagedError, Register
+from aerial_il.teleop.input.frame import LEADER_AXES
+from aerial_il.teleop.input.hardware import DeviceError, DeviceLostError, Reading, paced
+from aerial_il.teleop.input.serial_port import SerialPort
+from aerial_il.teleop.input.servo_bus import LANGUAGES, TURN, DamagedError, Register
 
 LIVE = "arm:live"
 CONTROLS = (LIVE,)

@@ -29,8 +29,8 @@ from aerial_il.core.rotations import (
     rotvec_from_mat,
     sub,
 )
-from aerial_il.teleop.command import Vec3
-from aerial_il.teleop.frame import PHONE_AXES
+from aerial_il.teleop.input.frame import PHONE_AXES
+from aerial_il.teleop.piloting.command import Vec3
 
 CLUTCH = "phone:clutch"
 CONTROLS = (CLUTCH, "phone:close", "phone:open", "phone:precision")

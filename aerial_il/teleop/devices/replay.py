@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
-from aerial_il.teleop.frame import LABELS, DeviceFrame
+from aerial_il.teleop.input.frame import LABELS, DeviceFrame
 
 TOPIC = "device"
 CONTROLS: tuple[str, ...] = ()  # those of the recording

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from itertools import count
 
-from aerial_il.teleop.frame import DeviceFrame, bits_of
-from aerial_il.teleop.mapping import DIRECTIONS, HELD, PRESSED, Bindings
+from aerial_il.teleop.input.frame import DeviceFrame, bits_of
+from aerial_il.teleop.input.mapping import DIRECTIONS, HELD, PRESSED, Bindings
 
 CONTROLS = (*DIRECTIONS, *HELD, *PRESSED)  # each gives the command that it is named after
 Script = Callable[[int], Collection[str]]

@@ -23,8 +23,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerial_il.teleop.frame import MOUSE_AXES
-from aerial_il.teleop.hardware import DeviceError, DeviceLostError, Reading
+from aerial_il.teleop.input.frame import MOUSE_AXES
+from aerial_il.teleop.input.hardware import DeviceError, DeviceLostError, Reading
 
 BUTTONS = 32
 CONTROLS = tuple(f"mouse:{i}" for i in range(1, BUTTONS + 1))

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from aerial_il.teleop.mapping import DIRECTIONS, HELD, PRESSED
+from aerial_il.teleop.input.mapping import DIRECTIONS, HELD, PRESSED
 
 CONTROLS = tuple(f"touch:{command}" for command in (*DIRECTIONS, *HELD, *PRESSED))

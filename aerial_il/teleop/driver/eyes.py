@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerial_il.teleop.cockpit import Status
-from aerial_il.teleop.readings import SHOWN, Reading
+from aerial_il.teleop.session.cockpit import Status
+from aerial_il.teleop.session.readings import SHOWN, Reading
 
 DRIFT_TICKS = 20.0  # for how long an error of the eye stays about the same
 ERROR_M, ERROR_SHARE, ERROR_RAD = 0.003, 0.04, 0.03  # standard deviations: of lengths, as a share of them, of angles

@@ -7,10 +7,10 @@ from collections import deque
 
 import numpy as np
 
-from aerial_il.teleop.command import PRECISION, TOOL_SPEED, TURN_RATE, YAW_RATE
 from aerial_il.teleop.driver.habit import Habit
 from aerial_il.teleop.driver.plan import Wish
-from aerial_il.teleop.shaping import DEAD_ZONE, EXPO
+from aerial_il.teleop.piloting.command import PRECISION, TOOL_SPEED, TURN_RATE, YAW_RATE
+from aerial_il.teleop.piloting.shaping import DEAD_ZONE, EXPO
 
 TURN_GAIN = 1.3  # 1/s
 FORESEEN = 0.8  # share of one's own movement since what is seen now that one reckons with

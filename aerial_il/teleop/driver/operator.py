@@ -6,13 +6,12 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from aerial_il.core.contracts import Policy
-from aerial_il.suite.batch import BatchEnvironment
-from aerial_il.teleop.cockpit import Cockpit
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.driver.watch import Judgement
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.session import State
+from aerial_il.teleop.session.cockpit import Cockpit, by_hand
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.session import State
 
 LEARNER = "learner"
 
@@ -32,7 +31,7 @@ class DriverOperator:
 
     def record(
         self,
-        env: BatchEnvironment,
+        env: BatchEnv,
         learner: Policy | None,
         out: str | os.PathLike[str],
         *,
@@ -42,8 +41,9 @@ class DriverOperator:
         """Record flights until ``out`` holds one for each of ``seeds``: of ``learner``, or by hand if there is none."""
         settings = {**tags, "driver_seed": self._seed}
         name = None if learner is None else LEARNER
-        logbook = Logbook(env, str(out), operator="driver", first_seed=seeds.start, policy=name, settings=settings)
-        cockpit = Cockpit(env, BINDINGS, logbook, policy=learner, countdown=1)
+        world = by_hand(env)
+        logbook = Logbook(world, str(out), operator="driver", first_seed=seeds.start, policy=name, settings=settings)
+        cockpit = Cockpit(world, BINDINGS, logbook, policy=learner, countdown=1)
         driver = Driver(
             env.spec.task,
             cockpit.readings,

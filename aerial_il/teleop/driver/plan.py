@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.teleop.command import Vec3
 from aerial_il.teleop.driver import plans
 from aerial_il.teleop.driver.eyes import Sight
 from aerial_il.teleop.driver.habit import Habit
+from aerial_il.teleop.piloting.command import Vec3
 
 
 @dataclass(frozen=True)

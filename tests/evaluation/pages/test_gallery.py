@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import aerial_il
-from aerial_il.cli.commands.list import catalogue
+from aerial_il.cli.commands.project.list import catalogue
 from aerial_il.core.errors import AerialError, SimulationDivergedError
 from aerial_il.core.specs import ActionSpec
 from aerial_il.data.episode import Episode

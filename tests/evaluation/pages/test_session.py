@@ -13,9 +13,9 @@ from aerial_il.core.errors import DemoError
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.evaluation.pages.session import lengths, operator_of, rows_of, session_page, take_of, tool_jerk
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.logbook import Logbook
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
 from tests.teleop.hands import schedule, shipped, world
 
 

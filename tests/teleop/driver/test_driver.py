@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.replay import replay
 from aerial_il.teleop import driver as room
-from aerial_il.teleop.cockpit import Cockpit
 from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.driver.eyes import Eyes
 from aerial_il.teleop.driver.habit import Habit
 from aerial_il.teleop.driver.operator import DriverOperator
 from aerial_il.teleop.driver.plan import plan_for
 from aerial_il.teleop.driver.watch import Judgement, Watch
-from aerial_il.teleop.logbook import Logbook
-from aerial_il.teleop.refly import refly
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.logbook import Logbook
+from aerial_il.teleop.session.refly import refly
 from tests.teleop.hands import world
 
 HIDDEN = ("env", "batch", "view", "mujoco", "suite", "experts", "simulation", "physics")
@@ -45,6 +45,15 @@ def test_what_is_finished_is_kept_and_the_next_call_goes_on_after_it(tmp_path: P
     for last in (5001, 5002, 5002):
         DriverOperator().record(env, None, tmp_path, seeds=range(5000, last), tags={})
     assert sorted(e.seed for e in open_dataset(tmp_path, failures=True)) == [5000, 5001]
+
+
+def test_what_nobody_can_fly_by_hand_is_refused(tmp_path: Path) -> None:
+    batch = aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=2)
+    with pytest.raises(InvalidValueError, match="num_envs is 2; a person flies one world"):
+        DriverOperator().record(batch, None, tmp_path, seeds=range(5000, 5001), tags={})
+    outside = aerial_il.load_gymnasium("CartPole-v1")
+    with pytest.raises(InvalidValueError, match="only its tasks are flown by hand"):
+        DriverOperator().record(outside, None, tmp_path, seeds=range(5000, 5001), tags={})
 
 
 def test_its_room_imports_nothing_that_knows_the_simulator() -> None:

@@ -1,4 +1,7 @@
-"""The coin of classic DAgger: in each step the expert flies with a probability that falls from round to round.
+"""The coin of classic DAgger: the expert flies with a probability that falls from round to round.
+
+Whoever wins a toss flies for a while. Tossed anew in every step, as in the paper, the coin holds a robot between two
+pilots that want different things: neither the learner's states nor the expert's recoveries come about.
 
 Source: S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret
 online learning", AISTATS 2011: algorithm 3.1.
@@ -21,18 +24,20 @@ Beta = Literal["exponential", "linear", "zero"]
 
 @dataclass(frozen=True, kw_only=True)
 class CoinGate:
-    """Classic DAgger: every state is labelled; in each step the expert flies with probability beta.
+    """Classic DAgger: every state is labelled; the expert flies with probability beta.
 
     Attributes:
         beta: ``exponential`` (decay to the power of the round), ``linear`` (from 1 to 0 over some rounds), or ``zero``
             (1 in round 0, which is the demonstrations, and 0 afterwards).
         decay: of the exponential schedule, in [0, 1].
         over: rounds of the linear schedule.
+        hold: control steps until the coin is tossed again; 1 is the paper's.
     """
 
     beta: Beta = "exponential"
     decay: float = 0.7
     over: int = 15
+    hold: int = 25
 
     def __post_init__(self) -> None:
         if self.beta not in get_args(Beta):
@@ -41,6 +46,8 @@ class CoinGate:
             raise InvalidValueError(f"decay is {self.decay}; a share of flying that decays lies in [0, 1].")
         if self.over < 1:
             raise InvalidValueError(f"over is {self.over}; a linear schedule takes at least 1 round.")
+        if self.hold < 1:
+            raise InvalidValueError(f"hold is {self.hold}; whoever wins a toss flies for at least 1 step.")
 
     @property
     def ensemble(self) -> int:
@@ -57,21 +64,27 @@ class CoinGate:
         return max(0.0, 1.0 - number / self.over) if self.beta == "linear" else float(number == 0)
 
     def open(self, of: Round) -> Gate:
-        return _Coin(self.share(of.number), of.seed, of.number)
+        return _Coin(self.share(of.number), self.hold, of.seed, of.number)
 
 
 class _Coin:
-    """Tosses a coin per world and step; each episode has a stream of its own."""
+    """Tosses a coin per world every ``hold`` steps; each episode has a stream of its own."""
 
-    def __init__(self, beta: float, seed: int, number: int) -> None:
-        self._beta, self._names = beta, ("dagger coin", str(seed), str(number))
+    def __init__(self, beta: float, hold: int, seed: int, number: int) -> None:
+        self._beta, self._hold, self._names = beta, hold, ("dagger coin", str(seed), str(number))
         self._rngs: list[np.random.Generator] = []
+        self._steps, self._expert_flies = np.zeros(0, int), np.zeros(0, bool)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
+        if len(self._rngs) != len(seeds):
+            self._steps, self._expert_flies = np.zeros(len(seeds), int), np.zeros(len(seeds), bool)
         fresh = [named_rng(int(seed), *self._names) for seed in seeds]
         kept = fresh if len(self._rngs) != len(seeds) else self._rngs
         self._rngs = [new if due else old for new, old, due in zip(fresh, kept, mask, strict=True)]
+        self._steps[mask] = 0
 
     def decide(self, given: GateInput) -> Decision:
-        tossed = np.array([rng.random() for rng in self._rngs])
-        return Decision(tossed < self._beta, np.ones(len(tossed), bool))
+        for world in np.flatnonzero(self._steps % self._hold == 0):
+            self._expert_flies[world] = self._rngs[world].random() < self._beta
+        self._steps += 1
+        return Decision(self._expert_flies.copy(), np.ones(len(self._steps), bool))

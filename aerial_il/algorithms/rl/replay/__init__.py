@@ -1,0 +1,1 @@
+"""Transitions kept to be learned from again: of demonstrations, of own flights, with other goals."""

@@ -1,0 +1,130 @@
+"""Demonstrations as transitions, and the random flights that take their place in a control run."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.interface import action_bounds, encode, encode_actions
+from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.supervised.training_set import read_demos
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
+from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.policies.parts.network import PolicyConfig
+
+Labels = Literal["executed", "expert"]
+
+
+class Transitions(NamedTuple):
+    """T transitions in the environment's units.
+
+    Attributes:
+        frames, next_frames: (T, Do). actions: (T, Da). terminal: (T,) bool; see :class:`Transition`.
+        rewards: (T,) what the environment paid.
+    """
+
+    frames: np.ndarray
+    actions: np.ndarray
+    next_frames: np.ndarray
+    terminal: np.ndarray
+    rewards: np.ndarray
+
+    def buffer(
+        self, interface: Interface, rng: np.random.Generator, *, absorbing: bool, reward: float | None = 0.0
+    ) -> ReplayBuffer:
+        """Return the transitions, as :meth:`encoded` has them, as a buffer to draw minibatches from by ``rng``."""
+        rows = self.encoded(interface, absorbing=absorbing, reward=reward)
+        found = ReplayBuffer(len(rows), interface.layout.size, self.actions.shape[1], rng)
+        found.add(rows)
+        return found
+
+    def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
+        """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None."""
+        return rows_of(
+            encode(interface, self.frames),
+            encode_actions(interface, self.actions, self.frames),
+            self.rewards if reward is None else np.full(len(self.frames), reward),
+            encode(interface, self.next_frames),
+            self.terminal,
+            absorbing=absorbing,
+        )
+
+    def digest(self, *, rewarded: bool) -> str:
+        """Return the SHA-256 of all that is learned from: rewards too, where the algorithm is ``rewarded``."""
+        seal = hashlib.sha256()
+        for array in self if rewarded else self[:-1]:
+            seal.update(np.ascontiguousarray(array).tobytes())
+        return seal.hexdigest()
+
+
+def read_transitions(
+    dataset: Iterable[Episode],
+    policy: PolicyConfig,
+    *,
+    trajectories: int | None,
+    subsample: int,
+    labels: Labels = "executed",
+    rewarded: bool = False,
+    seed: int,
+) -> tuple[Layout, Transitions, dict[str, Any]]:
+    """Return the layout, the transitions of the successful episodes, and which they are, for the run's record.
+
+    Args:
+        trajectories: how many episodes, the first ones; None for all.
+        subsample: keep one transition in so many, counted from a random one of the first, and each terminal one.
+        labels: which actions, ``executed`` or what the ``expert`` meant.
+        rewarded: whether rewards are learned from, and so belong to the record.
+        seed: decides where the counting begins.
+
+    Raises:
+        InvalidValueError: see :func:`read_demos`; or there are fewer episodes than ``trajectories``.
+    """
+    layout, demos = read_demos(dataset, policy)
+    if trajectories is not None and len(demos) < trajectories:
+        raise InvalidValueError(f"trajectories is {trajectories}; the dataset has {len(demos)} successful ones.")
+    demos = demos[:trajectories]
+    rng = named_rng(seed, "subsample")
+    parts = [_thin(_transitions_of(episode, layout, labels), subsample, rng) for episode in demos]
+    found = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    record = {"demonstrations": len(demos), "transitions": len(found.frames)}
+    return layout, found, {**record, "digest": found.digest(rewarded=rewarded)}
+
+
+def check_same(recorded: EnvSpec, spec: EnvSpec) -> None:
+    """Refuse to learn in an environment that differs from the demonstrations' in more than its conditions.
+
+    Raises:
+        InvalidValueError: names each differing key.
+    """
+    if differing := recorded.differences(spec, ignore=UNIMPORTANT):
+        raise InvalidValueError(f"The demonstrations come from another environment: {'; '.join(differing)}.")
+
+
+def random_transitions(env: BatchEnv, layout: Layout, count: int, *, seed: int) -> Transitions:
+    """Collect ``count`` transitions or a few more with actions drawn uniformly within their bounds."""
+    collector, rng, (low, high) = Collector(env, layout, seed=seed), named_rng(seed, "control"), action_bounds(layout)
+    steps = [collector.step(rng.uniform(low, high, (collector.n, len(low)))) for _ in range(-(-count // collector.n))]
+    arrays = ([getattr(step, name) for step in steps] for name in Transitions._fields)
+    return Transitions(*(np.concatenate(array) for array in arrays))
+
+
+def _transitions_of(episode: Episode, layout: Layout, labels: Labels) -> Transitions:
+    frames = layout.flatten(episode.obs)
+    terminal = np.asarray(episode.terminated, bool).copy()
+    terminal[-1] |= episode.success and not episode.truncated[-1]
+    actions = episode.labels if labels == "expert" else episode.executed_actions
+    return Transitions(frames[:-1], actions, frames[1:], terminal, episode.rewards)
+
+
+def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitions:
+    kept = (np.arange(len(found.frames)) % every == rng.integers(every)) | found.terminal
+    return Transitions(*(array[kept] for array in found))

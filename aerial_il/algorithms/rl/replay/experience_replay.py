@@ -1,0 +1,118 @@
+"""What an off-policy learner remembers of its own flights: transitions, in hindsight too, and how they varied."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from aerial_il.algorithms.rl.interface import decode, encode, standardised
+from aerial_il.algorithms.rl.off_policy import Explorer
+from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
+from aerial_il.algorithms.rl.replay.hindsight import Relabeller
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of
+from aerial_il.algorithms.rl.returns import RunningMoments
+from aerial_il.algorithms.run.state import Snapshot, Stateful
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.goals import GoalColumns
+
+
+class ExperienceReplay:
+    """The replay buffer of a run, and all that is done to its flights before they lie in it.
+
+    Args:
+        settings: of the algorithm. run: whose flights these are. buffer_size: transitions kept.
+    """
+
+    def __init__(self, settings: OffPolicyReinforcement, run: OnlineRun, buffer_size: int) -> None:
+        self._run, self._buffer = run, ReplayBuffer(buffer_size, *run.sizes, run.rng("minibatches"))
+        self._norm = WarmupNorm(run) if settings.obs_norm else None
+        self._relabeller = relabeller(settings, run) if settings.hindsight.goals else None
+
+    @property
+    def parts(self) -> Mapping[str, Stateful]:
+        """What of it changes while the run goes on."""
+        found = {"replay_buffer": self._buffer, "obs_norm": self._norm, "hindsight": self._relabeller}
+        return {name: part for name, part in found.items() if part is not None}
+
+    def step(self, explorer: Explorer) -> None:
+        """Take one step in all worlds with actions drawn by ``explorer``, and remember it."""
+        run = self._run
+        frames = run.collector.frames
+        actions = np.asarray(explorer.explore(encode(run.interface, frames)), np.float32)
+        step = run.collector.step(decode(run.interface, actions, frames))
+        if self._norm:
+            self._norm.add(step.frames)
+        if self._relabeller is None:
+            self._keep(frames, actions, step.rewards, step.next_frames, step.terminal)
+            return
+        rewards = self._relabeller.rewards(step)
+        self._keep(frames, actions, rewards, step.next_frames, step.terminal & ~step.success)
+        for episode in self._relabeller.add(step, actions):
+            self._keep(*episode)
+
+    def sample(self, count: int) -> Batch:
+        """Draw ``count`` transitions with replacement."""
+        return self._buffer.sample(count)
+
+    def settle(self) -> None:
+        """End the warm-up: where observations are to be standardised they are from now on, remembered ones too."""
+        if self._norm and not self._norm.settled:
+            self._norm.settle()
+            self._buffer.standardise(self._run.interface)
+
+    def _keep(
+        self,
+        frames: np.ndarray,
+        actions: np.ndarray,
+        rewards: np.ndarray,
+        next_frames: np.ndarray,
+        terminal: np.ndarray,
+    ) -> None:
+        obs, next_obs = (encode(self._run.interface, seen) for seen in (frames, next_frames))
+        self._buffer.add(rows_of(obs, actions, rewards, next_obs, terminal, absorbing=False))
+
+
+class WarmupNorm:
+    """Moments of what a run saw in its warm-up, which standardise what it sees from then on.
+
+    Args:
+        run: whose interface changes.
+    """
+
+    def __init__(self, run: OnlineRun) -> None:
+        self._run, self._moments, self.settled = run, RunningMoments(run.sizes[0]), False
+
+    def add(self, frames: np.ndarray) -> None:
+        """Take frames (n, Do) in, while they still count."""
+        if not self.settled:
+            self._moments.add(self._run.interface.layout.relate(frames))
+
+    def settle(self) -> None:
+        """Standardise from now on."""
+        self._run.interface, self.settled = standardised(self._run.interface, self._moments), True
+
+    def snapshot(self) -> Snapshot:
+        arrays, values = self._moments.snapshot()
+        return Snapshot(arrays, {**values, "settled": self.settled})
+
+    def restore(self, saved: Snapshot) -> None:
+        self._moments.restore(saved)
+        if saved.values["settled"]:
+            self.settle()
+
+
+def relabeller(settings: OffPolicyReinforcement, run: OnlineRun) -> Relabeller:
+    """Return what remembers episodes with other goals.
+
+    Raises:
+        InvalidValueError: the environment tells no goal, or the policy does not see it.
+    """
+    env, layout = run.collector.env, run.interface.layout
+    if env.goal_spec is None:
+        hint = "Set algorithm.hindsight.goals=0."
+        raise InvalidValueError(f"{env.spec.robot}:{env.spec.task} tells no goal that could be exchanged. {hint}")
+    env.goal_spec.check(env.spec.observation)
+    columns = GoalColumns(env.goal_spec, layout.spec.observation.parts(layout.names))
+    return Relabeller(settings.hindsight, columns, run.collector.n, run.rng("hindsight"))

@@ -1,0 +1,1 @@
+"""The Adroit hand's tasks, and the tables of their study."""

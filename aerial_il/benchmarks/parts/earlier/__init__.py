@@ -1,0 +1,1 @@
+"""Earlier commits of this package, run beside the present one."""

@@ -1,0 +1,1 @@
+"""Reports of benchmarks: rows, targets and figures, and the pages that they become."""

@@ -1,0 +1,109 @@
+"""A report as a study in the repository: a page, the numbers, the figures, and the table of all studies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from aerial_il.benchmarks.parts.reporting.report import SCHEMA, Report, Row, Target
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import write_atomic
+
+PAGE, NUMBERS, OVERVIEW = "README.md", "results.json", "benchmarks.md"
+LARGEST_BYTES = 200_000
+
+
+def save_study(report: Report, experiments: Path, *, command: str) -> Path:
+    """Write ``experiments/NAME`` and bring ``experiments/benchmarks.md`` up to date; return the page.
+
+    Args:
+        report: what was measured. experiments: the folder of all studies. command: what measures it again.
+
+    Raises:
+        InvalidValueError: a file would be too large for a repository.
+    """
+    folder = experiments / report.name
+    found = {**report.to_dict(), "command": command}
+    numbers = json.dumps(found, indent=1, allow_nan=False) + "\n"
+    files = {NUMBERS: numbers, PAGE: page_of(found, tuple(report.figures)), **report.figures}
+    for name, text in files.items():
+        if len(text) > LARGEST_BYTES:
+            raise InvalidValueError(f"{folder / name} has {len(text)} bytes; a study keeps {LARGEST_BYTES} at most.")
+    for name, text in files.items():
+        write_atomic(folder / name, text)
+    write_atomic(experiments / OVERVIEW, overview(experiments))
+    return folder / PAGE
+
+
+def page_of(study: Mapping[str, Any], figures: Sequence[str]) -> str:
+    """Return the page of one study: question, answer, tables, figures, how and where it was measured."""
+    targets = ["## Targets", _markdown(_target_rows(study))] if study["targets"] else []
+    tables = [part for title, rows in study["tables"].items() for part in (f"## {title}", _markdown(rows))]
+    parts = [
+        f"# {_title(study)}",
+        *_superseded(study),
+        study["question"],
+        f"**{_capital(study['verdict'])}.** Measured with",
+        f"```bash\n{study['command']}\n```",
+        f"{_origin(study)}. All numbers: [{NUMBERS}]({NUMBERS}).",
+        *targets,
+        *(f"![{_title(study)}]({name})" for name in figures),
+        *tables,
+        "## How it was measured",
+        "\n".join(f"- {note}" for note in study["notes"]),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def overview(experiments: Path) -> str:
+    """Return the page of all studies below ``experiments``: what was wanted, what was measured, from which commit."""
+    parts = ["# Benchmarks", "Written by `aerial-il bench NAME save=true`; each study says how it was measured."]
+    for study in _studies(experiments):
+        parts += [f"## [{_title(study)}]({study['benchmark']}/{PAGE})", *_superseded(study), study["question"]]
+        parts += [f"{_capital(study['verdict'])}. {_origin(study)}."]
+        summary = next(iter(study["tables"].values()))
+        parts += [_markdown(_target_rows(study))] if study["targets"] else []
+        parts += [_markdown(summary)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _studies(experiments: Path) -> list[dict[str, Any]]:
+    found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(experiments.glob(f"*/{NUMBERS}"))]
+    return [study for study in found if study.get("schema") == SCHEMA]
+
+
+def _superseded(study: Mapping[str, Any]) -> list[str]:
+    """Return the warning that a study carries whose figures no longer stand; measuring anew takes it away."""
+    return [f"> **Superseded.** {study['superseded']}"] if "superseded" in study else []
+
+
+def _target_rows(study: Mapping[str, Any]) -> list[Row]:
+    targets = [{key: value for key, value in target.items() if key != "met"} for target in study["targets"]]
+    return [Target(**target).to_row() for target in targets]
+
+
+def _title(study: Mapping[str, Any]) -> str:
+    return str(study["benchmark"]).replace("_", " ").capitalize()
+
+
+def _origin(study: Mapping[str, Any]) -> str:
+    """Return commit, machine, its load and the time taken in words."""
+    git, machine = study["provenance"]["git"], study["machine"]
+    commit = "an installed package" if git is None else f"commit `{git['sha'][:10]}`{' with changes' * git['dirty']}"
+    where = f"{machine['cores']} cores of {machine['cpu']}, load {machine['load_average']:g} at the end"
+    return f"{_capital(commit)}, {where}, {study['wall_time_s']:.0f} s"
+
+
+def _capital(words: str) -> str:
+    return words[0].upper() + words[1:]
+
+
+def _markdown(rows: Sequence[Row]) -> str:
+    """Lay rows out as a Markdown table; numbers stand to the right."""
+    names = list(rows[0])
+    numeric = [all(isinstance(row[name], int | float) or row[name] is None for row in rows) for name in names]
+    lines = [[name.replace("_", " ") for name in names], ["---:" if right else "---" for right in numeric]]
+    lines += [["" if row[name] is None else str(row[name]) for name in names] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,0 +1,1 @@
+"""References that a vehicle is asked to follow, and how well it does."""

@@ -1,0 +1,1 @@
+"""Stages that learning studies share: demonstrations, trainings, evaluations."""

@@ -1,0 +1,234 @@
+"""The stages of every learning study: demonstrations, trainings, evaluations, each done once and kept in its record.
+
+A training differs from its sisters in its draw: of demonstrations, and with them of weights and minibatches. Killed at
+any moment, the same call continues; several processes may share a record as long as they work on different draws.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import aerial_il
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.interactive.settings import InteractiveSettings
+from aerial_il.algorithms.run.cadence import CADENCE
+from aerial_il.algorithms.run.folder import METRICS, PROVENANCE, read_metrics
+from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.training.demonstrations import Source, collections, first, gather
+from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.settings import plain
+from aerial_il.data.dataset import Dataset
+from aerial_il.data.folder import LOG
+from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.suite.batch import BatchEnvironment
+
+EVALUATION_SEED, TUNING_SEEDS = 10_000, range(5_000, 6_000)
+
+
+class Training(Protocol):
+    """One policy to be trained; :class:`Cloned` is one."""
+
+    @property
+    def source(self) -> Source:
+        """Where its demonstrations come from."""
+        ...
+
+    @property
+    def label(self) -> str:
+        """Its name for people, a path."""
+        ...
+
+    def decided_by(self) -> dict[str, Any]:
+        """Return all that decides its result."""
+        ...
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        """Train it, or go on, in the folder ``run``; return the final policy."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Cloned:
+    """A policy cloned from some demonstrations.
+
+    Attributes:
+        method: name for people. source: of the demonstrations; its draw is the training's seed. demos: how many.
+        policy: what is trained. algorithm: how.
+    """
+
+    method: str
+    source: Source
+    demos: int
+    policy: PolicyConfig
+    algorithm: BehaviourCloning
+
+    @property
+    def label(self) -> str:
+        return (
+            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        )
+
+    def decided_by(self) -> dict[str, Any]:
+        return all_that_decides(self, "bc")
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        shown = stages.demonstrations(self.source, self.demos, cameras=self.policy.images)
+        return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
+
+
+def all_that_decides(training: Any, *algorithms: str) -> dict[str, Any]:
+    """Return all that decides the result of a training from demonstrations.
+
+    Args:
+        training: with ``source``, ``demos``, ``policy`` and ``algorithm``. algorithms: whose code trains.
+    """
+    return {
+        "source": training.source.decided_by(),
+        "demos": training.demos,
+        "policy": described(training.policy),
+        "algorithm": without_cadence(training.algorithm),
+        "learning": learning_code(*algorithms),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stages:
+    """Does what a record does not hold yet.
+
+    Attributes:
+        record: of the study. num_envs: worlds flown at once. threads: of the simulation; 0 for all cores.
+        progress: show progress bars. most: demonstrations that a draw is begun with, so that it is flown in one go.
+        places: all folders that were used, by kind.
+    """
+
+    record: Record
+    num_envs: int = 50
+    threads: int = 0
+    progress: bool = True
+    most: int = 0
+    places: dict[str, dict[Path, None]] = field(default_factory=dict, compare=False, repr=False)
+
+    def demonstrations(self, source: Source, count: int, *, cameras: tuple[str, ...] = ()) -> Dataset:
+        """Return the first ``count`` successful flights of the expert, flying those that are missing."""
+        path = self._dataset(source)
+        wanted = max(count, self.most)
+        gather(source, path, wanted, num_envs=self.num_envs, threads=self.threads, progress=self.progress)
+        return first(path, count, cameras=cameras)
+
+    def run_of(self, training: Training) -> Path:
+        """Return the folder of a training."""
+        return self._place("training", training.label, training.decided_by())
+
+    def policy(self, training: Training) -> Policy:
+        """Return the final policy of a training."""
+        return training.train(self, self.run_of(training))
+
+    def judged(self, training: Training, tier: str, seeds: range) -> EvaluationResult:
+        """Return how the final policy of a training flies in a tier, on ``seeds``."""
+        source = training.source
+        where = {"tier": tier, "seeds": [seeds.start, seeds.stop], "ground": ground(source.robot, source.task, tier)}
+        decided_by = {"training": training.decided_by(), **where}
+        place = self._place("evaluations", f"{training.label}/{tier}", decided_by)
+        if (place / FILE_NAME).exists():
+            self._dataset(source)  # the time of both is the study's, too
+            self.run_of(training)
+            return load_result(place)
+        policy, env = self.policy(training), self.environment(source, tier, min(self.num_envs, len(seeds)))
+        try:
+            result = evaluate(env, policy, seeds, policy_name=training.label, progress=self.progress)
+        finally:
+            env.close()
+        result.save(place)
+        return result
+
+    def environment(self, source: Source, tier: str, num_envs: int) -> BatchEnvironment:
+        """Return worlds of a training's cell, with its cameras."""
+        return aerial_il.load_batch(
+            source.robot,
+            source.task,
+            num_envs=num_envs,
+            tier=tier,
+            cameras=source.cameras,
+            image_size=source.image_size,
+            num_threads=self.threads,
+        )
+
+    def minutes(self, trainings: Iterable[Training]) -> float:
+        """Return the mean wall time of some trainings, min."""
+        found = [_trained_s(self.run_of(training)) for training in trainings]
+        return round(sum(found) / len(found) / 60, 2)
+
+    def seconds(self) -> float:
+        """Return how long all stages used so far took, whenever they were done."""
+        collecting = sum(run["seconds"] for run in collections(self._used("datasets", LOG)))
+        flying = sum(load_result(place).provenance["wall_time_s"] for place in self._used("evaluations", FILE_NAME))
+        return collecting + flying + sum(map(_trained_s, self._used("training", METRICS)))
+
+    def origins(self) -> list[str]:
+        """Return a note that names the commits of the stages where there is more than one."""
+        stages = [run["provenance"] for run in collections(self._used("datasets", LOG))]
+        stages += [json.loads((run / PROVENANCE).read_text()) for run in self._used("training", PROVENANCE)]
+        stages += [load_result(place).provenance for place in self._used("evaluations", FILE_NAME)]
+        commits = sorted({stage["git"]["sha"][:10] for stage in stages if stage["git"]})
+        return [f"The stages were done at several commits: {', '.join(commits)}."] if len(commits) > 1 else []
+
+    def _dataset(self, source: Source) -> Path:
+        return self._place("datasets", source.label, source.decided_by())
+
+    def _place(self, kind: str, label: str, decided_by: dict[str, Any]) -> Path:
+        place = self.record.place(kind, label, decided_by)
+        self.places.setdefault(kind, {})[place] = None
+        return place
+
+    def _used(self, kind: str, name: str) -> list[Path]:
+        """Return the places of a kind that hold a file of that name."""
+        return [place for place in self.places.get(kind, {}) if (place / name).exists()]
+
+
+def described(policy: PolicyConfig) -> dict[str, Any]:
+    """Return a policy's settings as JSON values."""
+    return json.loads(json.dumps({"name": policy.name, **policy.to_dict()}))
+
+
+def without_cadence(settings: Any) -> dict[str, Any]:
+    """Return an algorithm's settings as JSON values, without those that no weight depends on, at any depth."""
+
+    def kept(tree: Any) -> Any:
+        return {k: kept(v) for k, v in tree.items() if k not in CADENCE} if isinstance(tree, dict) else tree
+
+    return kept(plain(settings))
+
+
+def steps_of(algorithm: BehaviourCloning | InteractiveSettings) -> int:
+    """Return the optimisation steps of all rounds: the first and the last in full, those between shorter."""
+    if isinstance(algorithm, BehaviourCloning):
+        return algorithm.steps
+    return 2 * algorithm.training.steps + (algorithm.rounds - 1) * algorithm.between_steps
+
+
+def check_seeds(first_episode: int, episodes: int) -> None:
+    """Refuse evaluations that are neither judgement, from 10000 on, nor tuning, from 5000 to 5999.
+
+    Raises:
+        InvalidValueError: the seeds lie elsewhere, where demonstrations may have been flown.
+    """
+    seeds = range(first_episode, first_episode + episodes)
+    tuning = seeds.start in TUNING_SEEDS and seeds[-1] in TUNING_SEEDS
+    if not (tuning or (seeds.start >= EVALUATION_SEED and seeds[-1] < 100_000)):
+        raise InvalidValueError(
+            f"Evaluations on seeds {seeds.start} to {seeds[-1]} are refused: to judge take some from 10000 to 99999, "
+            "to tune some from 5000 to 5999; demonstrations use others."
+        )
+
+
+def _trained_s(run: Path) -> float:
+    """Return the wall time of all optimisation below a run's folder."""
+    return sum(read_metrics(file.parent)[-1].get("elapsed_s", 0.0) for file in run.rglob(METRICS))

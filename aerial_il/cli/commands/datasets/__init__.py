@@ -1,0 +1,1 @@
+"""Commands about recorded datasets: what they hold, whether they can be trusted, other formats."""

@@ -1,0 +1,132 @@
+"""Let the expert fly and record every flight; killed at any moment, the same command continues.
+
+Each seed is one episode. Successes go to demos/, the others, labelled so, to failures/.
+
+Example: aerial-il collect robot=fa_hexa_arm4 task=reach episodes=100 out=datasets/reach
+Example: aerial-il collect task=pick_place episodes=50 cameras=[wrist,scene] lerobot=true out=datasets/pick_seen
+Example: aerial-il collect env=gymnasium:AdroitHandDoor-v1 policy=dapg_policies.npz success=success:25 out=datasets/door
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aerial_il.cli.commands.datasets import convert
+from aerial_il.cli.configuration import spelling
+from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
+from aerial_il.cli.configuration.quoting import command_line
+from aerial_il.core.errors import InvalidValueError
+
+
+@dataclass
+class Expert:
+    """How the expert flies."""
+
+    noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        at_least(self, noise=0.0)
+
+
+@dataclass
+class Config:
+    robot: Named = group("which vehicle", "ua_quad_arm4")
+    task: Named = group("what it does", "pick_place")
+    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    expert: Expert = group("how the demonstrator flies", "noisy")
+    controller: Named = group("which law flies the base", "geometric_observer")
+    policy: MaybeLocated = path(MaybeLocated, "who flies in env=...: folder of a run, an expert's file, or random")
+    env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:CartPole-v1")
+    success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
+    max_steps: int | None = key(None, "time limit there (null: its own)")
+    horizon: int | None = key(None, "record so many steps of 20 ms, through success (null: up to the first success)")
+    out: str = output(MISSING, "folder of the dataset")
+    action: str = key("ee_pose", "action level that is recorded")
+    episodes: int = key(100, "how many seeds are flown")
+    seed: int = key(0, "the first of them; evaluations start at 10000")
+    cameras: list[str] = key([], "cameras to record: scene, wrist, base")
+    image_size: list[int] = key([240, 320], "height and width of their pictures")
+    mix: bool = key(False, "add to a dataset of another tier, flight law, pilot or settings")
+    lerobot: bool = key(False, "derive a LeRobot dataset too, in derived/lerobot of the folder")
+    num_envs: int = key(64, "worlds flown at once")
+    threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
+    progress: bool = key(True, "show a progress bar")
+
+    def __post_init__(self) -> None:
+        at_least(self, episodes=1, seed=0, num_envs=1, threads=0)
+
+
+def run(config: Config) -> None:
+    """Record, and say what comes next."""
+    (record if config.env is None else record_outside)(config)
+    name = config.task.name if config.env is None else config.env.partition(":")[2]
+    print(f"Next: {command_line(['train', spelling.path('dataset', config.out), f'run=runs/{name}'])}")
+
+
+def record(config: Config) -> None:
+    """Record what is missing, and derive the LeRobot dataset if it is wanted."""
+    import aerial_il
+    from aerial_il.cli.flights.environments import EnvironmentReference
+    from aerial_il.collection.collect import collect
+    from aerial_il.core.rendering import require_rendering
+
+    if config.cameras:
+        require_rendering(f"cameras=[{','.join(config.cameras)}]")
+    robot, task = config.robot.name, config.task.name
+    where = EnvironmentReference(
+        robot=robot,
+        task=task,
+        tier=config.tier.name,
+        action=config.action,
+        controller=config.controller.name,
+        horizon=config.horizon,
+        cameras=tuple(config.cameras),
+        image_size=(config.image_size[0], config.image_size[1]),
+    )
+    env = where.load(num_envs=min(config.num_envs, config.episodes), threads=config.threads)
+    try:
+        collect(
+            env,
+            aerial_il.expert(robot, task, noise=config.expert.noise),
+            range(config.seed, config.seed + config.episodes),
+            config.out,
+            settings={"noise": config.expert.noise},
+            mix=config.mix,
+            progress=config.progress,
+        )
+    finally:
+        env.close()
+    if config.lerobot:
+        convert.run(convert.Config(config.out, progress=config.progress))
+
+
+def record_outside(config: Config) -> None:
+    """Record what is missing of an environment from outside, each episode over its whole horizon."""
+    from aerial_il.cli.flights import environments, pilots
+    from aerial_il.collection.collect import collect
+
+    source = config.policy.path
+    if config.horizon is not None:
+        raise InvalidValueError(f"env={config.env} has no horizon of ours: say max_steps={config.horizon}.")
+    if source is None:
+        raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
+    options = environments.given(success=config.success, max_steps=config.max_steps)
+    noise = config.expert.noise
+    pilot = pilots.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)
+    env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, config.episodes), threads=config.threads)
+    try:
+        seeds = range(config.seed, config.seed + config.episodes)
+        collect(
+            env,
+            pilot.policy,
+            seeds,
+            config.out,
+            policy_name=source,
+            settings={"noise": noise},
+            mix=config.mix,
+            progress=config.progress,
+        )
+    finally:
+        env.close()
+    if config.lerobot:
+        convert.run(convert.Config(config.out, progress=config.progress))

@@ -1,0 +1,1 @@
+"""Piloting: from what a device shows at one tick to an action, and who flies."""

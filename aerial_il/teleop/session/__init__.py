@@ -1,0 +1,1 @@
+"""Sessions: the flight tick by tick in real time, its episodes, and what is recorded of them."""

@@ -1,0 +1,32 @@
+"""Studies with the model of a driver learn from its flights as ``aerial-il train`` learns from a person's."""
+
+from __future__ import annotations
+
+from aerial_il.benchmarks.hg_dagger import HumanInTheLoop
+from aerial_il.benchmarks.human_data import DRIVER, SCRIPT, ClonedDriver, HumanData
+from aerial_il.benchmarks.parts.training.stages import Cloned
+from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
+
+SUITED = Waypoints(lookahead_s=LOOKAHEAD_S)
+
+
+def test_the_drivers_arm_is_suited_to_hands_and_the_scripts_is_not() -> None:
+    for by_hand in (True, False):
+        found = {teacher: training for _, teacher, training in HumanData(arms=("flow",), by_hand=by_hand)._trainings()}
+        driver, script = found[DRIVER], found[SCRIPT]
+        assert isinstance(driver, ClonedDriver)
+        assert isinstance(script, Cloned)
+        assert driver.algorithm.waypoints == (SUITED if by_hand else Waypoints())
+        assert driver.policy.relative is by_hand
+        assert script.algorithm.waypoints == Waypoints()
+        assert not script.policy.relative
+        assert driver.policy.name == script.policy.name == "flow"
+
+
+def test_all_rounds_of_taking_over_are_suited_to_hands() -> None:
+    study = HumanInTheLoop()
+    assert study.algorithm.training == study.learner[0]
+    assert study.learner[0].waypoints == SUITED
+    assert study.learner[1].relative
+    plain = HumanInTheLoop(by_hand=False)
+    assert plain.learner == (plain.training, plain.policy)
