@@ -15,7 +15,7 @@ import zipfile
 import zlib
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import yaml
@@ -43,7 +43,7 @@ def read_bytes(path: str | os.PathLike[str], *, most: int) -> bytes:
         return file.read(size)
 
 
-def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
+def open_regular(path: str | os.PathLike[str]) -> io.BufferedReader:
     """Open a regular file for reading; raises as :func:`read_bytes`."""
     file = open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")  # noqa: SIM115 - a pipe would wait
     mode = os.fstat(file.fileno()).st_mode

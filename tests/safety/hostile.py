@@ -341,7 +341,8 @@ def hdf5_of_fill_values(sound: Sound, to: Path) -> Path:
 
 def hdf5_of_many_columns(sound: Sound, to: Path) -> Path:
     def change(raw: h5py.File) -> None:
-        for demo in raw["data"].values():
+        data: Any = raw["data"]
+        for demo in data.values():
             del demo["aerial_il"]
             for i in range(200):
                 demo.create_dataset(f"obs/f{i}", (10**6, 8), "f8", chunks=(1000, 8))
@@ -351,7 +352,8 @@ def hdf5_of_many_columns(sound: Sound, to: Path) -> Path:
 
 def hdf5_links_outside(sound: Sound, to: Path) -> Path:
     def change(raw: h5py.File) -> None:
-        for demo in raw["data"].values():
+        data: Any = raw["data"]
+        for demo in data.values():
             del demo["rewards"], demo["actions"], demo["states"]
             demo["rewards"] = h5py.ExternalLink(str(sound.victim / "other.hdf5"), "/x")
             demo["actions"] = h5py.SoftLink("/data")
@@ -412,7 +414,8 @@ def evaluation_with_script(sound: Sound, to: Path) -> Path:
 
 def evaluation_of_objects(sound: Sound, to: Path) -> Path:
     out = _copy(sound.run.parent / "judged", to)
-    np.savez(out / "paths.npz", **{"10000": np.array([_Touch(sound.canary)], dtype=object)})
+    held: Any = {"10000": np.array([_Touch(sound.canary)], dtype=object)}
+    np.savez(out / "paths.npz", **held)
     return out
 
 
@@ -439,7 +442,7 @@ def a_loop(sound: Sound, to: Path) -> Path:
     return to
 
 
-ATTACKS: dict[str, Callable[[Sound, Path], Path]] = {
+ATTACKS: dict[str, Any] = {
     name: made
     for name, made in sorted(globals().items())
     if callable(made) and getattr(made, "__module__", "") == __name__ and name[0].islower() and name != "rewrite"

@@ -217,7 +217,9 @@ def _array(path: Path, group: h5py.Group, name: str, *, last: bool = False) -> n
 def _check_size(path: Path, demo: h5py.Group) -> None:
     """Require that all datasets of a demonstration together can be held, before one of them is read."""
     groups = [_child(path, demo, name, h5py.Group) for name in ("obs", "next_obs", PRIVATE) if name in demo]
-    names = [(group, name) for group in (demo, *groups) for name in group if group is not demo or name in COLUMNS]
+    names = [
+        (group, name) for group in (demo, *groups) for name in map(str, group) if group is not demo or name in COLUMNS
+    ]
     size = sum(child.size * child.dtype.itemsize for child in (_child(path, *each, h5py.Dataset) for each in names))
     if size > MAX_BYTES:
         problem = f"has an absurdly large demonstration {demo.name}."
