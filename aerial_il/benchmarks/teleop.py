@@ -20,7 +20,6 @@ import numpy as np
 import aerial_il
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
-from aerial_il.benchmarks.parts.teleop.chromium import BROWSER, BrowserError, Tab, browser
 from aerial_il.benchmarks.parts.teleop.narrow import narrowed
 from aerial_il.benchmarks.parts.teleop.page_client import PageClient, sitting
 from aerial_il.benchmarks.parts.teleop.server import served
@@ -29,6 +28,7 @@ from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
+from aerial_il.inspection.chromium import BROWSER, BrowserError, Tab, browser
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.flight import Site, fly
 from aerial_il.teleop.input.mapping import Bindings

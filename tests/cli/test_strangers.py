@@ -30,6 +30,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "convert": [["demos"]],
     "evaluate": [["policy=policy", "out=out", "episodes=2"], ["policy=run", "out=out", "episodes=2", "threads=1"]],
     "info": [["demos"]],
+    "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
     "recover": [["demos"]],
     "replay": [["demos"]],
     "report": [["run"], ["policy"]],

@@ -50,6 +50,7 @@ class Config:
     lerobot: bool = key(False, "derive a LeRobot dataset too, in derived/lerobot of the folder")
     num_envs: int = key(64, "worlds flown at once")
     threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
+    rerun: bool = key(False, "show the first world in rerun while it flies; a file where there is no screen")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
@@ -67,6 +68,7 @@ def record(config: Config) -> None:
     """Record what is missing, and derive the LeRobot dataset if it is wanted."""
     import aerial_il
     from aerial_il.cli.flights.environments import EnvironmentReference
+    from aerial_il.cli.flights.watching import watched
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
 
@@ -85,15 +87,16 @@ def record(config: Config) -> None:
     )
     env = where.load(num_envs=min(config.num_envs, config.episodes), threads=config.threads)
     try:
-        collect(
-            env,
-            aerial_il.expert(robot, task, noise=config.expert.noise),
-            range(config.seed, config.seed + config.episodes),
-            config.out,
-            settings={"noise": config.expert.noise},
-            mix=config.mix,
-            progress=config.progress,
-        )
+        with watched(env, config.threads, wanted=config.rerun) as seen:
+            collect(
+                seen,
+                aerial_il.expert(robot, task, noise=config.expert.noise),
+                range(config.seed, config.seed + config.episodes),
+                config.out,
+                settings={"noise": config.expert.noise},
+                mix=config.mix,
+                progress=config.progress,
+            )
     finally:
         env.close()
     if config.lerobot:
@@ -106,6 +109,8 @@ def record_outside(config: Config) -> None:
     from aerial_il.collection.collect import collect
 
     source = config.policy.path
+    if config.rerun:
+        raise InvalidValueError("rerun=true shows worlds of the suite: leave out env=..., or leave out rerun=true.")
     if config.horizon is not None:
         raise InvalidValueError(f"env={config.env} has no horizon of ours: say max_steps={config.horizon}.")
     if source is None:

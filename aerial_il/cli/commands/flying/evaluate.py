@@ -44,6 +44,7 @@ class Config:
     threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
     overwrite: bool = key(False, "replace the result of another evaluation in that folder")
     videos: int = key(2, "films of successes, and as many of failures")
+    rerun: bool = key(False, "show the first world in rerun while it flies; a file where there is no screen")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
@@ -53,6 +54,7 @@ class Config:
 def run(config: Config) -> None:
     """Evaluate, write the results, print the headline."""
     from aerial_il.cli.flights import environments, pilots
+    from aerial_il.cli.flights.watching import watched
 
     pilot = pilots.pilot(
         config.policy.path,
@@ -70,7 +72,8 @@ def run(config: Config) -> None:
         controller=config.controller.name,
     )
     try:
-        result = _judged(config, pilot, env, seeds)
+        with watched(env, config.threads, wanted=config.rerun) as seen:
+            result = _judged(config, pilot, seen, seeds)
     finally:
         env.close()
     tier = env.spec.tier if pilot.reference.env else config.tier.name

@@ -16,6 +16,7 @@ import asyncio
 import getpass
 import ssl
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -69,6 +70,7 @@ class Config:
     port: int = key(8642, "of the page; 0 for any that is free")
     size: list[int] = key([360, 480], "height and width of the pictures")
     ui: str = key("browser", "browser, or window: one without tabs, by Chromium", choices=("browser", "window"))
+    rerun: bool = key(False, "show the flight in rerun too; a file where there is no screen")
     open: bool = key(True, "open the page, where there is a screen")
 
     def __post_init__(self) -> None:
@@ -89,6 +91,7 @@ def run(config: Config) -> None:
     from aerial_il.cli.configuration.quoting import command_line
     from aerial_il.cli.flights.page import greet
     from aerial_il.cli.flights.sessions import summary, write_summary
+    from aerial_il.cli.flights.watching import watched
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.devices import bindings_of, drivers_of
     from aerial_il.teleop.flight import Site, fly
@@ -107,16 +110,19 @@ def run(config: Config) -> None:
         print(f"Keys of your own: {controls.file(name)}", flush=True)
     bindings, drivers = bindings_of(mappings), drivers_of(mappings, _settings(config.hardware))
     tls = _tls(config)
-    policy, env = _aboard(config)
+    policy, plain = _aboard(config)
     operator = config.operator or getpass.getuser()
+    stack = ExitStack()
+    stack.callback(plain.close)
     try:
+        env = stack.enter_context(watched(plain, 1, wanted=config.rerun))
         check_level(env.spec.action.level)
         check_leader(env.spec.action.level, bindings)
         for driver in drivers.values():  # what is not plugged in is told before a folder is claimed
             driver.open().close()
         logbook = Logbook(env, config.out, operator=operator, first_seed=config.seed, policy=config.policy.path)
     except BaseException:
-        env.close()
+        stack.close()
         raise
     try:
         cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
@@ -133,7 +139,7 @@ def run(config: Config) -> None:
         if kept["demos"]:
             print(f"Next: {command_line(['validate', spelling.path('path', config.out)])}")
     finally:
-        env.close()
+        stack.close()
 
 
 def _settings(words: Sequence[str]) -> dict[str, dict[str, Any]]:

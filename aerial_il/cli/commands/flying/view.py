@@ -109,6 +109,7 @@ def _show_flight(config: Config, viewer: str) -> None:
 
 
 def _show_recording(config: Config, viewer: str, file: Path) -> None:
+    from aerial_il.cli.flights.scenes import same_scene
     from aerial_il.data.recording.reader import read_episode
     from aerial_il.evaluation.films import window
 
@@ -117,7 +118,7 @@ def _show_recording(config: Config, viewer: str, file: Path) -> None:
         print(f"{file}: again and again. Close the window to end.")
         window.show_recording(episode)
         return
-    env = _same_scene(episode)
+    env = same_scene(episode)
     try:
         again = command_line(["view", f"recording={file}"])
         _present(config, viewer, episode, file, _out(config, viewer, file.stem), env=env, again=again)
@@ -221,20 +222,3 @@ def _find(place: Path, seed: int | None) -> Path:
         seeds = sorted(int(file.stem.split("-")[-2]) for file in files)
         raise DemoError(place, f"has no episode with seed {seed}.", hint=f"Seeds from {seeds[0]} to {seeds[-1]}.")
     return chosen[0]
-
-
-def _same_scene(episode: Any) -> Any:
-    """Return an environment of one world in the very scene of a recording, or None if there is none any more."""
-    import aerial_il
-    from aerial_il.core.errors import AerialError
-
-    spec = episode.spec
-    try:
-        where = {"tier": spec.tier, "action": spec.action.level, "controller": spec.controller}
-        env = aerial_il.load_batch(spec.robot, spec.task, num_envs=1, **where)
-    except AerialError:
-        return None
-    if env.model_xml == episode.model_xml and env.spec.state_size == spec.state_size:
-        return env
-    env.close()
-    return None

@@ -18,7 +18,8 @@ import aiohttp
 from aerial_il.core.errors import AerialError
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-port=0")
+OPTIONS = ("--headless=new", "--no-sandbox", "--hide-scrollbars", "--remote-debugging-port=0")
+PLAIN = ("--disable-gpu",)
 KEYS = {  # code -> what else the browser wants to know
     "Tab": ("Tab", 9),
     "Enter": ("Enter", 13),
@@ -94,10 +95,27 @@ class Tab:
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         await self.call("Emulation.setEmulatedMedia", features=[scheme])
 
+    async def click(self, x: float, y: float, wait_s: float = 0.05) -> None:
+        """Press and release the left button of the mouse, each after a wait, for pages that look once in a frame."""
+        for kind, buttons in (("mouseMoved", 0), ("mousePressed", 1), ("mouseMoved", 1), ("mouseReleased", 0)):
+            how = {"button": "left", "buttons": buttons, "clickCount": 1}
+            await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **how)
+            await asyncio.sleep(wait_s)
+
+    async def snapshot(self) -> bytes:
+        """Return what is seen as PNG.
+
+        Raises:
+            BrowserError: the page cannot be drawn just now, as may happen while it begins.
+        """
+        shot = await self.call("Page.captureScreenshot", format="png")
+        if "data" not in shot:
+            raise BrowserError(f"The browser took no picture: {shot}.")
+        return base64.b64decode(shot["data"])
+
     async def picture(self, target: Path) -> Path:
         """Save what is seen."""
-        shot = await self.call("Page.captureScreenshot", format="png")
-        target.write_bytes(base64.b64decode(shot["data"]))
+        target.write_bytes(await self.snapshot())
         return target
 
     async def _read(self) -> None:
@@ -114,8 +132,11 @@ Opener = Callable[[str], Awaitable[Tab]]
 
 
 @asynccontextmanager
-async def browser() -> AsyncIterator[Opener]:
+async def browser(*drawing: str) -> AsyncIterator[Opener]:
     """Start a browser; what it yields opens pages.
+
+    Args:
+        drawing: options about how it draws; none of them for a page without 3-D.
 
     Raises:
         BrowserError: there is none on this machine.
@@ -124,7 +145,7 @@ async def browser() -> AsyncIterator[Opener]:
         raise BrowserError("No Chromium or Chrome on this machine.")
     with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         process = await asyncio.create_subprocess_exec(
-            BROWSER, *OPTIONS, f"--user-data-dir={profile}", "about:blank",
+            BROWSER, *OPTIONS, *(drawing or PLAIN), f"--user-data-dir={profile}", "about:blank",
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
         )  # fmt: skip
         try:

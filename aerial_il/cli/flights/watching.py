@@ -1,0 +1,47 @@
+"""``rerun=true``: the first world of what flies now is shown in rerun."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite.batch import BatchEnvironment
+
+RECORDED = Path("runs/inspections/live.rrd")
+
+
+@contextmanager
+def watched(env: Any, threads: int, *, wanted: bool) -> Iterator[Any]:
+    """Yield ``env`` itself, or what stands for it and is watched; a file is written where there is no screen.
+
+    Raises:
+        InvalidValueError: its worlds are not the suite's. ViewerError: rerun's viewer is not installed.
+    """
+    if not wanted:
+        yield env
+        return
+    if not isinstance(env, BatchEnvironment):
+        raise InvalidValueError(f"rerun=true shows worlds of the suite; {env.spec.robot}/{env.spec.task} is not one.")
+    import rerun as rr
+
+    from aerial_il.evaluation.films.window import has_screen
+    from aerial_il.inspection.live import WatchedBatch
+    from aerial_il.inspection.program import program
+
+    stream = rr.RecordingStream("aerial_il-live")
+    if has_screen():
+        stream.spawn(executable_path=str(program()))
+    else:
+        RECORDED.parent.mkdir(parents=True, exist_ok=True)
+        stream.save(RECORDED)
+        print(f"No screen here: what flies is written to {RECORDED}")
+    shown = WatchedBatch(env, threads, stream)
+    try:
+        yield shown
+    finally:
+        shown.close()
+        stream.flush()
+        stream.disconnect()
