@@ -16,7 +16,10 @@ PLAIN = {  # keys whose text is no place that is read: names, and places of the 
     "action", "cameras", "certificate", "controls", "devices", "env", "evaluate_tier", "flight_tier", "flights",
     "hardware", "host", "key_file", "operator", "success", "time_scale", "ui", "viewer",
 }  # fmt: skip
-WRITTEN = {("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out")}  # new files
+WRITTEN = {  # new files
+    ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
+    ("inspect", "save"), ("inspect", "screenshot"),
+}  # fmt: skip
 FLOWN = ["episodes=1", "threads=1", QUIET]
 
 
@@ -49,6 +52,9 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("evaluate", "policy"): [ENV, "out=judged", *judged],
         ("evaluate", "out"): [ENV, f"policy={sound.run}", *judged],
         ("info", "path"): [],
+        ("inspect", "path"): ["save=seen.rrd"],
+        ("inspect", "beside"): [f"path={sound.recording}", "save=seen.rrd"],
+        ("inspect", "policy"): [f"path={sound.recording}", "save=seen.rrd"],
         ("recover", "path"): [],
         ("replay", "path"): [QUIET],
         ("report", "result"): ["out=report.html"],
