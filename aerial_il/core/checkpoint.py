@@ -24,13 +24,16 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_safetensors
 from safetensors.numpy import save as save_safetensors
 
+from aerial_il.core.bounded import parse_json, parse_yaml, read_bytes
 from aerial_il.core.errors import CheckpointError
-from aerial_il.core.files import sync_folder
+from aerial_il.core.files import PlainDumper, sync_folder
 
 VERSION = 1
 MANIFEST = "manifest.json"
 ARRAYS, STATE, CONFIG = "arrays.safetensors", "state.json", "config.yaml"
 FOLDER = "checkpoints"
+MAX_FILE_BYTES = 4 << 30
+MAX_MANIFEST_BYTES = 1 << 20
 
 log = logging.getLogger(__name__)
 
@@ -82,8 +85,8 @@ def load(folder: str | os.PathLike[str]) -> Checkpoint:
     entries = _read_manifest(folder / MANIFEST)["files"]
     try:
         arrays, state, config = (_read_checked(folder / name, entries[name]) for name in (ARRAYS, STATE, CONFIG))
-        return Checkpoint(load_safetensors(arrays), json.loads(state), yaml.safe_load(config))
-    except (KeyError, TypeError, ValueError, SafetensorError, yaml.YAMLError) as error:
+        return Checkpoint(load_safetensors(arrays), parse_json(state), parse_yaml(CONFIG, config))
+    except (KeyError, TypeError, ValueError, SafetensorError) as error:
         raise CheckpointError(folder, f"is sealed but not a checkpoint ({error}).") from error
 
 
@@ -133,6 +136,8 @@ def prune(run: str | os.PathLike[str], keep: int = 3) -> None:
 
 
 def _newest_first(run: str | os.PathLike[str]) -> Iterator[Path]:
+    if (Path(run) / FOLDER).is_symlink():  # old ones are deleted: not those of another folder
+        raise CheckpointError(Path(run) / FOLDER, "is a link.", "Put the folder itself there.")
     folders = [f for f in (Path(run) / FOLDER).glob("*") if f.name.isdigit() and f.is_dir()]
     yield from sorted(folders, key=lambda f: int(f.name), reverse=True)
 
@@ -142,7 +147,7 @@ def _encode(checkpoint: Checkpoint) -> dict[str, bytes]:
     return {
         ARRAYS: save_safetensors(arrays),
         STATE: json.dumps(checkpoint.state, allow_nan=False).encode(),
-        CONFIG: yaml.safe_dump(dict(checkpoint.config), sort_keys=False).encode(),
+        CONFIG: yaml.dump(dict(checkpoint.config), Dumper=PlainDumper, sort_keys=False).encode(),
     }
 
 
@@ -157,9 +162,9 @@ def _manifest_bytes(body: dict[str, Any]) -> bytes:
 
 
 def _read_manifest(path: Path) -> dict[str, Any]:
-    raw = _read(path)
+    raw = _read(path, MAX_MANIFEST_BYTES)
     try:
-        manifest = json.loads(raw)
+        manifest = parse_json(raw)
         version, body = manifest["version"], {key: manifest[key] for key in ("version", "files")}
     except (ValueError, KeyError, TypeError) as error:
         raise CheckpointError(path, f"is not a checkpoint's manifest ({error!r}).") from error
@@ -180,11 +185,13 @@ def _read_checked(path: Path, entry: Mapping[str, Any]) -> bytes:
     return data
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path, most=most)
     except OSError as error:
         raise CheckpointError(path, f"cannot be read ({error.strerror}).") from error
+    except ValueError as error:
+        raise CheckpointError(path, f"cannot be read ({error}).") from error
 
 
 def _write_synced(path: Path, content: bytes) -> None:

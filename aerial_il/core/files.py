@@ -6,7 +6,18 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+
+import yaml
+
+from aerial_il.core.bounded import open_regular
+
+
+class PlainDumper(yaml.SafeDumper):
+    """Writes what occurs twice twice: readers refuse aliases, by which a few lines can stand for gigabytes."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str) -> Path:
@@ -43,6 +54,15 @@ def write_json(path: str | os.PathLike[str], tree: Any) -> Path:
     return write_atomic(path, json.dumps(tree, indent=2, allow_nan=False) + "\n")
 
 
+def open_own(path: str | os.PathLike[str]) -> BinaryIO:
+    """Open a file of a folder for appending; a link, by which a folder could have another written, is refused.
+
+    Raises:
+        OSError: it is a link or cannot be written.
+    """
+    return open(os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666), "ab")
+
+
 def sync_folder(folder: str | os.PathLike[str]) -> None:
     """Make renames and new names in ``folder`` durable."""
     handle = os.open(folder, os.O_RDONLY)
@@ -53,6 +73,6 @@ def sync_folder(folder: str | os.PathLike[str]) -> None:
 
 
 def sha256_of(path: str | os.PathLike[str]) -> str:
-    """Return the hexadecimal SHA-256 of a file."""
-    with open(path, "rb") as file:
+    """Return the hexadecimal SHA-256 of a regular file; of no other, since a device never ends."""
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -149,9 +149,14 @@ def altered_files(path: str | os.PathLike[str]) -> list[Path]:
     """Return the recordings whose SHA-256 differs from the index of their dataset folder.
 
     Args:
-        path: a dataset folder, a folder of such folders, or one recording, judged by the index where it lies.
+        path: a dataset folder, a folder of such folders, or one recording, judged by the index where it lies; or a
+            LeRobot dataset made of recordings.
     """
     path = Path(path)
+    if (path / "meta" / "info.json").is_file():
+        from aerial_il.data.formats import lerobot_import
+
+        return lerobot_import.altered_files(path)
     if path.is_file():
         home = path.resolve().parent
         return [path] if path.resolve() in _altered(DatasetFolder(home.parent), home.name, path.stem) else []

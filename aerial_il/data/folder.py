@@ -16,8 +16,9 @@ from typing import Any
 
 import yaml
 
+from aerial_il.core.bounded import read_yaml
 from aerial_il.core.errors import DemoError, InvalidValueError
-from aerial_il.core.files import sha256_of, sync_folder, write_atomic
+from aerial_il.core.files import open_own, sha256_of, sync_folder, write_atomic
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.recording.writer import storing
 
@@ -37,6 +38,9 @@ class DatasetFolder:
         self.path = Path(path)
 
     def file(self, uid: str, kind: str = DEMOS) -> Path:
+        """Return where an episode lies; its name, which a file may have told, is one of this folder."""
+        if Path(uid).name != uid or "\0" in uid:
+            raise DemoError(self.path, f"cannot hold an episode of the name {uid!r}.")
         return self.path / kind / f"{uid}.mcap"
 
     def find(self, uid: str) -> Path | None:
@@ -55,14 +59,14 @@ class DatasetFolder:
         """Return what ``dataset.yaml`` says, or an empty mapping where there is none."""
         path = self.path / INDEX
         try:
-            index = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
+            index = read_yaml(path)
             EnvSpec.from_dict(index["spec"])
             if not all(isinstance(index[kind], dict) for kind in KINDS):
                 raise InvalidValueError(f"{KINDS} must be mappings")
             return index
         except FileNotFoundError:
             return {}
-        except (yaml.YAMLError, InvalidValueError, TypeError, KeyError, UnicodeDecodeError, RecursionError) as error:
+        except (OSError, ValueError, TypeError, KeyError) as error:
             hint = "It is only an index: remove it, and collecting or recovering writes it anew."
             raise DemoError(path, f"cannot be read ({error!r}).", hint=hint) from error
 
@@ -126,8 +130,8 @@ class DatasetFolder:
 
     def log(self, entry: Mapping[str, Any]) -> None:
         """Append a line to ``recordings.jsonl``, the place for what varies from run to run, such as wall time."""
-        with storing(self.path / LOG), open(self.path / LOG, "a") as file:
-            file.write(json.dumps(entry) + "\n")
+        with storing(self.path / LOG), open_own(self.path / LOG) as file:
+            file.write(json.dumps(entry).encode() + b"\n")
 
     def quarantine(self, file: Path, problem: str) -> Path:
         """Set a file aside that is unfinished or failed validation, with a note that says why."""

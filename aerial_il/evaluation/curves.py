@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.bounded import parse_json, read_text
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.renamed import METRICS
 from aerial_il.evaluation.result import EvaluationResult
@@ -91,15 +91,15 @@ def curves_of(rows: Iterable[Mapping[str, Any]]) -> list[Curve]:
 def read_rows(path: Path) -> Iterable[dict[str, Any]]:
     """Yield the rows of a ``metrics.jsonl`` by their present names; a last one cut short by a kill is left out."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    except OSError as error:
+        lines = read_text(path).splitlines(keepends=True)
+    except (OSError, ValueError) as error:
         hint = "Give the folder of a training run."
-        raise InvalidValueError(f"{path}: cannot be read ({error.strerror}). {hint}") from error
+        raise InvalidValueError(f"{path}: cannot be read ({error}). {hint}") from error
     for number, line in enumerate(lines, start=1):
         if not line.endswith("\n"):
             return  # a row cut short by a kill
         try:
-            row = {METRICS.get(name, name): value for name, value in json.loads(line).items()}
+            row = {METRICS.get(name, name): value for name, value in parse_json(line).items()}
             yield row | {"step": float(row["step"])}
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InvalidValueError(f"{path}, line {number}: not a row of metrics ({error!r}).") from error

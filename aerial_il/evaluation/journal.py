@@ -11,7 +11,6 @@ import json
 import logging
 import os
 import shutil
-import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.bounded import parse_json, read_json, read_npz
 from aerial_il.core.files import write_atomic, write_json
 from aerial_il.evaluation.metrics import EpisodeRecord
 from aerial_il.evaluation.result import Flight
@@ -53,7 +53,7 @@ class Journal:
     def subject(self) -> dict[str, Any] | None:
         """Return what is evaluated here, or None where nothing was begun."""
         try:
-            return json.loads((self.path / NOTE).read_text(encoding="utf-8"))
+            return read_json(self.path / NOTE)
         except (FileNotFoundError, ValueError):
             return None
 
@@ -88,11 +88,10 @@ class Journal:
         if not file.exists():
             return None
         try:
-            with np.load(file, allow_pickle=False) as arrays:
-                told = json.loads(arrays["told"].tobytes())
-                shown = {name: arrays[name] for name in ("ee_path", "actions", "phase") if name in arrays}
-                flight = Flight(**shown, phase_names=tuple(told["phase_names"]))
-                return Kept(EpisodeRecord.from_dict(told["record"]), flight, told["wall_s"])
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+            shown = read_npz(file, ("told", "ee_path", "actions", "phase"))
+            told = parse_json(shown.pop("told").tobytes())
+            flight = Flight(**shown, phase_names=tuple(told["phase_names"]))
+            return Kept(EpisodeRecord.from_dict(told["record"]), flight, told["wall_s"])
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             log.warning("%s cannot be read (%s); its seed is flown anew.", file, error)
             return None

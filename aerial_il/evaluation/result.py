@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.bounded import read_json, read_npz
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic, write_json
 from aerial_il.evaluation.metrics import RETURN, EpisodeRecord, aggregate, proportion, spread
@@ -175,7 +175,7 @@ def load_result(path: str | os.PathLike[str]) -> EvaluationResult:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
+        raw = read_json(path)
     except OSError as error:
         hint = "`aerial-il evaluate ... out=FOLDER` writes one."
         raise InvalidValueError(f"{path}: cannot be read ({error.strerror}). {hint}") from error
@@ -190,5 +190,7 @@ def _read(path: Path) -> dict[str, Any]:
 def _load_paths(path: Path) -> dict[int, Flight]:
     if not path.exists():
         return {}
-    with np.load(path, allow_pickle=False) as arrays:
-        return {int(seed): Flight(arrays[seed]) for seed in arrays.files}
+    try:
+        return {int(seed): Flight(values) for seed, values in read_npz(path).items()}
+    except (OSError, ValueError) as error:
+        raise InvalidValueError(f"{path}: cannot be read as paths of flights: {error}.") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from aerial_il.core.bounded import read_json, read_yaml
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.curves import read_rows
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
@@ -128,9 +127,9 @@ def read_run(path: str | os.PathLike[str]) -> TrainingRun:
         hint = "Train one: aerial-il train dataset=PATH run=runs/NAME"
         raise InvalidValueError(f"{path} is no training run: it lacks {CONFIG} or {METRICS}. {hint}")
     try:
-        config = yaml.safe_load((path / CONFIG).read_text(encoding="utf-8"))
+        config = read_yaml(path / CONFIG)
         provenance, command = (_json(path / name) for name in (PROVENANCE, COMMAND))
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except (OSError, ValueError) as error:
         raise InvalidValueError(f"{path} cannot be read as a training run: {error}.") from error
     if not isinstance(config, dict):
         raise InvalidValueError(f"{path / CONFIG} holds no settings.")
@@ -140,7 +139,10 @@ def read_run(path: str | os.PathLike[str]) -> TrainingRun:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    found = read_json(path) if path.exists() else {}
+    if not isinstance(found, dict):
+        raise ValueError(f"{path.name} is not a JSON object")
+    return found
 
 
 def _dotted(tree: Any, prefix: str = "") -> dict[str, Any]:

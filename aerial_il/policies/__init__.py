@@ -53,7 +53,7 @@ def load_policy(path: str | os.PathLike[str]) -> ChunkPolicy:
         if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
             raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")
         return ChunkPolicy.from_checkpoint(saved, kind(**settings))
-    except (AerialError, KeyError, TypeError, RuntimeError) as error:
+    except (AerialError, LookupError, TypeError, ValueError, RuntimeError, AttributeError, OverflowError) as error:
         raise CheckpointError(folder, f"is no policy that this release can rebuild ({error}).") from error
 
 

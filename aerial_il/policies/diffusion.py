@@ -140,7 +140,7 @@ class Diffusion(ChunkNetwork):
 
 def squared_cosine(steps: int) -> Tensor:
     """Return which share A of the signal's variance is kept after 0, 1, .. ``steps`` steps, (steps + 1,)."""
-    time = torch.arange(steps + 1, dtype=torch.float64) / steps
+    time = torch.arange(steps + 1, dtype=torch.float64, device="cpu") / steps
     ideal = torch.cos((time + OFFSET) / (1 + OFFSET) * torch.pi / 2) ** 2
     beta = torch.clamp(1 - ideal[1:] / ideal[:-1], max=LARGEST_BETA)
-    return torch.cat([torch.ones(1, dtype=torch.float64), torch.cumprod(1 - beta, 0)]).float()
+    return torch.cat([torch.ones(1, dtype=torch.float64, device="cpu"), torch.cumprod(1 - beta, 0)]).float()

@@ -31,6 +31,7 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
+from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.layout import Interface
 
 
@@ -161,8 +162,12 @@ def _kept(run: str | os.PathLike[str]) -> RewardNet:
         hint = "Only finished runs of gail, dac and airl keep one."
         raise CheckpointError(folder, "holds no learned reward.", hint)
     saved = checkpoint.load(folder)
-    reward = RewardNet(saved.config["obs_size"], saved.config["action_size"], saved.config["shape"])
-    reward.load(saved)
+    try:
+        sizes = saved.config["obs_size"], saved.config["action_size"], saved.config["shape"]
+        reward = built_for(saved.arrays, lambda: RewardNet(*sizes))
+        reward.load(saved)
+    except (LookupError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+        raise CheckpointError(folder, f"is no reward that this release can rebuild ({error}).") from error
     return reward
 
 

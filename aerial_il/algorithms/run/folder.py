@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from aerial_il.core import checkpoint
+from aerial_il.core.bounded import parse_json, parse_yaml, read_text, read_yaml
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
-from aerial_il.core.files import write_atomic, write_json
+from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
 from aerial_il.core.provenance import provenance
 from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS
 from aerial_il.core.renamed import METRICS as METRIC_NAMES
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 CONFIG, PROVENANCE, METRICS, EVENTS = "config.yaml", "provenance.json", "metrics.jsonl", "tensorboard"
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
+START_AGAIN = "Put it back, begin again with resume=false, or choose another run=NAME."
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
 
@@ -50,8 +52,9 @@ class RunFolder:
         self.finished = _is_valid(path / FINAL)
         self.resumed = found[1] if (found := checkpoint.latest(path)) else None
         if not self.finished:
-            _cut(path / METRICS, self.resumed.state["metrics_bytes"] if self.resumed else 0)
-        self._metrics = open(path / METRICS, "ab")  # noqa: SIM115 - closed by close()
+            _cut(path / METRICS, _reported(path, self.resumed.state) if self.resumed else 0)
+        with _writing(path / METRICS):
+            self._metrics = open_own(path / METRICS)  # closed by close()
         self._events = _EventFile(path / EVENTS, read_metrics(path))
 
     @staticmethod
@@ -113,12 +116,18 @@ class RunFolder:
 
 def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
     """Return the rows of a run's metrics by their present names; a last row cut short by a kill is left out."""
+    file = Path(run) / METRICS
     try:
-        lines = (Path(run) / METRICS).read_text().splitlines(keepends=True)
+        lines = read_text(file).splitlines(keepends=True)
+        rows = [parse_json(line) for line in lines if line.endswith("\n")]
+        for row in rows:
+            if not math.isfinite(row["step"]) or not all(isinstance(value, int | float) for value in row.values()):
+                raise ValueError(f"a row is not one of metrics: {row}")
+        return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
     except FileNotFoundError:
         return []
-    rows = (json.loads(line) for line in lines if line.endswith("\n"))
-    return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
+    except (OSError, ValueError, AttributeError, LookupError, TypeError) as error:
+        raise CheckpointError(file, f"is damaged ({error}).", START_AGAIN) from error
 
 
 class _EventFile:
@@ -159,7 +168,7 @@ def _writing(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    with open(path / ".lock", "w") as file:
+    with _writing(path / ".lock"), open_own(path / ".lock") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -175,9 +184,17 @@ def _is_valid(folder: Path) -> bool:
         return False
 
 
+def _reported(path: Path, state: Mapping[str, Any]) -> int:
+    """Return how long the metrics were when a checkpoint was taken."""
+    length = state.get("metrics_bytes")
+    if not isinstance(length, int) or length < 0:
+        raise CheckpointError(path / checkpoint.FOLDER, "does not say how long the metrics were.", START_AGAIN)
+    return length
+
+
 def _cut(path: Path, length: int) -> None:
     """Shorten a file, which may not exist yet, to ``length`` bytes."""
-    with open(path, "ab") as file:
+    with _writing(path), open_own(path) as file:
         file.truncate(min(length, file.tell()))
 
 
@@ -190,9 +207,9 @@ def _clear(path: Path) -> None:
 
 def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> None:
     """Write the configuration of a new run; refuse another one where there are results already."""
-    text = yaml.safe_dump(dict(config), sort_keys=False)
+    text = yaml.dump(dict(config), Dumper=PlainDumper, sort_keys=False)
     if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
-        before, now = (_flat(yaml.safe_load(t), cadence) for t in ((path / CONFIG).read_text(), text))
+        before, now = _flat(_settings(path), cadence), _flat(parse_yaml(CONFIG, text), cadence)
         before = {**_unsaid(now), **{_new_key(key): value for key, value in before.items()}}
         differing = sorted(k for k in before.keys() | now.keys() if before.get(k) != now.get(k))
         if differing:
@@ -201,6 +218,17 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     with _writing(path / CONFIG):
         write_atomic(path / CONFIG, text)
         write_json(path / PROVENANCE, provenance())
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    """Return the configuration that a run was begun with."""
+    try:
+        settings = read_yaml(path / CONFIG)
+        if not isinstance(settings, dict):
+            raise ValueError("it holds no settings")
+        return settings
+    except (OSError, ValueError) as error:
+        raise CheckpointError(path / CONFIG, f"is damaged ({error}).", START_AGAIN) from error
 
 
 def _unsaid(now: Mapping[str, Any]) -> dict[str, Any]:

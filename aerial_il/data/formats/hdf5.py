@@ -16,17 +16,33 @@ from typing import Any
 import h5py
 import numpy as np
 
+from aerial_il.core.bounded import parse_json
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.files import sync_folder
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
+from aerial_il.data.formats.content_digest import content_digest
 from aerial_il.data.recording.writer import storing
 
 PRIVATE = "aerial_il"
+COLUMNS = ("states", "actions", "rewards", "dones")
 EXTRA = (
     ["executed_actions", "expert_actions", "is_intervention", "phase", "terminated", "truncated", "ctrl", "sim_time"]
 )  # fmt: skip
-MAX_BYTES = 2 << 30  # of one dataset
+DIGEST = "digest"  # attribute of our group; files of earlier versions have none
+MAX_BYTES = 160 << 20  # of one demonstration; what is not stored, HDF5 would fill in
+
+FAULTS = (
+    OSError,
+    LookupError,
+    ArithmeticError,
+    RuntimeError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    MemoryError,
+    AerialError,
+)
 
 
 def convert_to_hdf5(episodes: Sequence[Episode], out: str | os.PathLike[str]) -> Path:
@@ -63,7 +79,7 @@ def open_hdf5(path: Path) -> dict[str, Callable[[], Episode]]:
             group = _child(path, file, "data", h5py.Group)
             names = sorted(group, key=lambda name: (len(name), name))  # demo_10 comes after demo_9
             uids = [str(_child(path, group, name, h5py.Group).attrs.get("uid", name)) for name in names]
-    except (OSError, RuntimeError, ValueError) as error:
+    except FAULTS as error:
         raise DemoError(path, f"cannot be read as HDF5 ({error}).") from error
     if not names:
         raise DemoError(path, "holds no demonstrations.")
@@ -97,28 +113,30 @@ def _write(file: h5py.File, episodes: Sequence[Episode]) -> None:
         private["final_state"] = episode.states[-1]
         for name in EXTRA:
             private[name] = getattr(episode, name)
+        private.attrs[DIGEST] = content_digest(episode)
 
 
 def _read(path: Path, name: str) -> Episode:
     try:
         with h5py.File(path, "r") as file:
             demo = _child(path, _child(path, file, "data", h5py.Group), name, h5py.Group)
+            _check_size(path, demo)
             return _ours(path, demo) if PRIVATE in demo else _foreign(path, demo, name)
     except DemoError:
         raise
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AerialError) as error:
+    except FAULTS as error:
         raise DemoError(path, f"holds a malformed demonstration {name!r} ({error}).") from error
 
 
 def _ours(path: Path, demo: h5py.Group) -> Episode:
     private = _child(path, demo, PRIVATE, h5py.Group)
-    spec = EnvSpec.from_dict(json.loads(private.attrs["spec"]))
+    spec = EnvSpec.from_dict(parse_json(private.attrs["spec"]))
     states = np.concatenate([_array(path, demo, "states"), _array(path, private, "final_state")[None]])
     kept: dict[str, Any] = {name: _array(path, private, name) for name in EXTRA}
-    return Episode(
+    episode = Episode(
         uid=str(demo.attrs["uid"]),
         spec=spec,
-        provenance=json.loads(private.attrs["provenance"]),
+        provenance=parse_json(private.attrs["provenance"]),
         obs=_observations(path, demo),
         actions=_array(path, demo, "actions"),
         rewards=_array(path, demo, "rewards"),
@@ -127,6 +145,9 @@ def _ours(path: Path, demo: h5py.Group) -> Episode:
         model_xml=str(demo.attrs["model_file"]),
         **kept,
     )
+    if DIGEST in private.attrs and private.attrs[DIGEST] != content_digest(episode):
+        raise DemoError(path, f"was changed after it was written: the digest of {demo.name} differs.")
+    return episode
 
 
 def _foreign(path: Path, demo: h5py.Group, name: str) -> Episode:
@@ -182,13 +203,27 @@ def _observations(path: Path, demo: h5py.Group) -> dict[str, np.ndarray]:
     """Return (T + 1, ...) observations; without ``next_obs`` the last one stands in for the terminal one."""
     now = _child(path, demo, "obs", h5py.Group)
     later = _child(path, demo, "next_obs", h5py.Group) if "next_obs" in demo else now
-    return {
-        name: np.concatenate([_array(path, now, name), _array(path, later, name)[-1:]]) for name in now
-    }  # fmt: skip
+    return {name: np.concatenate([_array(path, now, name), _array(path, later, name, last=True)]) for name in now}
 
 
-def _array(path: Path, group: h5py.Group, name: str) -> np.ndarray:
-    return _child(path, group, name, h5py.Dataset)[()]
+def _array(path: Path, group: h5py.Group, name: str, *, last: bool = False) -> np.ndarray:
+    """Return a dataset (T, ...), or of it the ``last`` row alone."""
+    dataset = _child(path, group, name, h5py.Dataset)
+    if dataset.dtype.kind not in "biuf" or dataset.shape is None or not dataset.shape:
+        raise DemoError(path, f"has no rows of numbers in {dataset.name}.", got=(dataset.dtype, dataset.shape))
+    return dataset[-1:] if last else dataset[()]
+
+
+def _check_size(path: Path, demo: h5py.Group) -> None:
+    """Require that all datasets of a demonstration together can be held, before one of them is read."""
+    groups = [_child(path, demo, name, h5py.Group) for name in ("obs", "next_obs", PRIVATE) if name in demo]
+    names = [
+        (group, name) for group in (demo, *groups) for name in map(str, group) if group is not demo or name in COLUMNS
+    ]
+    size = sum(child.size * child.dtype.itemsize for child in (_child(path, *each, h5py.Dataset) for each in names))
+    if size > MAX_BYTES:
+        problem = f"has an absurdly large demonstration {demo.name}."
+        raise DemoError(path, problem, expected=f"at most {MAX_BYTES} bytes", got=size)
 
 
 def _child(path: Path, group: h5py.Group, name: str, kind: type) -> Any:
@@ -203,6 +238,4 @@ def _child(path: Path, group: h5py.Group, name: str, kind: type) -> Any:
         raise DemoError(path, f"has no {kind.__name__.lower()} {child.name}.")
     if isinstance(child, h5py.Dataset) and (child.external or child.is_virtual):
         raise DemoError(path, f"refers to a place outside itself: {child.name}.")
-    if isinstance(child, h5py.Dataset) and child.size * child.dtype.itemsize > MAX_BYTES:
-        raise DemoError(path, f"has an absurdly large dataset {child.name}.", expected=f"at most {MAX_BYTES} bytes")
     return child

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import fcntl
 import glob
+import hashlib
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,11 +32,12 @@ import numpy as np
 from tqdm import tqdm
 
 from aerial_il.core.errors import DemoError, UnknownNameError
-from aerial_il.core.files import sync_folder, write_json
+from aerial_il.core.files import sha256_of, sync_folder, write_json
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
+from aerial_il.data.formats.content_digest import sealed
 from aerial_il.data.formats.lerobot_states import PROVENANCE, StateWriter
 from aerial_il.data.recording.writer import storing
 
@@ -122,8 +124,10 @@ def _build(root: Path, spec: EnvSpec, cameras: Sequence[str], episodes: Iterable
         write_with_lerobot(root, spec, cameras, noted())
     else:
         write_states(root, spec, noted())
-    files = {str(f.relative_to(root)): f.stat().st_size for f in sorted(root.rglob("*")) if f.is_file()}
-    write_json(root / PROVENANCE, {"schema": 1, "spec": spec.to_dict(), "episodes": origins, "files": files})
+    files = sorted(f for f in root.rglob("*") if f.is_file())
+    entries = {str(f.relative_to(root)): {"bytes": f.stat().st_size, "sha256": sha256_of(f)} for f in files}
+    tree = {"schema": 2, "spec": spec.to_dict(), "episodes": origins, "files": entries}
+    write_json(root / PROVENANCE, {**tree, "seal": hashlib.sha256(sealed(tree)).hexdigest()})
 
 
 def write_states(root: Path, spec: EnvSpec, episodes: Iterable[Episode]) -> None:

@@ -5,8 +5,9 @@ lerobot answers an incomplete dataset by asking the network for it, so completen
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -15,14 +16,22 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import AerialError, DemoError
+from aerial_il.core.files import sha256_of
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, Group, ObservationSpec
 from aerial_il.data.episode import Episode
+from aerial_il.data.formats.content_digest import sealed
 from aerial_il.data.formats.lerobot_states import PROVENANCE
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
 SUPPORTED = "v3."
+UID = "demo.uid"
+COLUMNS = (STATE, ENVIRONMENT, ACTION, "next.reward", "next.success", "episode_index", UID)
+MAX_TABLE_BYTES = 160 << 20
+MAX_SWELLING = 8  # times the bytes of a file that its columns may take
+FAULTS = (LookupError, ArithmeticError, ValueError, TypeError, AttributeError, MemoryError, OSError, pa.ArrowException)
 GROUPS: dict[str, Group] = {STATE: "proprio", ENVIRONMENT: "task"}
 
 
@@ -36,20 +45,45 @@ def check_lerobot(path: Path | str) -> dict[str, Any]:
     info = _read_json(path / "meta" / "info.json")
     try:
         _check_info(path, info)
-        rows = _count_rows(path, "data")
-        episodes = _count_rows(path, "meta/episodes")
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise DemoError(path / "meta" / "info.json", f"is malformed ({error!r}).") from error
+    rows, episodes = _count_rows(path, "data"), _count_rows(path, "meta/episodes")
     for what, expected, got in (("frames", info["total_frames"], rows), ("episodes", info["total_episodes"], episodes)):
         if expected != got:
             raise DemoError(path, f"is incomplete: its {what} do not add up.", expected=expected, got=got, hint=REBUILD)
     if (path / PROVENANCE).is_file():
-        for name, size in _read_json(path / PROVENANCE)["files"].items():
-            file = path / _inside(path, name)
-            if not file.is_file() or file.stat().st_size != size:
-                got = file.stat().st_size if file.is_file() else "no file"
-                raise DemoError(file, "is missing or cut.", expected=f"{size} bytes", got=got, hint=REBUILD)
+        _check_files(path, _read_provenance(path))
     return info
+
+
+def altered_files(path: Path) -> list[Path]:
+    """Return the files of a dataset whose SHA-256 differs from what was written, videos included."""
+    if not (path / PROVENANCE).is_file():
+        return []
+    listed = {path / _inside(path, name): entry for name, entry in _read_provenance(path)["files"].items()}
+    digests = {file: entry["sha256"] for file, entry in listed.items() if isinstance(entry, dict)}
+    return [file for file, digest in digests.items() if sha256_of(file) != digest]
+
+
+def _check_files(path: Path, provenance: Mapping[str, Any]) -> None:
+    """Require that the files are those that were written; videos, which are not read here, by their sizes."""
+    for name, entry in provenance["files"].items():
+        file = path / _inside(path, name)
+        size, digest = (entry["bytes"], entry["sha256"]) if isinstance(entry, dict) else (entry, None)
+        got = file.stat().st_size if file.is_file() else "no file"
+        if got != size:
+            raise DemoError(file, "is missing or cut.", expected=f"{size} bytes", got=got, hint=REBUILD)
+        if digest is not None and file.suffix in (".parquet", ".json") and sha256_of(file) != digest:
+            raise DemoError(file, "was changed after it was written: its SHA-256 differs.", hint=REBUILD)
+
+
+def _read_provenance(path: Path) -> dict[str, Any]:
+    """Return what we keep beside LeRobot's files; from the second version on it is sealed."""
+    tree = _read_json(path / PROVENANCE)
+    seal = tree.pop("seal", None)
+    if tree.get("schema") != 1 and seal != hashlib.sha256(sealed(tree)).hexdigest():
+        raise DemoError(path / PROVENANCE, "was changed after it was written.", hint=REBUILD)
+    return tree
 
 
 def open_lerobot(path: Path) -> dict[str, Callable[[], Episode]]:
@@ -58,9 +92,22 @@ def open_lerobot(path: Path) -> dict[str, Callable[[], Episode]]:
     What LeRobot does not hold is left empty: simulator states, controls and the scene. The last observation stands in
     for the terminal one, which is not recorded either.
     """
-    info = check_lerobot(path)
-    columns = [name for name in info["features"] if info["features"][name]["dtype"] not in ("video", "image")]
-    table = pa.concat_tables([pq.read_table(file, columns=columns) for file in _parquets(path, "data")])
+    with _typed(path):
+        return _loaders(path, check_lerobot(path))
+
+
+@contextmanager
+def _typed(path: Path) -> Iterator[None]:
+    """Say of which dataset it was that something in it could not be read."""
+    try:
+        yield
+    except FAULTS as error:
+        raise DemoError(path, f"is malformed ({error!r}).", hint=REBUILD) from error
+
+
+def _loaders(path: Path, info: Mapping[str, Any]) -> dict[str, Callable[[], Episode]]:
+    columns = [name for name in COLUMNS if name in info["features"]]
+    table = pa.concat_tables([_read_table(file, columns) for file in _parquets(path, "data")])
     index = table["episode_index"].to_numpy()
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     ends = np.append(starts[1:], len(index))
@@ -69,12 +116,17 @@ def open_lerobot(path: Path) -> dict[str, Callable[[], Episode]]:
     loaders = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         rows = table.slice(start, end - start)
-        uid = rows["demo.uid"][0].as_py() if "demo.uid" in columns else f"episode_{index[start]:06d}"
+        uid = rows[UID][0].as_py() if UID in columns else f"episode_{index[start]:06d}"
         loaders[uid] = cache(lambda rows=rows, uid=uid: _episode(path, rows, uid, spec, origins.get(uid, {})))
     return loaders
 
 
 def _episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mapping[str, Any]) -> Episode:
+    with _typed(path):
+        return _read_episode(path, rows, uid, spec, origin)
+
+
+def _read_episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mapping[str, Any]) -> Episode:
     steps = len(rows)
     actions = _matrix(path, rows, ACTION, spec.action.size)
     obs = {}
@@ -114,6 +166,20 @@ def _episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mappin
     )
 
 
+def _read_table(file: Path, columns: Sequence[str]) -> pa.Table:
+    """Read some columns of a file, unless they would swell to far more than the file holds."""
+    try:
+        metadata, size = pq.read_metadata(file), file.stat().st_size
+        groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+        leaves = [group.column(i) for group in groups for i in range(group.num_columns)]
+        claimed = 8 * sum(leaf.num_values for leaf in leaves if leaf.path_in_schema.split(".list.")[0] in columns)
+        if claimed > max(MAX_TABLE_BYTES, MAX_SWELLING * size):
+            raise DemoError(file, f"has {size} bytes and claims to hold {claimed}.", hint=REBUILD)
+        return pq.read_table(file, columns=list(columns), read_dictionary=[UID])
+    except (pa.ArrowException, OSError) as error:
+        raise DemoError(file, f"is cut or damaged ({error}).", hint=REBUILD) from error
+
+
 def _matrix(path: Path, rows: pa.Table, column: str, width: int) -> np.ndarray:
     """Return a column of vectors as (T, D) float64, exact."""
     flat = rows[column].combine_chunks().flatten() if pa.types.is_nested(rows[column].type) else rows[column]
@@ -129,7 +195,7 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
     """Return the recorded specification, or one read off a foreign dataset's columns; its bounds are those seen."""
     if (path / PROVENANCE).is_file():
         try:
-            return EnvSpec.from_dict(_read_json(path / PROVENANCE)["spec"])
+            return EnvSpec.from_dict(_read_provenance(path)["spec"])
         except AerialError as error:
             raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
     features = info["features"]
@@ -157,7 +223,7 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
 def _origins(path: Path) -> dict[str, dict[str, Any]]:
     if not (path / PROVENANCE).is_file():
         return {}
-    return {entry["uid"]: entry for entry in _read_json(path / PROVENANCE)["episodes"]}
+    return {entry["uid"]: entry for entry in _read_provenance(path)["episodes"]}
 
 
 def _check_info(path: Path, info: Mapping[str, Any]) -> None:
@@ -194,8 +260,8 @@ def _count_rows(path: Path, folder: str) -> int:
 
 def _read_json(path: Path) -> dict[str, Any]:
     try:
-        tree = json.loads(path.read_text())
-    except (OSError, ValueError, RecursionError) as error:
+        tree = read_json(path)
+    except (OSError, ValueError) as error:
         raise DemoError(path, f"cannot be read ({error}).", hint=REBUILD) from error
     if not isinstance(tree, dict):
         raise DemoError(path, "is not a JSON object.", hint=REBUILD)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from aerial_il.core.bounded import parse_json
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
@@ -28,7 +29,9 @@ from aerial_il.data.recording.writer import EPISODE, MODEL, OUTCOME, PROVENANCE
 from aerial_il.data.validation import Report, check_episode
 
 _EXTRA_NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
-MAX_ELEMENTS = 1_000_000  # of one message; keeps a forged specification from allocating
+MAX_ELEMENTS = 100_000  # numbers of one step, all fields together; keeps a forged specification from allocating
+MAX_PIXELS = 16_000_000  # of all cameras together
+MAX_DECODED = 1 << 30  # pixels of one camera in one episode
 
 
 class Form(Protocol):
@@ -122,7 +125,7 @@ def read_head(path: Path, contents: Contents) -> Head:
         layout = _layout(entries["spec"], int(entries["ctrl_size"]), entries.get("extras", "{}"))
         if version != "1" and entries.get("columns") != layout.columns_json:
             raise ValueError("its columns are not those of its specification")
-        provenance = {key: json.loads(value) for key, value in contents.metadata[PROVENANCE].items()}
+        provenance = {key: parse_json(value) for key, value in contents.metadata[PROVENANCE].items()}
         model_xml = contents.attachments[MODEL].decode()
         return Head(entries["uid"], layout, _form(version, layout), provenance, model_xml)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, AerialError) as error:
@@ -132,17 +135,28 @@ def read_head(path: Path, contents: Contents) -> Head:
 @lru_cache(maxsize=8)
 def _layout(spec_json: str, ctrl_size: int, extras_json: str) -> Layout:
     """Return the layout of a specification, which all files of a dataset have in common."""
-    spec, extras = EnvSpec.from_dict(json.loads(spec_json)), _extras(extras_json)
-    sizes = [*(f.size for f in spec.observation.fields), spec.state_size, ctrl_size, spec.action.size]
-    sizes += map(len, extras.values())
-    if not all(0 <= size <= MAX_ELEMENTS for size in sizes):
-        raise ValueError(f"sizes {sizes} are not within 0..{MAX_ELEMENTS}")
+    spec, extras = EnvSpec.from_dict(parse_json(spec_json)), _extras(extras_json)
+    _check_sizes(spec, [spec.state_size, ctrl_size, 4 * spec.action.size, *map(len, extras.values())])
     plain = Layout(spec, ctrl_size)
     topics = {channel.topic[1:] for channel in Version1(plain).definitions.channels}
     taken = {*(plain.row.names or ()), *topics, "step", "sec", "nanosec", "time_ns", "padding"}
     if doubled := extras.keys() & taken:
         raise ValueError(f"extras {min(doubled)!r} have the name of something else")
     return Layout(spec, ctrl_size, extras)
+
+
+def _check_sizes(spec: EnvSpec, sizes: Sequence[int]) -> None:
+    """Require that a step, with its observation and what else has these ``sizes``, is one that can be held."""
+    groups = {"image": MAX_PIXELS, "proprio": MAX_ELEMENTS, "task": MAX_ELEMENTS}
+    for field in spec.observation.fields:
+        if not all(type(side) is int and 0 <= side <= MAX_PIXELS for side in field.shape) or field.group not in groups:
+            raise ValueError(f"field {field.name!r} has a shape {field.shape} or group {field.group!r} that cannot be")
+    pictures = sum(math.prod(f.shape) for f in spec.observation.of_group("image"))
+    numbers = sum(math.prod(f.shape) for f in spec.observation.fields) - pictures + sum(sizes)
+    if min(sizes) < 0 or numbers > MAX_ELEMENTS or pictures > MAX_PIXELS:
+        raise ValueError(
+            f"a step has {numbers} numbers, {pictures} pixels; the most are {MAX_ELEMENTS} and {MAX_PIXELS}"
+        )
 
 
 @lru_cache(maxsize=8)
@@ -153,7 +167,7 @@ def _form(version: str, layout: Layout) -> Form:
 
 def _extras(text: str) -> dict[str, tuple[str, ...]]:
     """Read the names and labels of further numbers."""
-    extras = {name: tuple(labels) for name, labels in json.loads(text).items()}
+    extras = {name: tuple(labels) for name, labels in parse_json(text).items()}
     for name, labels in extras.items():
         if not _EXTRA_NAME.fullmatch(name) or not labels:
             raise ValueError(f"extras {name!r} have no valid name or no labels")
@@ -227,6 +241,8 @@ def read_outcome(path: Path, contents: Contents) -> Outcome:
 
 def _decode(report: Report, camera: Camera, compressed: list[bytes]) -> np.ndarray:
     """Decode the images of one camera to (T + 1, *shape)."""
+    if (size := len(compressed) * math.prod(camera.shape)) > MAX_DECODED:
+        report.fail("has more pixels than can be held.", camera.name, expected=f"at most {MAX_DECODED}", got=size)
     decoded = []
     for i, data in enumerate(compressed):
         try:

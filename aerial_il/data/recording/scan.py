@@ -22,12 +22,14 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
 
+from aerial_il.core.bounded import read_bytes
 from aerial_il.core.errors import DemoError
 from aerial_il.data.recording.container import MAGIC
 
 MAX_FILE_BYTES = 4 << 30
-MAX_DECOMPRESSED_BYTES = 256 << 20
-MAX_MESSAGES = 1_000_000
+MAX_DECOMPRESSED_BYTES = 160 << 20
+MAX_MESSAGES = 500_000
+MAX_DEFINITIONS = 1000  # schemas, channels, metadata records and attachments
 RECOVER = "Salvage what it holds with: aerial-il recover path={}"
 FOOTER_SIZE, MIN_MESSAGE = 29, 22
 HEAD_SIZE = 11  # of a message: opcode, length and channel
@@ -121,7 +123,7 @@ class _Scanner:
         self.contents = Contents()
         self._data = memoryview(_read_file(path))
         self._position = len(MAGIC)
-        self._decompressed = self._count = 0
+        self._decompressed = self._count = self._defined = 0
         self._handlers: dict[int, Callable[[memoryview], None]] = {
             Opcode.HEADER: self._header,
             Opcode.SCHEMA: self._schema,
@@ -140,11 +142,14 @@ class _Scanner:
             if opcode == Opcode.DATA_END:
                 return self._data_end(body, zlib.crc32(self._data[:start]))
             handler = self._handlers.get(opcode)
+            self._defined += opcode not in (Opcode.CHUNK, Opcode.MESSAGE_INDEX)
+            if self._defined > MAX_DEFINITIONS:
+                raise _DamageError(f"has more than {MAX_DEFINITIONS} schemas, channels and other definitions.")
             if handler is None:
                 raise _DamageError(f"has an unexpected record 0x{opcode:02x} at byte {start}.")
             try:
                 handler(body)
-            except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError, IndexError) as error:
+            except (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError, IndexError) as error:
                 raise _DamageError(f"has a malformed record 0x{opcode:02x} at byte {start} ({error!r}).") from error
 
     def _next_record(self) -> tuple[int, memoryview]:
@@ -201,8 +206,6 @@ class _Scanner:
             raise _DamageError("fails the checksum of a chunk.")
         if not self._rows(content):
             self._records(content)
-        if self._count > MAX_MESSAGES:
-            raise _DamageError(f"has more than {MAX_MESSAGES} messages.")
 
     def _rows(self, content: memoryview) -> bool:
         """Read a chunk in which each row of messages has the layout of the first; return False if it is another."""
@@ -220,12 +223,12 @@ class _Scanner:
         if not heads or len(content) % position:
             return False
         rows = np.frombuffer(content, np.uint8).reshape(-1, position)
+        self._count_messages(len(rows) * len(heads))
         places = np.add.outer([start for _, start, _ in heads], np.arange(HEAD_SIZE)).ravel()
         if (rows[:, places] != rows[0, places]).any():
             return False
         for channel, start, end in heads:
             self.contents.messages[channel].add(rows[:, start:end])
-        self._count += len(rows) * len(heads)
         return True
 
     def _records(self, content: memoryview) -> None:
@@ -237,14 +240,20 @@ class _Scanner:
             if end > size:
                 raise _DamageError("has a chunk with a record that reaches past its end.")
             if opcode == Opcode.MESSAGE and length >= MIN_MESSAGE:
+                self._count_messages(1)
                 channel = content[position + 9] | content[position + 10] << 8
                 self.contents.messages[channel].add(np.frombuffer(content[position:end], np.uint8)[None])
-                self._count += 1
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._handlers[opcode](content[position + 9 : end])
             else:
                 raise _DamageError(f"has an unexpected record 0x{opcode:02x} inside a chunk.")
             position = end
+
+    def _count_messages(self, count: int) -> None:
+        """Refuse messages that are too many before an object is made of each; of those of a chunk, all at once."""
+        self._count += count
+        if self._count > MAX_MESSAGES:
+            raise _DamageError(f"has more than {MAX_MESSAGES} messages.")
 
     def _decompress(self, chunk: Chunk) -> bytes:
         if chunk.compression == "":
@@ -262,11 +271,11 @@ class _Scanner:
 
 def _read_file(path: Path) -> bytes:
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise DemoError(path, "is too large.", expected=f"at most {MAX_FILE_BYTES} bytes", got=path.stat().st_size)
-        data = path.read_bytes()
+        data = read_bytes(path, most=MAX_FILE_BYTES)
     except OSError as error:
         raise DemoError(path, f"cannot be read ({error.strerror}).") from error
+    except ValueError as error:
+        raise DemoError(path, f"cannot be read: {error}.") from error
     if data[: len(MAGIC)] != MAGIC:
         raise DemoError(path, "is not an MCAP file.", hint="List what a dataset holds with: aerial-il info path=FOLDER")
     return data

@@ -13,13 +13,15 @@ from aerial_il.data.recording.decoding import Messages, check_shown, read_images
 from aerial_il.data.recording.encoding import columns, messages
 from aerial_il.data.recording.encoding.packing import Packer, first_not_finite
 from aerial_il.data.recording.encoding.topics import Block, Topic, definitions_of, nanoseconds, packer_of, place_of
-from aerial_il.data.recording.scan import MAX_DECOMPRESSED_BYTES, Contents, Stream
+from aerial_il.data.recording.scan import Contents, Stream
 from aerial_il.data.recording.schema import Layout
 from aerial_il.data.validation import Report
 
 STEP = "/step"
 STEP_CHANNEL = 1
 VIEW_PERIOD_S = 0.1  # of what people look at
+
+MAX_ROWS_BYTES = 96 << 20  # of all steps, which a message that repeats them can claim
 
 
 class Version2:
@@ -115,7 +117,7 @@ class Version2:
         """Return all steps of a file, and their records; ``most``: no more than these."""
         records = list(contents.messages.get(STEP_CHANNEL, Stream()))
         width, pieces, done = self.layout.width, [], 0
-        limit = MAX_DECOMPRESSED_BYTES // self.layout.row.itemsize
+        limit = MAX_ROWS_BYTES // self.layout.row.itemsize
         for record in records:
             try:
                 steps = columns.from_record(record, width)

@@ -12,6 +12,7 @@ from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import can_render
+from aerial_il.core.scene_check import check_scene
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.rendering import Renderer
 
@@ -69,6 +70,7 @@ class SceneRenderer:
 
     def __init__(self, model_xml: str) -> None:
         try:
+            check_scene(model_xml)
             self.model = mujoco.MjModel.from_xml_string(model_xml)
         except ValueError as error:
             hint = "Its states and actions can be seen all the same: aerial-il info PATH"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from aerial_il.core.bounded import read_npz
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
@@ -42,8 +43,8 @@ class DapgExpert:
         """
         names = [f"{kind}{i}" for i in range(LAYERS) for kind in "wb"] + list(SHIFTS)
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: np.asarray(file[f"{task}/{name}"], float) for name in names}
+            file = read_npz(path)
+            arrays = {name: np.asarray(file[f"{task}/{name}"], float) for name in names}
         except (OSError, ValueError, KeyError) as error:
             raise InvalidValueError(f"{path}: no expert for {task!r} can be read from it ({error}).") from error
         return DapgExpert(arrays, noise)

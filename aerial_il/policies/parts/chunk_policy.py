@@ -17,6 +17,7 @@ from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
+from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
@@ -145,7 +146,7 @@ class ChunkPolicy:
         spec = EnvSpec.from_dict(saved.config["spec"])
         layout = Layout.of(spec, config)
         obs, action = (Normaliser.from_arrays(saved.arrays, prefix) for prefix in ("obs", "action"))
-        network = build_network(config, layout)
+        network = built_for(saved.arrays, lambda: build_network(config, layout))
         network.load_state_dict(
             {k: torch.from_numpy(saved.arrays[f"network.{k}"].copy()) for k in network.state_dict()}
         )

@@ -8,7 +8,6 @@ file names it: steps of a processor other than those below are refused.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.core.bounded import read_json
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError
 from aerial_il.core.lerobot_names import ACTION, IMAGES, STATE
@@ -122,7 +122,7 @@ def _check_files(folder: Path) -> None:
     """Require that the processors consist of known steps, which their files name by registry, not by module."""
     for name in PROCESSORS:
         try:
-            steps = json.loads((folder / name).read_text())["steps"]
+            steps = read_json(folder / name)["steps"]
             known = [step.get("registry_name") for step in steps]
             states = [step.get("state_file", "x.safetensors") for step in steps]
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -135,7 +135,7 @@ def _check_files(folder: Path) -> None:
 
 def _load_config(folder: Path) -> Any:
     try:
-        raw = json.loads((folder / CONFIG).read_text())
+        raw = read_json(folder / CONFIG)
         kind = raw.get("type")
     except (OSError, ValueError, AttributeError) as error:
         raise CheckpointError(folder / CONFIG, f"cannot be read ({error!r}).") from error
@@ -170,7 +170,7 @@ def _load(folder: Path, config: Any) -> tuple[Any, Any, Any]:
 def _cell(folder: Path) -> tuple[str, str] | None:
     """Return robot and task as the name of the dataset, ``local/ROBOT-TASK``, tells them."""
     try:
-        name = json.loads((folder / TRAINING).read_text())["dataset"]["repo_id"]
+        name = read_json(folder / TRAINING)["dataset"]["repo_id"]
         robot, task = str(name).removeprefix("local/").split("-")
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -1,0 +1,33 @@
+"""A digest of what an episode holds, kept beside it in formats that have none of their own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from aerial_il.data.episode import Episode
+
+ARRAYS = (
+    "actions", "executed_actions", "expert_actions", "is_intervention", "phase", "rewards", "terminated", "truncated",
+    "states", "ctrl", "sim_time",
+)  # fmt: skip
+
+
+def content_digest(episode: Episode) -> str:
+    """Return the SHA-256 of all values of an episode, their shapes and types, whatever file they lie in."""
+    told = {"uid": episode.uid, "success": episode.success, "model": episode.model_xml}
+    sha = hashlib.sha256(sealed({**told, "spec": episode.spec.to_dict(), "provenance": dict(episode.provenance)}))
+    arrays = {name: getattr(episode, name) for name in ARRAYS} | {f"obs/{k}": v for k, v in episode.obs.items()}
+    for name, values in sorted(arrays.items()):
+        sha.update(f"{name} {values.dtype.str} {values.shape}".encode())
+        sha.update(np.ascontiguousarray(values).tobytes())
+    return sha.hexdigest()
+
+
+def sealed(tree: Mapping[str, Any]) -> bytes:
+    """Return the bytes that a seal on plain values covers: the same for equal values."""
+    return json.dumps(tree, sort_keys=True).encode()

@@ -1,0 +1,36 @@
+"""A dataset, its derived forms and a run, made once; attacks are copies of them with something changed."""
+
+from __future__ import annotations
+
+import pytest
+
+from aerial_il.cli.main import main
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.formats.hdf5 import convert_to_hdf5
+from tests.safety.hostile import Sound
+
+ENV = "env=gymnasium:CartPole-v1"
+QUIET = "progress=false"
+CLONE = ["policy.hidden=[8]", "policy.chunk=1", "policy.ensemble=null", "algorithm.steps=2",
+         "algorithm.validate_every=0", "algorithm.log_every=1"]  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Sound:
+    home = tmp_path_factory.mktemp("sound")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(home)
+        flown = ["success=survived", "max_steps=5", "episodes=3", "threads=1", QUIET]
+        assert main(["collect", ENV, "policy=random", *flown, "out=demos"]) == 0
+        assert main(["convert", "demos", "out=lerobot", QUIET]) == 0
+        assert main(["train", "dataset=demos", "run=run", *CLONE, QUIET]) == 0
+        judged = ["episodes=2", "videos=0", "threads=1", QUIET]
+        assert main(["evaluate", "policy=run", ENV, "out=judged", "success=survived", "max_steps=5", *judged]) == 0
+    convert_to_hdf5(list(open_dataset(home / "demos")), home / "demos.hdf5")
+    victim = home / "victim"
+    (victim / "numbers" / "00000001").mkdir(parents=True)
+    (victim / "precious.txt").write_text("the precious words of somebody else\n")
+    for number in range(2, 9):
+        (victim / "numbers" / f"{number:08d}").mkdir()
+    (home / "bait.py").write_text(f"from pathlib import Path\nPath({str(home / 'canary')!r}).touch()\n")
+    return Sound(home / "demos", home / "demos.hdf5", home / "lerobot", home / "run", home / "canary", victim)

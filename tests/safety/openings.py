@@ -1,0 +1,84 @@
+"""How commands open what others made, derived from their keys: a new command, or a new key, is attacked too."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Iterator
+from dataclasses import fields
+
+from aerial_il.cli import commands
+from aerial_il.cli.configuration.keys import Located, MaybeLocated, output_key
+from tests.safety.conftest import CLONE, ENV, QUIET
+from tests.safety.hostile import Sound
+
+CLOSED = ("bench", "demo", "docs", "doctor", "film", "list")  # take no policy, dataset or run of somebody else's
+PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
+    "action", "cameras", "certificate", "controls", "devices", "env", "evaluate_tier", "flight_tier", "flights",
+    "hardware", "host", "key_file", "operator", "success", "time_scale", "ui", "viewer",
+}  # fmt: skip
+WRITTEN = {  # new files
+    ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
+    ("inspect", "save"), ("inspect", "screenshot"),
+}  # fmt: skip
+FLOWN = ["episodes=1", "threads=1", QUIET]
+
+
+def keys() -> Iterator[tuple[str, str]]:
+    """Yield command and key wherever a place that may be a stranger's is typed."""
+    for name in commands.names():
+        command = commands.find(name)
+        hints = typing.get_type_hints(command.config)
+        for field in fields(command.config):
+            located = isinstance(hints[field.name], type) and issubclass(hints[field.name], (Located, MaybeLocated))
+            text = hints[field.name] in (str, str | None, list[str], list[str] | None, dict[int, str])
+            opens = located or field.metadata.get("path") or text
+            if opens and name not in CLOSED and field.name not in PLAIN and (name, field.name) not in WRITTEN:
+                yield name, field.name
+
+
+def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
+    """Return what is typed beside each key so that the command comes to open what the key names.
+
+    A new command or key must say it here; that it does is tested.
+    """
+    home, train = sound.run.parent, ["run=new", *CLONE, "threads=1", QUIET]
+    dataset, judged = f"dataset={sound.dataset}", ["videos=0", *FLOWN, "max_steps=5", "success=survived"]
+    return {
+        ("collect", "policy"): [ENV, "out=flown", "max_steps=5", "success=survived", *FLOWN],
+        ("collect", "out"): [ENV, "policy=random", "max_steps=5", "success=survived", *FLOWN],
+        ("compare", "a"): [f"b={home / 'judged'}"],
+        ("compare", "b"): [f"a={home / 'judged'}"],
+        ("convert", "path"): ["out=converted", QUIET],
+        ("evaluate", "policy"): [ENV, "out=judged", *judged],
+        ("evaluate", "out"): [ENV, f"policy={sound.run}", *judged],
+        ("info", "path"): [],
+        ("inspect", "path"): ["save=seen.rrd"],
+        ("inspect", "beside"): [f"path={sound.recording}", "save=seen.rrd"],
+        ("inspect", "policy"): [f"path={sound.recording}", "save=seen.rrd"],
+        ("recover", "path"): [],
+        ("replay", "path"): [QUIET],
+        ("report", "result"): ["out=report.html"],
+        ("report", "run"): ["out=report.html"],
+        ("report", "dataset"): ["out=report.html"],
+        ("report", "learning_curve"): ["out=curve.svg"],
+        ("reward", "run"): [dataset, "out=reward.svg"],
+        ("reward", "dataset"): [f"run={sound.run}", "out=reward.svg"],
+        ("teleop", "policy"): ["robot=quad", "task=hover", "out=by_hand", "open=false", "port=0"],
+        ("train", "dataset"): train,
+        ("train", "expert"): [dataset, "algorithm=dagger", *train],
+        ("train", "run"): [dataset, *train[1:]],
+        ("validate", "path"): [QUIET],
+        ("view", "policy"): [ENV, "viewer=page", "out=seen.html", QUIET],
+        ("view", "recording"): ["viewer=page", "out=seen.html", QUIET],
+    }
+
+
+def words(name: str, key: str, value: object, sound: Sound) -> list[str]:
+    """Return the command line that has a command open ``value`` through one of its keys."""
+    typed = f"{{10:{value}}}" if key == "learning_curve" else value
+    return [name, f"{key}={typed}", *beside(sound)[name, key]]
+
+
+def writes(name: str) -> str:
+    """Return the key of a command's results."""
+    return output_key(commands.find(name).config)

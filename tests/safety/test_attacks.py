@@ -1,0 +1,107 @@
+"""Whatever a command is given to open: nothing in it is run, nothing outside is touched, and little is spent on it."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli.main import main
+from tests.safety.hostile import ATTACKS, SCRIPT, Sound, trace
+from tests.safety.openings import beside, keys, words
+
+MAX_MEMORY_BYTES, MAX_CPU_S = 500 << 20, 5.0
+OWN = {  # kind of what is attacked, as the attack's name begins -> where it is opened first
+    "policy": [("evaluate", "policy")],
+    "safetensors": [("evaluate", "policy")],
+    "run": [("report", "run"), ("train", "run")],
+    "index": [("validate", "path"), ("collect", "out")],
+    "recordings": [("validate", "path"), ("collect", "out"), ("recover", "path")],
+    "mcap": [("validate", "path")],
+    "hdf5": [("validate", "path"), ("train", "dataset")],
+    "lerobot": [("validate", "path"), ("train", "dataset")],
+    "evaluation": [("compare", "a"), ("report", "result")],
+    "wrong": [("info", "path"), ("evaluate", "policy")],
+    "a_loop": [("info", "path"), ("evaluate", "policy")],
+}
+EVERYWHERE = ("policy_pickled", "index_of_tags")  # against every key, by default
+FIRST = [(*key, attack) for attack in ATTACKS for kind, at in OWN.items() if attack.startswith(kind) for key in at]
+FIRST += [(*key, attack) for attack in EVERYWHERE for key in keys() if (*key, attack) not in FIRST]
+REST = [(*key, attack) for key in keys() for attack in ATTACKS if (*key, attack) not in FIRST]
+
+
+def test_every_key_that_opens_something_says_how(sound: Sound) -> None:
+    """A new command, or a new key for a place, is to be told to ``openings.py``, and is attacked from then on."""
+    assert sorted(beside(sound)) == sorted(keys())
+    assert {attack for _, _, attack in FIRST} == set(ATTACKS)
+
+
+@pytest.mark.parametrize(("name", "key", "attack"), FIRST)
+def test_attack(
+    name: str, key: str, attack: str, sound: Sound, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    _attack(words(name, key, ATTACKS[attack](sound, tmp_path / "hostile"), sound), sound, tmp_path, monkeypatch, capfd)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "key", "attack"), REST)
+def test_attack_elsewhere(
+    name: str, key: str, attack: str, sound: Sound, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    _attack(words(name, key, ATTACKS[attack](sound, tmp_path / "hostile"), sound), sound, tmp_path, monkeypatch, capfd)
+
+
+def test_the_attacks_would_succeed_on_a_careless_reader(sound: Sound, tmp_path: Path) -> None:
+    import pickle
+
+    import numpy as np
+    import yaml
+
+    careless = [
+        lambda: pickle.loads((ATTACKS["policy_pickled"](sound, tmp_path / "a") / "policy/state.json").read_bytes()),
+        lambda: yaml.unsafe_load((ATTACKS["index_of_tags"](sound, tmp_path / "b") / "dataset.yaml").read_text()),
+        lambda: np.load(ATTACKS["policy_npz_of_objects"](sound, tmp_path / "c"), allow_pickle=True)["told"],
+    ]
+    for read in careless:
+        read()
+        assert sound.canary.exists()
+        sound.canary.unlink()
+
+
+def _attack(
+    typed: list[str], sound: Sound, home: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(home)
+    monkeypatch.syspath_prepend(sound.run.parent)  # a name that is imported is found there
+    before, base = trace(sound.victim), _peak(reset=True)
+    started = time.process_time()
+    status = main(typed)
+    spent, grown = time.process_time() - started, _peak() - base
+    said = "".join(capfd.readouterr())
+    assert status in (0, 1, 2), said
+    assert not sound.canary.exists(), "code out of a file was run"
+    assert "bait" not in sys.modules
+    assert trace(sound.victim) == before, "something outside was changed"
+    assert "precious words" not in said
+    assert not any(SCRIPT in page.read_text() for page in _pages(home)), "a name became markup"
+    assert grown < MAX_MEMORY_BYTES, f"{grown >> 20} MB"
+    if status:
+        assert spent < MAX_CPU_S, f"{spent:.1f} s before: {said}"
+        assert re.search(r"\baerial-il: ", said), said
+
+
+def _pages(home: Path) -> list[Path]:
+    return [page for ending in ("html", "svg") for page in home.glob(f"*.{ending}")]
+
+
+def _peak(*, reset: bool = False) -> int:
+    """Return the most memory that the process has held, in bytes, since it was last ``reset``."""
+    if reset:
+        Path("/proc/self/clear_refs").write_text("5")
+    status = Path("/proc/self/status").read_text()
+    return int(re.findall(r"VmHWM:\s+(\d+) kB", status)[0]) << 10
