@@ -45,3 +45,14 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
+
+
+def test_every_folder_of_code_is_a_package_that_git_keeps() -> None:
+    """An ignored ``__init__.py`` is on this disk and missing from a clone."""
+    folders = {path.parent for path in (ROOT / "aerial_il").rglob("*.py")}
+    assert [str(folder) for folder in folders if not (folder / "__init__.py").is_file()] == []
+    git = ["git", "-C", str(ROOT), "ls-files", "--others", "--ignored", "--exclude-standard", "aerial_il", "tests"]
+    found = subprocess.run(git, capture_output=True, text=True, check=False)
+    if found.returncode:
+        pytest.skip("this is no git checkout")
+    assert [line for line in found.stdout.splitlines() if "__pycache__" not in line] == []

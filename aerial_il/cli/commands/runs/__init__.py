@@ -1,0 +1,1 @@
+"""Commands over trainings: make one, look into it, compare several."""
