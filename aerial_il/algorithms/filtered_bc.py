@@ -1,9 +1,10 @@
 """Filtered cloning: fly the clone with noise, keep the flights that succeeded, clone again, and so on.
 
-Round 0 clones the demonstrations; that is the prior. In each round the newest clone flies ``episodes`` worlds, each
-action shifted by noise that is correlated from step to step, and the next clone learns from the demonstrations and all
-successes so far, the noise included: what was flown is imitated, not what was meant, so that shifts which help are
-kept. It needs no critic and no advantage, and is what every reinforcement learning from a prior has to beat.
+Round 0 clones the demonstrations; that clone, or another policy, is the prior. In each round the newest clone flies
+``episodes`` worlds, each action shifted by noise that is correlated from step to step, and the next clone learns from
+the demonstrations and all successes so far, the noise included: what was flown is imitated, not what was meant, so that
+shifts which help are kept. It needs no critic and no advantage, and is what every reinforcement learning from a prior
+has to beat.
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``; the totals of
 all rounds; ``evaluate/<name>`` of the clone alone. What is returned is the clone of the last round.
@@ -14,8 +15,9 @@ reward of 0 or 1; J. Oh et al., "Self-Imitation Learning", 2018, keep past good 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,7 +27,11 @@ from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
+from aerial_il.algorithms.run.prior import load_prior
+from aerial_il.core.checkpoint import digest
 from aerial_il.core.contracts import Observation
+from aerial_il.core.errors import NoRewardError
+from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
@@ -36,8 +42,10 @@ class FilteredCloning(InteractiveAlgorithm):
 
     Attributes:
         training: behaviour cloning of the dataset so far; its loss is the policy network's.
+        prior: a run or policy of any class that flies the first round; None for the clone of the demonstrations.
         noise: its deviation, in those of the demonstrated actions; elements that never varied, and switches, have none.
         correlation: of the noise from one step to the next.
+        reward_patience: flown steps after which a run stops that no flight has solved yet; 0 for never.
     """
 
     name: ClassVar[str] = "filtered_bc"
@@ -45,34 +53,53 @@ class FilteredCloning(InteractiveAlgorithm):
 
     rounds: int = 4
     episodes: int = 250
+    patience: float = 2.0
     training: BehaviourCloning = field(default_factory=BehaviourCloning)
+    prior: str | None = None
     noise: float = 0.1
     correlation: float = 0.95
     demos_share: float = 0.2
+    reward_patience: int = 200_000
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(self, "noise")
+        require_not_negative(self, "noise", "reward_patience")
         require_share(self, "correlation", below_one=True)
 
     def learns_from(self, flight: Episode) -> bool:
         return flight.success
 
+    def inputs(self, spec: EnvSpec) -> Mapping[str, Any]:
+        return {} if self.prior is None else {"prior": digest(load_prior(self.prior, spec).to_checkpoint())}
+
     def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
         for number in rounds.left():
             if number:
-                rounds.fly(number, lambda: self._explorer(rounds))
+                rounds.fly(number, lambda number=number: self._explorer(rounds, number))
+                self._refuse_silence(rounds)
             rounds.learn(number)
             rounds.end_round(number, evaluate)
         return rounds.finish()
 
-    def _explorer(self, rounds: Rounds) -> Unlabelled:
-        """Return the newest clone with noise."""
-        assert rounds.learner is not None
-        interface = rounds.learner.interface
-        moved = interface.varied & np.isnan(interface.switches.low)
-        root = np.diag(self.noise * interface.action.scale * moved)
-        return Unlabelled(Disturbed(rounds.learner, Noise(root, self.correlation, self.noise)))
+    def _explorer(self, rounds: Rounds, number: int) -> Unlabelled:
+        """Return the newest clone, or the prior in the first round, with noise."""
+        policy = rounds.learner
+        if number == 1 and self.prior is not None:
+            policy = load_prior(self.prior, rounds.problem.env.spec)
+        assert policy is not None
+        moved = policy.interface.varied & np.isnan(policy.interface.switches.low)
+        root = np.diag(self.noise * policy.interface.action.scale * moved)
+        return Unlabelled(Disturbed(policy, Noise(root, self.correlation, self.noise)))
+
+    def _refuse_silence(self, rounds: Rounds) -> None:
+        """Stop a run in which nothing has ever succeeded.
+
+        Raises:
+            NoRewardError: there is nothing to keep after so many steps.
+        """
+        flown = sum(costs.steps for costs in rounds.costs)
+        if 0 < self.reward_patience <= flown and not any(costs.successes for costs in rounds.costs):
+            raise NoRewardError(flown, 0.0)
 
 
 class Unlabelled:

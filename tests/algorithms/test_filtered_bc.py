@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +12,30 @@ import pytest
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.collection.collect import collect
+from aerial_il.core.checkpoint import ARRAYS
+from aerial_il.core.errors import CheckpointError, InvalidValueError, NoRewardError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
-from tests.algorithms.drift import Drift, demonstrations
+from tests.algorithms.drift import SPEC, Drift, demonstrations
+from tests.algorithms.point_mass import StepResult
 
 DEMOS = 3
 FEW = BehaviourCloning(steps=40, batch_size=32, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
 
 
-def trained(run: Path, **settings: Any) -> Path:
-    algorithm = FilteredCloning(training=FEW, between_steps=20, rounds=2, episodes=8, **settings)
-    policy = SquashedGaussianConfig(hidden=(16,))
-    env: Any = Drift(8)
-    algorithm.train(demonstrations(DEMOS), policy, run=run, env=env, collect=collect, seed=3, progress=False)
+POLICY = SquashedGaussianConfig(hidden=(16,))
+
+
+def trained(run: Path, *, seed: int = 3, policy: PolicyConfig = POLICY, env: Any = None, **settings: Any) -> Path:
+    algorithm = FilteredCloning(**{"training": FEW, "between_steps": 20, "rounds": 2, "episodes": 8, **settings})
+    options = {"env": env or Drift(8), "collect": collect, "seed": seed, "progress": False}
+    algorithm.train(demonstrations(DEMOS), policy, run=run, **options)
     return run
 
 
@@ -63,3 +74,49 @@ def test_noise_moves_what_is_flown(whole: Path, tmp_path: Path) -> None:
     calm = trained(tmp_path / "calm", noise=0.0)
     pairs = zip(flights(whole, 1), flights(calm, 1), strict=True)
     assert any(len(a) != len(b) or not np.array_equal(a.executed_actions, b.executed_actions) for a, b in pairs)
+
+
+class Hopeless(Drift):
+    """Nobody ever arrives."""
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        result = super().step(actions, mask)
+        return replace(result, info={**result.info, "success": np.zeros(self.num_envs, bool)})
+
+
+def test_a_prior_of_another_class_and_of_chunks_flies_the_first_round(whole: Path, tmp_path: Path) -> None:
+    chunked = MlpConfig(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+    prior = trained(tmp_path / "prior", policy=chunked, rounds=1)
+    led = trained(tmp_path / "led", prior=str(prior))
+    assert load_policy(led).config == POLICY
+    for one, other in zip(flights(led, 1), flights(whole, 1), strict=True):
+        assert not np.array_equal(one.actions, other.actions), "the clone flew, not the prior"
+
+
+def test_another_prior_in_the_same_place_is_another_run(tmp_path: Path) -> None:
+    prior = trained(tmp_path / "prior", rounds=1)
+    settings = {"prior": str(prior), "rounds": 1}
+    trained(tmp_path / "run", **settings)
+    before = (tmp_path / "run" / "policy" / ARRAYS).read_bytes()
+    trained(tmp_path / "run", **settings)
+    assert (tmp_path / "run" / "policy" / ARRAYS).read_bytes() == before
+    shutil.rmtree(prior)
+    trained(prior, rounds=1, seed=5)
+    with pytest.raises(InvalidValueError, match="holds another run"):
+        trained(tmp_path / "run", **settings)
+
+
+def test_a_prior_that_is_missing_or_acts_otherwise_is_refused_before_anything_flies(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="does not exist"):
+        trained(tmp_path / "run", prior=str(tmp_path / "nowhere"))
+    prior = load_policy(trained(tmp_path / "prior", rounds=1))
+    action = replace(SPEC.action, level="force", labels=("x",), units=("N",))
+    with pytest.raises(InvalidValueError, match=r"cannot fly here.*force actions: prior=RUN"):
+        load_prior(str(tmp_path / "prior"), replace(prior.spec, action=action))
+    assert not (tmp_path / "run" / "rounds").exists()
+
+
+def test_flights_that_never_succeed_end_the_run(tmp_path: Path) -> None:
+    with pytest.raises(NoRewardError):
+        trained(tmp_path / "run", env=Hopeless(8), reward_patience=50)
+    trained(tmp_path / "patient", env=Hopeless(8), reward_patience=0)

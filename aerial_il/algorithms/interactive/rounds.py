@@ -129,6 +129,7 @@ class InteractiveProblem:
             "dataset": {**origin["dataset"], "digest": digest_of(cut_windows(demos, layout, self.policy))},
             "environment": {**where, "num_envs": self.env.num_envs},
             "settings": plain(self.settings),
+            **self.settings.inputs(spec),
             "policy": {"name": self.policy.name, **self.policy.to_dict()},
         }
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 
 
@@ -72,6 +74,11 @@ class InteractiveSettings:
     def learns_from(self, flight: Episode) -> bool:
         """Whether a flight of a round joins the dataset; here one with labels."""
         return bool(flight.asked.any())
+
+    def inputs(self, spec: EnvSpec) -> Mapping[str, Any]:
+        """Return what decides a run in ``spec`` besides settings, policy and demonstrations, all of it checked."""
+        del spec
+        return {}
 
     @property
     def between(self) -> SupervisedAlgorithm:

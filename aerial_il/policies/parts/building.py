@@ -15,7 +15,7 @@ from aerial_il.core.errors import InvalidValueError
 PARTS_PER_ARRAY, MORE_PARTS = 20, 1000  # modules: many, such as activations, have no weights
 
 
-def built_for[Network: nn.Module](arrays: Mapping[str, np.ndarray], build: Callable[[], Network]) -> Network:
+def built_for[Built](arrays: Mapping[str, np.ndarray], build: Callable[[], Built]) -> Built:
     """Return what ``build`` makes, tried first without memory: settings may ask for any number of layers and units.
 
     Args:

@@ -1,0 +1,27 @@
+"""A prior: a trained policy that a run starts from."""
+
+from __future__ import annotations
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+
+
+def load_prior(source: str, spec: EnvSpec) -> ChunkPolicy:
+    """Return a policy of any class that can fly in ``spec``; it decides by itself how often it plans.
+
+    Args:
+        source: folder of a run, a saved policy or one checkpoint. spec: of the environment it is to fly in.
+
+    Raises:
+        CheckpointError: there is none, or what there is has been cut or altered.
+        InvalidValueError: it was trained for another robot, task, action level or observation; names what differs.
+    """
+    policy = load_policy(source)
+    try:
+        policy.check(spec)
+    except InvalidValueError as error:
+        needed = f"one for {spec.task} on {spec.robot} with {spec.action.level} actions"
+        raise InvalidValueError(f"The prior {source} cannot fly here. {error} Give {needed}: prior=RUN.") from error
+    return policy
