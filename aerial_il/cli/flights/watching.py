@@ -33,7 +33,7 @@ def watched(env: Any, threads: int, *, wanted: bool) -> Iterator[Any]:
 
     stream = rr.RecordingStream("aerial_il-live")
     if has_screen():
-        stream.spawn(executable_path=str(program()))
+        rr.spawn(executable_path=str(program()), recording=stream)
     else:
         RECORDED.parent.mkdir(parents=True, exist_ok=True)
         stream.save(RECORDED)
