@@ -10,7 +10,7 @@ from aerial_il.benchmarks.teleop import Teleop, _found, _targets
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import DatasetFolder
 from tests.teleop.hands import world
-from tests.teleop.test_cockpit import cockpit_of, fly, recorded, schedule
+from tests.teleop.session.test_cockpit import cockpit_of, fly, recorded, schedule
 
 
 def test_what_was_told_must_be_there_and_whole(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats.hdf5 import convert_to_hdf5
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
-from tests.data.test_damage import episodes_equal
+from tests.data.recording.test_damage import episodes_equal
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from aerial_il.data.recording.writer import write_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
-from tests.data.test_recording import ARRAYS, fly
+from tests.data.recording.test_recording import ARRAYS, fly
 
 OLD = Path(__file__).parent / "version1"  # recorded by the version of this package that wrote them
 needs_their_mujoco = pytest.mark.skipif(mujoco.__version__ != "3.17.0", reason="recorded with MuJoCo 3.17.0")

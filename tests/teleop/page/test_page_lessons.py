@@ -16,7 +16,7 @@ from aerial_il.data.recording.reader import read_episode
 from aerial_il.teleop.web.controls import Controls
 from tests.teleop.chromium import Tab, browser, needs_browser
 from tests.teleop.flown import Flown, flown
-from tests.teleop.test_page import in_state, together
+from tests.teleop.page.test_page import in_state, together
 
 pytestmark = [pytest.mark.browser, pytest.mark.render, needs_browser]
 READY = "window.teleop && teleop.shown && teleop.status?.role === 'controller'"

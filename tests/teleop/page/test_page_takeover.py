@@ -14,7 +14,7 @@ from aerial_il.teleop.session.refly import refly
 from tests.teleop.chromium import browser, needs_browser
 from tests.teleop.flown import flown
 from tests.teleop.hands import world
-from tests.teleop.test_page import in_state, together
+from tests.teleop.page.test_page import in_state, together
 
 pytestmark = [pytest.mark.browser, pytest.mark.render, needs_browser]
 FRAME = "getComputedStyle(document.querySelector('.stage')).boxShadow"

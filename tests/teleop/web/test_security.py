@@ -19,7 +19,7 @@ from aerial_il.teleop.web.server import MAX_CONNECTIONS, MAX_DROPPED, MAX_VISITO
 from aerial_il.teleop.web.tls import fresh_certificate, own_certificate
 from tests.teleop.flown import flown
 from tests.teleop.hands import shipped
-from tests.teleop.test_server import an_input, socket, told, until
+from tests.teleop.web.test_server import an_input, socket, told, until
 
 pytestmark = pytest.mark.render
 
