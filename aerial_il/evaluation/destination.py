@@ -58,9 +58,10 @@ def finished(out: str | os.PathLike[str], subject: Mapping[str, Any], *, overwri
         overwrite: clear away a result of something else, finished or not.
 
     Raises:
-        InvalidValueError: ``out`` is or lies in a dataset, or holds a result of something else, or one that cannot be
-            read, which may not be overwritten.
+        InvalidValueError: ``out`` is a file, is or lies in a dataset, or holds a result of something else, or one that
+            cannot be read, which may not be overwritten.
     """
+    _refuse_files(Path(out))
     _refuse_datasets(Path(out))
     journal = Journal(out)
     begun, result = journal.subject(), _result(out, overwrite)
@@ -86,6 +87,12 @@ def _result(out: str | os.PathLike[str], overwrite: bool) -> EvaluationResult | 
         if overwrite:
             return None
         raise InvalidValueError(f"{error} Choose another out=FOLDER, or say overwrite=true.") from error
+
+
+def _refuse_files(out: Path) -> None:
+    """Refuse what no folder can be made of: a file, a device, or links that lead back to themselves."""
+    if os.path.lexists(out) and not out.is_dir():
+        raise InvalidValueError(f"out={out} is there and no folder. Choose another out=FOLDER.")
 
 
 def _refuse_datasets(out: Path) -> None:

@@ -69,7 +69,8 @@ class TrainingRun:
 
     @property
     def policy(self) -> str:
-        return str(self.config.get("policy", {}).get("name", "policy"))
+        told = self.config.get("policy", {})
+        return str(told.get("name", "policy") if isinstance(told, Mapping) else told)
 
     @property
     def algorithm(self) -> str:
