@@ -64,6 +64,6 @@ class Imitation(OnlineAlgorithm):
         )
         check_same(layout.spec, env.spec)
         if self.control == "random_actions":
-            demos = random_transitions(env, layout, len(demos.frames), seed=seed)
+            demos = random_transitions(env, layout, len(demos.frames), seed=seed, scheme=self.scheme)
         interface = fit_interface(layout, demos.frames, demos.actions, policy=policy, bounds=self.bounds)
-        return Problem(self.name, seed, policy, env, interface, demos, record)
+        return Problem(self.name, seed, policy, env, interface, demos, record, self.scheme)

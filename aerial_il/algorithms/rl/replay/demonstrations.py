@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.interface import action_bounds, encode, encode_actions
 from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.supervised.training_set import read_demos
@@ -109,9 +109,12 @@ def check_same(recorded: EnvSpec, spec: EnvSpec) -> None:
         raise InvalidValueError(f"The demonstrations come from another environment: {'; '.join(differing)}.")
 
 
-def random_transitions(env: BatchEnv, layout: Layout, count: int, *, seed: int) -> Transitions:
+def random_transitions(
+    env: BatchEnv, layout: Layout, count: int, *, seed: int, scheme: RewardScheme | None = None
+) -> Transitions:
     """Collect ``count`` transitions or a few more with actions drawn uniformly within their bounds."""
-    collector, rng, (low, high) = Collector(env, layout, seed=seed), named_rng(seed, "control"), action_bounds(layout)
+    collector, rng = Collector(env, layout, seed=seed, scheme=scheme), named_rng(seed, "control")
+    low, high = action_bounds(layout)
     steps = [collector.step(rng.uniform(low, high, (collector.n, len(low)))) for _ in range(-(-count // collector.n))]
     arrays = ([getattr(step, name) for step in steps] for name in Transitions._fields)
     return Transitions(*(np.concatenate(array) for array in arrays))
