@@ -43,16 +43,26 @@ TOO_LONG = (
 
 @dataclass(frozen=True, kw_only=True)
 class DemonstratedReinforcement(Reinforcement, Imitation):
-    """What learners from a reward that see demonstrations are given; see :class:`Imitation`, of which ``control``
-    cannot be ``constant_reward`` here. Stands before :class:`OffPolicy` among the bases.
+    """What learners from a reward that see demonstrations are given; stands before :class:`OffPolicy` among the bases.
+
+    Beside those of :class:`Imitation`, of which ``control`` cannot be ``constant_reward`` here:
+
+    Attributes:
+        failures: learn from failed episodes of the dataset too; rewards tell them from the others.
     """
 
     rewarded: ClassVar[bool] = True
+
+    failures: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.control == "constant_reward":
             raise InvalidValueError(f"{self.name} learns from a reward: control is none or random_actions.")
+
+    @property
+    def learns_from_failures(self) -> bool:
+        return self.failures
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations and pay them as the learner is paid.

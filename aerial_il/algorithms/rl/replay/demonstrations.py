@@ -74,23 +74,27 @@ def read_transitions(
     subsample: int,
     labels: Labels = "executed",
     rewarded: bool = False,
+    failures: bool = False,
     seed: int,
 ) -> tuple[Layout, Transitions, dict[str, Any]]:
-    """Return the layout, the transitions of the successful episodes, and which they are, for the run's record.
+    """Return the layout, the transitions of the episodes, and which they are, for the run's record.
 
     Args:
         trajectories: how many episodes, the first ones; None for all.
         subsample: keep one transition in so many, counted from a random one of the first, and each terminal one.
         labels: which actions, ``executed`` or what the ``expert`` meant.
         rewarded: whether rewards are learned from, and so belong to the record.
+        failures: whether failed episodes count too.
         seed: decides where the counting begins.
 
     Raises:
         InvalidValueError: see :func:`read_demos`; or there are fewer episodes than ``trajectories``.
     """
-    layout, demos = read_demos(dataset, policy)
+    layout, demos = read_demos(dataset, policy, failures=failures)
     if trajectories is not None and len(demos) < trajectories:
-        raise InvalidValueError(f"trajectories is {trajectories}; the dataset has {len(demos)} successful ones.")
+        raise InvalidValueError(
+            f"trajectories is {trajectories}; the dataset has {len(demos)}{'' if failures else ' successful'} ones."
+        )
     demos = demos[:trajectories]
     rng = named_rng(seed, "subsample")
     parts = [_thin(_transitions_of(episode, layout, labels), subsample, rng) for episode in demos]
