@@ -48,7 +48,7 @@ ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_fl
 NETWORKS = {"critic_hidden": (32, 32), "reward_hidden": (32,), "gamma": 0.9, "gradient_penalty": 1.0}
 ONLINE: dict[str, Any] = {**NETWORKS, **ALONE, "steps": 1_200, "warmup": 200, "batch_size": 64, "lr": 3e-3}
 OFF_POLICY = {**ONLINE, "utd_ratio": 0.5, "tau": 0.05, "actor_every": 1, "reward_lr": 2e-3, "reward_updates": 1.0}
-OFF_POLICY |= {"exploration": 0.5, "target_every": 1}
+OFF_POLICY |= {"exploration": 0.5, "target_every": 1, "offline_steps": 200}
 ON_POLICY = {**ONLINE, "steps": 10_240, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
 ON_POLICY |= {"step_size": 0.1}
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
@@ -99,7 +99,14 @@ def short(name: str, steps: int) -> Any:
     """Return :func:`small` settings of ``steps`` steps, evaluated and saved on the way."""
     settings = small(name)
     changes: dict[str, Any] = {"steps": steps, "rollout": 16, "evaluate_every": steps // 4, "warmup": 8}
-    changes |= {"epochs": 1, "reward_updates": 1, "reward_batch": 8, "batch_size": 8, "log_every": 10}
+    changes |= {
+        "offline_steps": 12,
+        "epochs": 1,
+        "reward_updates": 1,
+        "reward_batch": 8,
+        "batch_size": 8,
+        "log_every": 10,
+    }
     if "training" in {field.name for field in fields(settings)}:
         training = replace(CLONES, steps=steps, batch_size=8)
         changes = {"rounds": 2, "episodes": 2, "training": training, "between_steps": steps, "evaluate_every": 1}

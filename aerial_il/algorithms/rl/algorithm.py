@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
+from aerial_il.algorithms.rl.collector import RewardScheme
 from aerial_il.algorithms.rl.interface import check_policy, plain_interface
 from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
 from aerial_il.algorithms.run.cadence import Evaluate
@@ -99,4 +100,9 @@ class OnlineAlgorithm(ABC):
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Return what is learned on: here the environment and its reward alone."""
         interface = plain_interface(Layout.of(env.spec, policy), policy)
-        return Problem(self.name, seed, policy, env, interface)
+        return Problem(self.name, seed, policy, env, interface, scheme=self.scheme)
+
+    @property
+    def scheme(self) -> RewardScheme:
+        """What its steps are paid: here what the environment pays."""
+        return RewardScheme()

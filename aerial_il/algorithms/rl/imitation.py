@@ -51,6 +51,11 @@ class Imitation(OnlineAlgorithm):
         require_choice(self, "labels", Labels)
         require_choice(self, "control", Control)
 
+    @property
+    def learns_from_failures(self) -> bool:
+        """Whether failed episodes are shown too: none is imitated."""
+        return False
+
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations; in the control run ``random_actions`` the environment is flown in their place."""
         layout, demos, record = read_transitions(
@@ -60,10 +65,11 @@ class Imitation(OnlineAlgorithm):
             subsample=self.subsample,
             labels=self.labels,
             rewarded=self.rewarded,
+            failures=self.learns_from_failures,
             seed=seed,
         )
         check_same(layout.spec, env.spec)
         if self.control == "random_actions":
-            demos = random_transitions(env, layout, len(demos.frames), seed=seed)
+            demos = random_transitions(env, layout, len(demos.frames), seed=seed, scheme=self.scheme)
         interface = fit_interface(layout, demos.frames, demos.actions, policy=policy, bounds=self.bounds)
-        return Problem(self.name, seed, policy, env, interface, demos, record)
+        return Problem(self.name, seed, policy, env, interface, demos, record, self.scheme)

@@ -83,7 +83,8 @@ class Problem:
 class OnlineRun:
     """One run from its first step, or from its newest checkpoint, to its finished policy.
 
-    Use it as ``begin(...)``, then ``while run.goes_on(): ...; run.end_turn()``, then ``finish()``.
+    Use it as ``begin(...)``, then ``while run.goes_on(): ...; run.end_turn()``, then ``finish()``; what is learned
+    before the first flight stands between, in ``for _ in run.offline(steps): ...``.
 
     Attributes:
         folder: of the run.
@@ -107,7 +108,7 @@ class OnlineRun:
         self.interface, self.elapsed_s, self._means = problem.interface, 0.0, MetricMeans()
         layout, scheme = problem.interface.layout, problem.scheme
         self.collector = Collector(problem.env, layout, seed=problem.seed, scheme=scheme)
-        self._clock, self._before = time.perf_counter(), 0
+        self._clock, self._before, self._offline = time.perf_counter(), 0, 0
         self._parts: dict[str, Stateful] = {}
         self._actor: ChunkNetwork
         self._bar: tqdm
@@ -149,6 +150,33 @@ class OnlineRun:
             disable=not self._progress,
         )
 
+    def offline(self, steps: int) -> Iterator[None]:
+        """Yield once for each of ``steps`` gradient steps before the first flight; they are saved on the way.
+
+        Metrics count them up to zero: the last one is step 0, where the flights begin.
+        """
+        hidden = not self._progress or self._offline >= steps
+        name = f"learn {self._problem.algorithm} offline"
+        bar = tqdm(total=steps, initial=self._offline, desc=name, unit="update", dynamic_ncols=True, disable=hidden)
+        while self._offline < steps:
+            self._clock = time.perf_counter()
+            yield
+            self._offline += 1
+            self.elapsed_s += time.perf_counter() - self._clock
+            bar.update()
+            self._end_offline_step(self._offline, steps)
+        bar.close()
+
+    def _end_offline_step(self, done: int, steps: int) -> None:
+        """Write metrics, take a checkpoint, leave on a signal, each where it is due."""
+        settings, last = self._settings, done == steps
+        if last or due(settings.log_every, done):
+            self.folder.log(done - steps, {**self._means.take(), "elapsed_s": self.elapsed_s})
+        if last or self._signals.pending or due(settings.checkpoint_every, done):
+            self.folder.save(0, pack(self._parts, self.policy()), keep=settings.keep_checkpoints)
+        if self._signals.pending:
+            self._signals.stop()
+
     @property
     def left(self) -> float:
         """Share of the environment steps that are left."""
@@ -169,7 +197,7 @@ class OnlineRun:
         A run killed while it evaluates resumes just before.
         """
         step = self.collector.steps
-        if self._evaluate and step and (self._done or self._due(self._settings.evaluate_every)):
+        if self._evaluate and (self._done or self._due(self._settings.evaluate_every) if step else self._offline):
             with self._signals.at_once(), torch.random.fork_rng():
                 self.folder.log(step, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), step).items()})
         self._before, self._clock = step, time.perf_counter()
@@ -226,10 +254,12 @@ class OnlineRun:
 
     def snapshot(self) -> Snapshot:
         means = self._means.snapshot().values
-        return Snapshot({}, {"elapsed_s": self.elapsed_s, "before": self._before, **means})
+        counts = {"before": self._before, "offline": self._offline}
+        return Snapshot({}, {"elapsed_s": self.elapsed_s, **counts, **means})
 
     def restore(self, saved: Snapshot) -> None:
         self.elapsed_s, self._before = saved.values["elapsed_s"], saved.values["before"]
+        self._offline = saved.values.get("offline", 0)
         self._means.restore(saved)
 
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.collector import RewardScheme
-from aerial_il.algorithms.rl.online_run import Problem
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.checks import require_choice, require_not_negative
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.network import PolicyConfig
 
 Reward = Literal["environment", "sparse"]
 
@@ -38,12 +33,10 @@ class Reinforcement(OnlineAlgorithm):
         require_choice(self, "reward", Reward)
         require_not_negative(self, "reward_patience")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
-        """Return what is learned on, paid as the settings say."""
-        plain = super().problem(dataset, policy, env, seed)
+    @property
+    def scheme(self) -> RewardScheme:
         sparse = self.reward == "sparse"
-        scheme = RewardScheme(sparse=sparse, smoothness=self.smoothness, patience=self.reward_patience)
-        return replace(plain, scheme=scheme)
+        return RewardScheme(sparse=sparse, smoothness=self.smoothness, patience=self.reward_patience)
 
 
 @dataclass(frozen=True, kw_only=True)

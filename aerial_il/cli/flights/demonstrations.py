@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
 from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
@@ -29,11 +30,14 @@ def open_demonstrations(
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
-    failures = isinstance(algorithm, BehaviourCloning) and algorithm.selection.failures > 0
+    selected = isinstance(algorithm, BehaviourCloning) and algorithm.selection.failures > 0
+    failures = selected or (isinstance(algorithm, Imitation) and algorithm.learns_from_failures)
     if limit is None:
         return open_dataset(path, cameras=tuple(images), failures=failures)
     if failures:
-        raise InvalidValueError(f"dataset.episodes={limit} counts successes: leave it out with selection.failures.")
+        raise InvalidValueError(
+            f"dataset.episodes={limit} counts successes: leave it out where failures are learned from."
+        )
     dataset = open_dataset(path)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
     chosen = list(islice(_by_turns(solved), limit))

@@ -28,7 +28,8 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from tests.algorithms.drift import EDGE, SPEC, Drift
 
-REWARDED = [name for name in algorithms.list_algorithms() if getattr(algorithms.settings_of(name), "rewarded", False)]
+TAUGHT = {n: algorithms.settings_of(n) for n in algorithms.list_algorithms()}
+REWARDED = [n for n, s in TAUGHT.items() if getattr(s, "rewarded", False) and not s.demonstrated]
 POLICY = SquashedGaussianConfig(hidden=(16,))
 CHOICES = CategoricalConfig(hidden=(16,), choices="bounds")
 SMALL: dict[str, Any] = {"warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}

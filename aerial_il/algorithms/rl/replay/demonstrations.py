@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.interface import action_bounds, encode, encode_actions
 from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.supervised.training_set import read_demos
@@ -74,23 +74,27 @@ def read_transitions(
     subsample: int,
     labels: Labels = "executed",
     rewarded: bool = False,
+    failures: bool = False,
     seed: int,
 ) -> tuple[Layout, Transitions, dict[str, Any]]:
-    """Return the layout, the transitions of the successful episodes, and which they are, for the run's record.
+    """Return the layout, the transitions of the episodes, and which they are, for the run's record.
 
     Args:
         trajectories: how many episodes, the first ones; None for all.
         subsample: keep one transition in so many, counted from a random one of the first, and each terminal one.
         labels: which actions, ``executed`` or what the ``expert`` meant.
         rewarded: whether rewards are learned from, and so belong to the record.
+        failures: whether failed episodes count too.
         seed: decides where the counting begins.
 
     Raises:
         InvalidValueError: see :func:`read_demos`; or there are fewer episodes than ``trajectories``.
     """
-    layout, demos = read_demos(dataset, policy)
+    layout, demos = read_demos(dataset, policy, failures=failures)
     if trajectories is not None and len(demos) < trajectories:
-        raise InvalidValueError(f"trajectories is {trajectories}; the dataset has {len(demos)} successful ones.")
+        raise InvalidValueError(
+            f"trajectories is {trajectories}; the dataset has {len(demos)}{'' if failures else ' successful'} ones."
+        )
     demos = demos[:trajectories]
     rng = named_rng(seed, "subsample")
     parts = [_thin(_transitions_of(episode, layout, labels), subsample, rng) for episode in demos]
@@ -109,9 +113,12 @@ def check_same(recorded: EnvSpec, spec: EnvSpec) -> None:
         raise InvalidValueError(f"The demonstrations come from another environment: {'; '.join(differing)}.")
 
 
-def random_transitions(env: BatchEnv, layout: Layout, count: int, *, seed: int) -> Transitions:
+def random_transitions(
+    env: BatchEnv, layout: Layout, count: int, *, seed: int, scheme: RewardScheme | None = None
+) -> Transitions:
     """Collect ``count`` transitions or a few more with actions drawn uniformly within their bounds."""
-    collector, rng, (low, high) = Collector(env, layout, seed=seed), named_rng(seed, "control"), action_bounds(layout)
+    collector, rng = Collector(env, layout, seed=seed, scheme=scheme), named_rng(seed, "control")
+    low, high = action_bounds(layout)
     steps = [collector.step(rng.uniform(low, high, (collector.n, len(low)))) for _ in range(-(-count // collector.n))]
     arrays = ([getattr(step, name) for step in steps] for name in Transitions._fields)
     return Transitions(*(np.concatenate(array) for array in arrays))

@@ -1,0 +1,128 @@
+"""Settings of learners from a reward that are shown demonstrations, and what these were paid.
+
+A demonstration is paid as the learner itself is: by the environment, as it was recorded; or, where the reward is
+sparse, 1 for the step that solved the task, which is its last where success ends an episode. What rough actions cost is
+taken off in either case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from aerial_il.algorithms.rl.collector import RECENT, RewardScheme
+from aerial_il.algorithms.rl.imitation import Imitation
+from aerial_il.algorithms.rl.online_run import Problem
+from aerial_il.algorithms.rl.reinforcement import Reinforcement
+from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.network import PolicyConfig
+
+UNPAID = (
+    "The demonstrations carry no reward: in none of their {} steps was anything paid. Pay for success alone "
+    "(algorithm.reward=sparse), or record them again with what the environment pays."
+)
+NO_MOMENT = (
+    "Success does not end an episode here, so that a demonstration does not tell at which of its steps it was solved, "
+    "and cannot be paid for it. Set algorithm.reward=environment, or train where success ends an episode."
+)
+FLOWN_ON = (
+    "Demonstration {} was not ended by its success, so that it cannot be told which step solved it. Set "
+    "algorithm.reward=environment, or record it up to its success (no horizon=)."
+)
+TOO_LONG = (
+    "The shortest demonstration takes {} steps, and episodes end after {}: nothing could be repeated in that time. "
+    "Train with a longer time limit: max_steps={} at least."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemonstratedReinforcement(Reinforcement, Imitation):
+    """What learners from a reward that see demonstrations are given; stands before :class:`OffPolicy` among the bases.
+
+    Beside those of :class:`Imitation`, of which ``control`` cannot be ``constant_reward`` here:
+
+    Attributes:
+        failures: learn from failed episodes of the dataset too; rewards tell them from the others.
+    """
+
+    rewarded: ClassVar[bool] = True
+
+    failures: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.control == "constant_reward":
+            raise InvalidValueError(f"{self.name} learns from a reward: control is none or random_actions.")
+
+    @property
+    def learns_from_failures(self) -> bool:
+        return self.failures
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        """Read the demonstrations and pay them as the learner is paid.
+
+        Raises:
+            InvalidValueError: they carry no reward that could be learned from, or are longer than episodes here.
+        """
+        episodes = list(dataset or ())
+        check_lengths(episodes, env.spec.max_steps)
+        if self.control == "none" and self.reward == "environment":
+            check_paid(episodes)
+        return super().problem([with_rewards(e, self.scheme, env) for e in episodes], policy, env, seed)
+
+
+def check_paid(episodes: Sequence[Episode]) -> None:
+    """Raise :class:`InvalidValueError` where episodes were recorded without rewards."""
+    if episodes and not any(episode.rewards.any() for episode in episodes):
+        raise InvalidValueError(UNPAID.format(sum(map(len, episodes))))
+
+
+def check_lengths(episodes: Sequence[Episode], max_steps: int) -> None:
+    """Raise :class:`InvalidValueError` where no demonstration fits into an episode of ``max_steps``."""
+    shortest = min(map(len, episodes), default=0)
+    if shortest > max_steps:
+        raise InvalidValueError(TOO_LONG.format(shortest, max_steps, shortest))
+
+
+def with_rewards(episode: Episode, scheme: RewardScheme, env: BatchEnv) -> Episode:
+    """Return a demonstration paid by ``scheme`` as if it had been flown in ``env``.
+
+    Raises:
+        InvalidValueError: a reward is not finite, or it is not known which step solved the task.
+    """
+    paid = np.asarray(episode.rewards, float)
+    if scheme.sparse:
+        paid = _solved(episode, env)
+    elif not np.isfinite(paid).all():
+        step = int(np.argmin(np.isfinite(paid)))
+        raise InvalidValueError(f"Episode {episode.uid}: the reward is not finite at step {step}.")
+    return replace(episode, rewards=paid - _penalties(episode, scheme.smoothness))
+
+
+def _solved(episode: Episode, env: BatchEnv) -> np.ndarray:
+    """Return 1 for the step that solved the task, else 0, (T,)."""
+    found = np.zeros(len(episode))
+    if not episode.success:
+        return found
+    if not env.ends_at_success:
+        raise InvalidValueError(NO_MOMENT)
+    if episode.truncated[-1]:
+        raise InvalidValueError(FLOWN_ON.format(episode.uid))
+    found[-1] = 1.0
+    return found
+
+
+def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
+    """Return what the actions of an episode cost for their roughness, (T,)."""
+    low, high = episode.spec.action.low, episode.spec.action.high
+    steps = np.arange(len(episode))
+    when = np.maximum(steps[:, None] + 1 - RECENT + np.arange(RECENT), 0)
+    if not (smoothness.rate_penalty or smoothness.jerk_penalty):
+        return np.zeros(len(steps))
+    return smoothness.penalties((2.0 * episode.executed_actions[when] - low - high) / (high - low), steps + 1)

@@ -1,0 +1,37 @@
+"""Settings of algorithms that learn from a dataset first and from their own flights then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
+from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.run.checks import require_not_negative, require_share
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfflineFirst(DemonstratedReinforcement, OffPolicyActorCritic):
+    """What they are given; ``warmup`` are the steps that the policy flies before it goes on learning.
+
+    Attributes:
+        offline_steps: gradient steps on the dataset before the first flight. With 0 the warm-up is flown at random.
+        demos_share: share of the dataset in each minibatch once it flies.
+    """
+
+    warmup: int = 1_000
+    actor_every: int = 1
+    offline_steps: int = 50_000
+    demos_share: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "offline_steps")
+        require_share(self, "demos_share")
+
+    def minibatch(self, demos: ReplayBuffer, flown: ReplayBuffer) -> Batch:
+        """Return transitions of both, in the shares that the settings say."""
+        shown = round(self.demos_share * self.batch_size)
+        if shown in (0, self.batch_size):
+            return (demos if shown else flown).sample(self.batch_size)
+        return concatenated(demos.sample(shown), flown.sample(self.batch_size - shown))

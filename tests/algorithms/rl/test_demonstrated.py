@@ -1,0 +1,201 @@
+"""Learners from a reward that see demonstrations: what these are paid, and which of them are of no use."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from aerial_il import algorithms
+from aerial_il.algorithms.rl.collector import Collector, RewardScheme
+from aerial_il.algorithms.rl.critics import Critics
+from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement, with_rewards
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, rows_of
+from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.rlpd import EnsembleActorCritic, PriorDataLearning
+from aerial_il.core.errors import InvalidValueError, NoRewardError
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
+from tests.algorithms.point_mass import StepResult
+
+SHOWN = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), DemonstratedReinforcement)]
+each = pytest.mark.parametrize("name", SHOWN)
+POLICY = SquashedGaussianConfig(hidden=(16,))
+SMALL: dict[str, Any] = {"steps": 320, "warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
+SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 80, "checkpoint_every": 0}
+SMALL |= {"offline_steps": 40}
+
+
+def short(name: str, **changes: Any) -> Any:
+    cls: Any = algorithms.settings_of(name)
+    return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
+
+
+def train(settings: Any, run: Path, demos: list[Episode], env: Any = None) -> Any:
+    options = {"env": env or Drift(8), "run": run, "seed": 1, "progress": False}
+    return settings.train(demos, POLICY, **options)
+
+
+class Silent(Drift):
+    """Pays nothing and is never solved, whatever is done."""
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        result = super().step(actions, mask)
+        nothing = np.zeros(self.num_envs)
+        return replace(result, reward=nothing, info={**result.info, "success": nothing.astype(bool)})
+
+
+@each
+def test_demonstrations_without_rewards_are_refused_where_rewards_are_needed(tmp_path: Path, name: str) -> None:
+    unpaid = [replace(d, rewards=0.0 * d.rewards) for d in demonstrations(4, ends_at_success=True)]
+    env = Drift(8, ends_at_success=True)
+    with pytest.raises(InvalidValueError, match=r"carry no reward.*algorithm\.reward=sparse"):
+        train(short(name), tmp_path / "run", unpaid, env)
+    train(short(name, reward="sparse"), tmp_path / "sparse", unpaid, env)
+
+
+@each
+def test_a_reward_that_is_no_number_is_refused(tmp_path: Path, name: str) -> None:
+    demo, *others = demonstrations(4)
+    rewards = demo.rewards.copy()
+    rewards[3] = np.nan
+    with pytest.raises(InvalidValueError, match="demo-0: the reward is not finite at step 3"):
+        train(short(name), tmp_path, [replace(demo, rewards=rewards), *others])
+
+
+@each
+def test_demonstrations_longer_than_episodes_are_refused(tmp_path: Path, name: str) -> None:
+    env = Drift(8)
+    env.spec = replace(SPEC, max_steps=5)
+    with pytest.raises(InvalidValueError, match=r"takes 12 steps, and episodes end after 5.*max_steps=12"):
+        train(short(name), tmp_path, demonstrations(4), env)
+
+
+@each
+def test_a_sparse_reward_needs_the_step_that_solved_the_task(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidValueError, match="Success does not end an episode here"):
+        train(short(name, reward="sparse"), tmp_path, demonstrations(4))
+    with pytest.raises(InvalidValueError, match="demo-0 was not ended by its success"):
+        train(short(name, reward="sparse"), tmp_path, demonstrations(4), Drift(8, ends_at_success=True))
+
+
+@each
+def test_a_sparse_reward_that_never_comes_is_said(tmp_path: Path, name: str) -> None:
+    """Of its own flights: what demonstrations were paid tells nothing of what the agent can reach."""
+    env, demos = Silent(8, ends_at_success=True), demonstrations(4, ends_at_success=True)
+    with pytest.raises(NoRewardError, match="reward_patience"):
+        train(short(name, reward="sparse", reward_patience=160), tmp_path, demos, env)
+
+
+@each
+def test_to_be_paid_for_living_is_no_control_of_it(name: str) -> None:
+    with pytest.raises(InvalidValueError, match="none or random_actions"):
+        short(name, control="constant_reward")
+
+
+@each
+def test_with_random_flights_in_their_place_it_runs(tmp_path: Path, name: str) -> None:
+    train(short(name, control="random_actions"), tmp_path, demonstrations(4))
+
+
+def test_a_demonstration_is_paid_as_its_flight_would_be() -> None:
+    """Step by step as by the collector, penalties too; sparse, for the step that ends it."""
+    scheme = RewardScheme(smoothness=Smoothness(rate_penalty=0.3, jerk_penalty=0.1))
+    demo = demonstrations(1)[0]
+    collector = Collector(Flown(demo), Layout.of(SPEC, POLICY), seed=0, scheme=scheme)
+    paid = [collector.step(action[None]).rewards[0] for action in demo.executed_actions]
+    np.testing.assert_allclose(with_rewards(demo, scheme, Drift(1)).rewards, paid)
+    solved = demonstrations(1, ends_at_success=True)[0]
+    sparse = with_rewards(solved, RewardScheme(sparse=True), Drift(1, ends_at_success=True)).rewards
+    np.testing.assert_array_equal(sparse, np.arange(len(solved)) == len(solved) - 1)
+    lost = replace(solved, success=False)
+    assert not with_rewards(lost, RewardScheme(sparse=True), Drift(1, ends_at_success=True)).rewards.any()
+
+
+class Flown(Drift):
+    """Begins where a demonstration began."""
+
+    def __init__(self, demo: Episode) -> None:
+        super().__init__(1)
+        self._demo = demo
+
+    def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        super().reset(seeds, mask)
+        self.position[0], self.goal[0] = self._demo.obs["position"][0], self._demo.obs["goal"][0]
+        return self._observe()
+
+
+# -- rlpd
+
+
+def test_rlpd_learns_from_demonstrations_what_it_does_not_learn_from_random_flights(tmp_path: Path) -> None:
+    """A few steps of its own, the same for both."""
+    settings = {"steps": 640, "utd_ratio": 2.0, "actor_every": 2, "critics": 4, "entropy": -3.0}
+    shown, blind = (
+        mean_reward(train(short("rlpd", control=control, **settings), tmp_path / control, demonstrations(20)))
+        for control in ("none", "random_actions")
+    )
+    assert shown > blind + 0.02
+
+
+def batch(size: int = 7) -> Batch:
+    torch.manual_seed(1)
+    obs, action = torch.randn(size, 3), torch.rand(size, 1) * 2 - 1
+    return Batch(obs, action, torch.randn(size, 3), torch.randn(size), torch.ones(size))
+
+
+def test_a_backup_believes_the_least_of_the_critics_that_were_drawn() -> None:
+    """With all of them drawn, that of all; alpha at nothing, so that only rewards and values are left."""
+    settings = PriorDataLearning(critics=3, subset=3, critic_hidden=(8,), alpha=1e-9)
+    agent, seen = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch()
+    seen = seen._replace(next_obs=torch.cat([seen.next_obs[:, :-1], torch.ones(7, 1)], 1))  # absorbing: action 0
+    worth = agent._targets.network(seen.next_obs, torch.zeros(7, 1))
+    targets = agent._bellman_targets(seen)
+    assert torch.allclose(targets, seen.rewards + settings.gamma * worth.min(0).values, atol=1e-5)
+    assert (worth.max(0).values - worth.min(0).values > 0).all(), "critics that are alike would tell nothing"
+
+
+def test_critics_drawn_from_an_ensemble_are_those_of_all() -> None:
+    critics, seen = Critics(4, (8, 8), 5, layer_norm=True), batch()
+    drawn = critics(seen.obs, seen.actions, torch.tensor([4, 1]))
+    assert torch.equal(drawn, critics(seen.obs, seen.actions)[[4, 1]])
+
+
+def test_layer_norm_bounds_what_is_claimed_far_away() -> None:
+    torch.manual_seed(0)
+    plain, normed = Critics(4, (32, 32), 2), Critics(4, (32, 32), 2, layer_norm=True)
+    far = batch()._replace(obs=1e6 * batch().obs)
+    assert plain(far.obs, far.actions).abs().max() > 1e3
+    assert normed(far.obs, far.actions).abs().max() < 10.0
+
+
+def test_more_critics_are_drawn_than_there_are() -> None:
+    with pytest.raises(InvalidValueError, match="at most critics, 2"):
+        PriorDataLearning(critics=2, subset=3)
+
+
+def test_the_pull_to_demonstrations_moves_the_actor_to_their_actions() -> None:
+    settings = PriorDataLearning(critics=2, critic_hidden=(8,), actor_every=1, bc_weight=1e4, lr=1e-2)
+    agent, demos = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch(32)
+    demos = demos._replace(obs=torch.cat([demos.obs[:, :2], torch.zeros(32, 1)], 1), actions=torch.full((32, 1), 0.7))
+    for _ in range(200):
+        agent.update(demos, demos)
+    assert torch.allclose(agent.actor(demos.obs[:, None, :2])[:, 0], demos.actions, atol=0.1)
+
+
+def test_rows_of_demonstrations_keep_their_rewards() -> None:
+    rows = rows_of(
+        np.zeros((2, 2)),
+        np.zeros((2, 1)),
+        np.array([0.5, 2.0]),
+        np.ones((2, 2)),
+        np.array([False, True]),
+        absorbing=True,
+    )
+    np.testing.assert_allclose(rows[:, -2], [0.5, 2.0, 2.0])
