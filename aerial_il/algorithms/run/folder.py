@@ -1,7 +1,7 @@
-"""A run's folder: its configuration, metrics, TensorBoard events, checkpoints and finished policy.
+"""A run's folder: its configuration, metrics, checkpoints and finished policy, and the trackers that are told.
 
 ``metrics.jsonl`` is the truth: one row per report, in order of steps. A resumed run cuts it back to where its
-checkpoint was taken, so no step is missing or told twice; the TensorBoard events are rebuilt from it.
+checkpoint was taken, so no step is missing or told twice; the trackers are told all of it anew.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import json
 import math
 import os
 import shutil
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from aerial_il.algorithms.run.trackers import FOLDERS as TRACKER_FOLDERS
+from aerial_il.algorithms.run.trackers import open_trackers
 from aerial_il.core import checkpoint
 from aerial_il.core.bounded import parse_json, parse_yaml, read_text, read_yaml
 from aerial_il.core.checkpoint import Checkpoint
@@ -32,7 +33,7 @@ from aerial_il.policies import FINAL
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
-CONFIG, PROVENANCE, METRICS, EVENTS = "config.yaml", "provenance.json", "metrics.jsonl", "tensorboard"
+CONFIG, PROVENANCE, METRICS = "config.yaml", "provenance.json", "metrics.jsonl"
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
 START_AGAIN = "Put it back, begin again with resume=false, or choose another run=NAME."
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
@@ -55,7 +56,7 @@ class RunFolder:
             _cut(path / METRICS, _reported(path, self.resumed.state) if self.resumed else 0)
         with _writing(path / METRICS):
             self._metrics = open_own(path / METRICS)  # closed by close()
-        self._events = _EventFile(path / EVENTS, read_metrics(path))
+        self._trackers = open_trackers(path, read_metrics(path))
 
     @staticmethod
     @contextmanager
@@ -93,7 +94,8 @@ class RunFolder:
         with _writing(self.path / METRICS):
             self._metrics.write((json.dumps(row, allow_nan=False) + "\n").encode())
             self._metrics.flush()
-            self._events.write(row)
+            for tracker in self._trackers:
+                tracker.write(row)
 
     def save(self, step: int, saved: Checkpoint, *, keep: int) -> None:
         """Take a checkpoint after ``step`` steps, remember the length of the metrics, delete the oldest ones."""
@@ -111,7 +113,8 @@ class RunFolder:
 
     def close(self) -> None:
         self._metrics.close()
-        self._events.close()
+        for tracker in self._trackers:
+            tracker.close()
 
 
 def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
@@ -128,33 +131,6 @@ def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
         return []
     except (OSError, ValueError, AttributeError, LookupError, TypeError) as error:
         raise CheckpointError(file, f"is damaged ({error}).", START_AGAIN) from error
-
-
-class _EventFile:
-    """Scalars for TensorBoard, written synchronously: a writer thread would hang the run on a full disk."""
-
-    def __init__(self, folder: Path, rows: list[dict[str, float]]) -> None:
-        from tensorboardX.event_file_writer import EventsWriter
-
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir()
-        self._writer = EventsWriter(str(folder / "events"))
-        for row in rows:
-            self.write(row)
-
-    def write(self, row: Mapping[str, float]) -> None:
-        from tensorboardX.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
-        from tensorboardX.summary import scalar
-
-        for tag, value in row.items():
-            if tag != "step":
-                self._writer.write_event(
-                    Event(wall_time=time.time(), step=int(row["step"]), summary=scalar(tag, value))
-                )
-        self._writer.flush()
-
-    def close(self) -> None:
-        self._writer.close()
 
 
 @contextmanager
@@ -199,7 +175,7 @@ def _cut(path: Path, length: int) -> None:
 
 
 def _clear(path: Path) -> None:
-    for name in (checkpoint.FOLDER, EVENTS, FINAL, BEST, REWARD):
+    for name in (checkpoint.FOLDER, *TRACKER_FOLDERS, FINAL, BEST, REWARD):
         shutil.rmtree(path / name, ignore_errors=True)
     for name in (CONFIG, METRICS, PROVENANCE):
         (path / name).unlink(missing_ok=True)

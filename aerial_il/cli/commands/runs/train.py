@@ -1,9 +1,11 @@
 """Train a policy on demonstrations; killed at any moment, the same command continues.
 
 The run folder holds config.yaml, metrics.jsonl, tensorboard/, checkpoints/ and at the end policy/; cloning with
-rollouts on the way also best/, the policy that flew best in them, which is never the one that is reported. Several
-values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report RUN` shows
-them all together.
+rollouts on the way also best/, the policy that flew best in them, which is never the one that is reported. Trackers
+beside TensorBoard are extras: tracker=[tensorboard,wandb], after pip install 'aerial-il[wandb]'.
+
+Several values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report
+RUN` shows them all together.
 
 Demonstrations that a person flew are relabelled and seen from the tool, which a line says: see docs/teleop.md.
 dataset.by_hand=false learns from them as recorded, true takes any recording for one by hand.
@@ -86,6 +88,9 @@ class Config:
     num_envs: int | None = key(None, "worlds in which it flies at once (null: its own default)")
     threads: int = key(0, "threads of its flights, or processes of worlds from outside; 0 for all cores")
     port: int = key(8642, "of the page of expert=human; another one where it is taken")
+    tracker: list[str] = key(
+        ["tensorboard"], "who is told the metrics: tensorboard, wandb, mlflow; []: nobody", many=True
+    )
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")
 
@@ -115,6 +120,7 @@ def run(config: Config) -> None:
 
 def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
+    from aerial_il.algorithms.run.trackers import track_with
     from aerial_il.cli.configuration.build import build_all
     from aerial_il.cli.flights.by_hand import suited
 
@@ -125,6 +131,7 @@ def learn(config: Config) -> None:
     algorithm, policy = suited(config.dataset.path, algorithm, policy, by_hand=config.dataset.by_hand)
     episodes = _demonstrations(config, algorithm, policy)
     with (
+        track_with(config.tracker),
         _told(config),
         _rollout_evaluator(config, algorithm) as evaluator,
         _training_resources(config, algorithm, policy) as handed,
