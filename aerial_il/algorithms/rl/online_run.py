@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, Protocol
@@ -61,6 +61,7 @@ class Problem:
         demos: transitions to imitate, or flown at random in a control run; None where the reward teaches.
         dataset: which demonstrations these are, for the run's configuration.
         scheme: what its steps are paid.
+        inputs: name -> digest of whatever else it learns from, such as a prior.
     """
 
     algorithm: str
@@ -71,13 +72,14 @@ class Problem:
     demos: Transitions | None = None
     dataset: Mapping[str, Any] | None = None
     scheme: RewardScheme = field(default_factory=RewardScheme)
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
     def describe(self) -> dict[str, Any]:
         """Return what determines the run besides its settings and policy."""
         spec, learned = self.env.spec, {"dataset": dict(self.dataset)} if self.dataset else {}
         where = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level}
         environment = {**where, "num_envs": int(self.env.num_envs)}
-        return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned}
+        return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned, **self.inputs}
 
 
 class OnlineRun:
@@ -91,6 +93,7 @@ class OnlineRun:
         collector: the environment with auto-reset.
         interface: the way into and out of the network; an algorithm that learns it replaces it.
         elapsed_s: time spent in the loop, over all calls, evaluations and checkpoints left out.
+        wrap: makes of the trained network's policy the one that is judged and saved; an algorithm may replace it.
     """
 
     def __init__(
@@ -109,6 +112,7 @@ class OnlineRun:
         layout, scheme = problem.interface.layout, problem.scheme
         self.collector = Collector(problem.env, layout, seed=problem.seed, scheme=scheme)
         self._clock, self._before, self._offline = time.perf_counter(), 0, 0
+        self.wrap: Callable[[ChunkPolicy], ChunkPolicy] = lambda policy: policy
         self._parts: dict[str, Stateful] = {}
         self._actor: ChunkNetwork
         self._bar: Progress
@@ -188,8 +192,12 @@ class OnlineRun:
 
     def policy(self) -> ChunkPolicy:
         """Return the policy as it stands, with where it comes from."""
+        return self.wrap(self.policy_of(self._actor))
+
+    def policy_of(self, network: ChunkNetwork) -> ChunkPolicy:
+        """Return a network of the policy's as one that flies."""
         origin = {**self._origin, "step": self.collector.steps}
-        return ChunkPolicy(self._problem.policy, self.interface, self._actor, origin)
+        return ChunkPolicy(self._problem.policy, self.interface, network, origin)
 
     def goes_on(self) -> bool:
         """Evaluate where that is due; return whether there are steps left.

@@ -145,6 +145,29 @@ def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
     return _panels({task: task for task in dict.fromkeys(r["task"] for r in rows)}, draw)
 
 
+def success_curves(curves: Mapping[tuple[str, str], Sequence[Sequence[tuple[float, float]]]]) -> str:
+    """Draw success over environment steps: a panel each, a line per arm, from its lowest training to its highest.
+
+    Args:
+        curves: (panel, arm) -> trainings, each (steps, percent) at the same steps.
+    """
+    arms = list(dict.fromkeys(arm for _, arm in curves))
+
+    def draw(axes: Axes, panel: str) -> None:
+        for k, arm in enumerate(arms):
+            if (panel, arm) not in curves:
+                continue
+            steps, percent = np.moveaxis(np.array(curves[panel, arm]), -1, 0)
+            colour, style = COLOURS[k % len(COLOURS)], "dashed" if k >= len(COLOURS) else "solid"
+            axes.plot(steps[0], percent.mean(0), color=colour, linestyle=style, label=arm)
+            axes.fill_between(steps[0], percent.min(0), percent.max(0), color=colour, alpha=0.2, linewidth=0)
+        axes.set_ylim(-3, 103)
+        axes.set_xlabel("environment steps")
+        axes.set_ylabel("success (%)")
+
+    return _panels({panel: panel for panel, _ in curves}, draw)
+
+
 def time_shares(rows: Rows, parts: Sequence[str]) -> str:
     """Draw how a control step's time divides: one stacked bar per cell.
 
