@@ -12,7 +12,6 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.replay.demonstrations import Transitions
@@ -24,6 +23,7 @@ from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import NoRewardError, TrainingDivergedError
+from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import named_rng, torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -118,7 +118,7 @@ class OnlineRun:
         self.wrap: Callable[[ChunkPolicy], ChunkPolicy] = lambda policy: policy
         self._parts: dict[str, Stateful] = {}
         self._actor: ChunkNetwork
-        self._bar: tqdm
+        self._bar: Progress
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -150,7 +150,7 @@ class OnlineRun:
         if self.folder.resumed:
             unpack(self.folder.resumed, self._parts)
         self._clock = time.perf_counter()
-        self._bar = tqdm(
+        self._bar = Progress(
             total=self._settings.steps,
             initial=self.collector.steps,
             desc=f"train {self._problem.algorithm}",
@@ -166,7 +166,7 @@ class OnlineRun:
         """
         hidden = not self._progress or self._offline >= steps
         name = f"learn {self._problem.algorithm} offline"
-        bar = tqdm(total=steps, initial=self._offline, desc=name, unit="update", dynamic_ncols=True, disable=hidden)
+        bar = Progress(total=steps, initial=self._offline, desc=name, unit="update", dynamic_ncols=True, disable=hidden)
         while self._offline < steps:
             self._clock = time.perf_counter()
             yield
