@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.replay.demonstrations import Transitions
@@ -62,6 +63,7 @@ class Problem:
         dataset: which demonstrations these are, for the run's configuration.
         scheme: what its steps are paid.
         inputs: name -> digest of whatever else it learns from, such as a prior.
+        initial: weights that its network begins with; None for random ones.
     """
 
     algorithm: str
@@ -73,6 +75,7 @@ class Problem:
     dataset: Mapping[str, Any] | None = None
     scheme: RewardScheme = field(default_factory=RewardScheme)
     inputs: Mapping[str, str] = field(default_factory=dict)
+    initial: Mapping[str, Tensor] | None = None
 
     def describe(self) -> dict[str, Any]:
         """Return what determines the run besides its settings and policy."""
@@ -133,6 +136,8 @@ class OnlineRun:
         """Return a new network of the policy, which the algorithm knows to be of this ``kind``."""
         found = self._problem.policy.build(*self.sizes)
         assert isinstance(found, kind), "the algorithm says which policies it trains"
+        if self._problem.initial is not None:
+            found.load_state_dict(self._problem.initial)
         return found
 
     def rng(self, purpose: str) -> np.random.Generator:
