@@ -64,7 +64,9 @@ class ExpertIteration(InteractiveAlgorithm):
     rounds: int = 8
     episodes: int = 400
     patience: float = 1.3
-    training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0, field_dropout=0.6))
+    training: BehaviourCloning = field(
+        default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0, field_dropout=0.6)
+    )
     between_steps: int = 4_000
     demos_share: float = 0.1
     warm_start: bool = False
