@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from aerial_il.suite.faces import gymnasium_ids
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Policy
     from aerial_il.data.dataset import Dataset
+    from aerial_il.evaluation.result import EvaluationResult
     from aerial_il.experts.expert import Expert
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.suite.environment import AerialEnvironment
@@ -181,6 +183,50 @@ def open_dataset(path: str, *, cameras: bool | Sequence[str] = False) -> Dataset
     from aerial_il.data.dataset import open_dataset
 
     return open_dataset(path, cameras=cameras)
+
+
+def collect(robot: str | None = None, task: str | None = None, *, out: str | os.PathLike[str], **keys: Any) -> Dataset:
+    """Record demonstrations, as ``aerial-il collect`` does, and return them.
+
+    Args:
+        robot, task: registry names; None for the command's defaults, or where ``env`` names another environment.
+        out: folder of the dataset. What it holds already is not flown again.
+        keys: those of the command, e.g. ``episodes=100, tier="gusts", expert={"noise": 0.3}``.
+
+    Raises:
+        AerialError: for every mistake, in the words of the command line.
+    """
+    from aerial_il.cli.called import call
+
+    call("collect", {"robot": robot, "task": task, "out": out, **keys})
+    return open_dataset(os.fspath(out))
+
+
+def train(dataset: str | os.PathLike[str] | None = None, *, run: str | os.PathLike[str], **keys: Any) -> Policy:
+    """Train a policy, as ``aerial-il train`` does, and return it; a run that was stopped goes on.
+
+    Args:
+        dataset: demonstrations; None for algorithms that learn without. run: folder of the run.
+        keys: those of the command, e.g. ``policy={"name": "act", "chunk": 20}, algorithm={"steps": 2000}, seed=1``.
+    """
+    from aerial_il.cli.called import call
+
+    call("train", {"dataset": dataset, "run": run, **keys})
+    return load_policy(os.fspath(run))
+
+
+def evaluate(policy: str | os.PathLike[str], *, out: str | os.PathLike[str], **keys: Any) -> EvaluationResult:
+    """Fly a policy over fixed seeds, as ``aerial-il evaluate`` does, and return what came of it.
+
+    Args:
+        policy: folder of a run or a policy, or whatever else the command takes. out: folder of the results.
+        keys: those of the command, e.g. ``tier="gusts", episodes=100``.
+    """
+    from aerial_il.cli.called import call
+    from aerial_il.evaluation.result import load_result
+
+    call("evaluate", {"policy": policy, "out": out, **keys})
+    return load_result(os.fspath(out))
 
 
 def list_robots() -> tuple[str, ...]:

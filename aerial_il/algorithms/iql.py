@@ -27,7 +27,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.rl.critics import Critics, Target
+from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.off_policy import RandomActions, collect_step
 from aerial_il.algorithms.rl.offline import OfflineFirst
 from aerial_il.algorithms.rl.online_run import OnlineRun
@@ -37,6 +37,7 @@ from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
 
 

@@ -35,7 +35,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss
-from aerial_il.algorithms.rl.critics import Critics, Target, check_ensemble
+from aerial_il.algorithms.rl.critics import Target, check_ensemble
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
@@ -45,6 +45,7 @@ from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 

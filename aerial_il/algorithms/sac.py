@@ -28,10 +28,10 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss, bc_pretrain
-from aerial_il.algorithms.rl.critics import Critics, Target
+from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.rl.from_prior import BegunFromPrior
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.rl.smoothness import Smoothness
@@ -39,12 +39,13 @@ from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class SoftActorCriticLearning(OffPolicyReinforcement, SoftOffPolicy):
-    """Settings of a run; see :class:`OffPolicyReinforcement` and :class:`SoftOffPolicy`."""
+class SoftActorCriticLearning(BegunFromPrior, SoftOffPolicy):
+    """Settings of a run; see :class:`BegunFromPrior` and :class:`SoftOffPolicy`."""
 
     name: ClassVar[str] = "sac"
 
@@ -56,13 +57,14 @@ class SoftActorCriticLearning(OffPolicyReinforcement, SoftOffPolicy):
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            replay.step(blind if warming_up else agent)
+            acts_blindly = warming_up and self.prior is None
+            replay.step(blind if acts_blindly else agent)
             if not warming_up:
                 replay.settle()
 
             agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(replay.sample(self.batch_size)))
+            for _ in range(0 if acts_blindly else run.updates_due(self.utd_ratio)):
+                run.log(agent.update(replay.sample(self.batch_size), improve=not warming_up))
             run.end_turn()
 
         return run.finish()

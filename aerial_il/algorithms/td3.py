@@ -25,10 +25,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.rl.critics import Critics, Target
+from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.rl.from_prior import BegunFromPrior
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_not_negative
@@ -36,12 +36,13 @@ from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwinDelayedLearning(OffPolicyReinforcement, OffPolicyActorCritic):
-    """Settings of a run, beside those of :class:`OffPolicyReinforcement` and :class:`OffPolicyActorCritic`.
+class TwinDelayedLearning(BegunFromPrior, OffPolicyActorCritic):
+    """Settings of a run, beside those of :class:`BegunFromPrior` and :class:`OffPolicyActorCritic`.
 
     Attributes:
         noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
@@ -66,13 +67,14 @@ class TwinDelayedLearning(OffPolicyReinforcement, OffPolicyActorCritic):
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            replay.step(blind if warming_up else agent)
+            acts_blindly = warming_up and self.prior is None
+            replay.step(blind if acts_blindly else agent)
             if not warming_up:
                 replay.settle()
 
             agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(replay.sample(self.batch_size)))
+            for _ in range(0 if acts_blindly else run.updates_due(self.utd_ratio)):
+                run.log(agent.update(replay.sample(self.batch_size), improve=not warming_up))
             run.end_turn()
 
         return run.finish()
@@ -105,15 +107,16 @@ class TwinDelayedAgent:
         for part in (self._actor_state, self._critics):
             part.set_lr(lr)
 
-    def update(self, batch: Batch) -> dict[str, float]:
-        """Take one step of the critics and, where it is due, of the actor and all targets."""
+    def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
+        """Take one step of the critics and, where it is due, of all targets and, to ``improve``, of the actor."""
         critic_loss, metrics = self.critic_loss(batch)
         self._critics.descend(critic_loss)
         self._updates += 1
         if self._updates % self.settings.actor_every == 0:
-            actor_loss = self.actor_loss(batch)
-            self._actor_state.descend(actor_loss)
-            metrics["actor/loss"] = actor_loss.item()
+            if improve:
+                actor_loss = self.actor_loss(batch)
+                self._actor_state.descend(actor_loss)
+                metrics["actor/loss"] = actor_loss.item()
             for target in (self._actor_target, self._critic_targets):
                 target.follow(self.settings.tau)
         return metrics

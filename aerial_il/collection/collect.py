@@ -15,7 +15,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from aerial_il.collection.mixture import check_unmixed
 from aerial_il.core.contracts import (
@@ -31,6 +30,7 @@ from aerial_il.core.contracts import (
     phase_of,
 )
 from aerial_il.core.errors import AerialError, InvalidValueError, SimulationDivergedError, StorageError
+from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.provenance import DROPPED, Origin
@@ -120,7 +120,7 @@ def collect(
     folder.keep_model(env.model_xml)
     with (
         _accounted(flight, seeds, progress),
-        tqdm(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
+        Progress(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
     ):
         for _ in flight.fly(seeds):
             result = flight.result

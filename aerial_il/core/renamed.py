@@ -32,6 +32,7 @@ ADDED: Mapping[str, object] = {
     "hindsight.goals": 0,
     "hindsight.strategy": "future",
     "obs_norm": False,
+    "prior": None,
     "waypoints.lookahead_s": 0.0,
     "waypoints.flown_by": "hand",
     "training.waypoints.kind": "Waypoints",

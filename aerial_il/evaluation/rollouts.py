@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from aerial_il.core import checkpoint
 from aerial_il.core.contracts import (
@@ -22,6 +21,7 @@ from aerial_il.core.contracts import (
     phase_names_of,
 )
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
+from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 from aerial_il.evaluation.journal import Journal, Kept
@@ -66,7 +66,7 @@ def evaluate(
     order, clock = _checked(seeds), time.perf_counter()
     kept = journal.read(order) if journal else {}
     waiting = [seed for seed in order if seed not in kept]
-    bar = tqdm(total=len(order), initial=len(kept), desc=f"evaluate {policy_name}", unit="ep", disable=not progress)
+    bar = Progress(total=len(order), initial=len(kept), desc=f"evaluate {policy_name}", unit="ep", disable=not progress)
     with bar:
         for trace in rollouts(env, policy, waiting) if waiting else ():
             now = time.perf_counter()

@@ -45,16 +45,23 @@ def load_policy(path: str | os.PathLike[str]) -> ChunkPolicy:
     Raises:
         CheckpointError: there is none, or what there is has been cut or altered.
     """
-    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-
     folder, saved = _find(Path(path))
     try:
-        kind, settings = policy_config(saved.config["policy"]), saved.config["settings"]
-        if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
-            raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")
-        return ChunkPolicy.from_checkpoint(saved, kind(**settings))
+        return _rebuilt(saved)
     except (AerialError, LookupError, TypeError, ValueError, RuntimeError, AttributeError, OverflowError) as error:
         raise CheckpointError(folder, f"is no policy that this release can rebuild ({error}).") from error
+
+
+def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
+    """Return the policy that was saved, beside its prior where it has one."""
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.policies.parts.gated import GATE, GatedPolicy
+
+    kind, settings = policy_config(saved.config["policy"]), saved.config["settings"]
+    if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
+        raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")
+    policy = ChunkPolicy.from_checkpoint(saved, kind(**settings))
+    return GatedPolicy.around(policy, saved, _rebuilt) if GATE in saved.config else policy
 
 
 def load_any_policy(path: str | os.PathLike[str]) -> ChunkPolicy | LerobotPolicy:

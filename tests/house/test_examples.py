@@ -6,6 +6,7 @@ import importlib
 import re
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,24 +40,31 @@ def registries() -> tuple[object, ...]:
     return (robots.names, robots.get, tasks.names, tasks.get, tasks.cells, benchmarks.names)
 
 
+@contextmanager
+def found_beside_ours(top: Path) -> Iterator[None]:
+    """Have the registries find the files below ``top`` as they would in a checkout, for a while."""
+    with pytest.MonkeyPatch.context() as patch:
+        for folder in {file.parent for file in top.rglob("*.py")}:
+            room = importlib.import_module(".".join(folder.relative_to(top).parts))
+            patch.setattr(room, "__path__", [*room.__path__, str(folder)])
+        known = set(sys.modules)
+        _forget()
+        yield
+        for name in set(sys.modules) - known:
+            if str(top) in str(getattr(sys.modules[name], "__file__", "")):
+                del sys.modules[name]
+    _forget()
+
+
 @pytest.fixture
-def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def added(tmp_path: Path) -> Iterator[None]:
     """All examples, in the folders of their rooms, for one test."""
     for path, text in files().items():
         file = tmp_path / path
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
-        if file.suffix == ".py":
-            room = importlib.import_module(".".join(Path(path).parent.parts))
-            monkeypatch.setattr(room, "__path__", [*room.__path__, str(file.parent)])
-    known = set(sys.modules)
-    _forget()
-    yield
-    for name in set(sys.modules) - known:
-        if str(tmp_path) in str(getattr(sys.modules[name], "__file__", "")):
-            del sys.modules[name]
-    monkeypatch.undo()
-    _forget()
+    with found_beside_ours(tmp_path):
+        yield
 
 
 def _forget() -> None:

@@ -261,3 +261,10 @@ def test_specifications_can_be_sent_to_another_process() -> None:
     spec = pickle.loads(pickle.dumps(gymnasium.spec(ID)))
     assert gymnasium.make(spec).unwrapped.aerial.spec.robot == ROBOT
     assert set(gymnasium.registry) >= {gymnasium_id(*cell) for cell in CELLS}
+
+
+def test_gymnasium_finds_our_ids_by_the_module_before_the_colon() -> None:
+    """In a process that has imported Gymnasium alone."""
+    code = "import gymnasium; print(gymnasium.make('aerial_il:aerial_il/hover-quad-v0').reset(seed=3)[1]['seed'])"
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.returncode) == ("3\n", 0), done.stderr

@@ -73,7 +73,7 @@ class Collector:
         scheme: what they pay; None for what the environment does.
 
     Attributes:
-        frames: (n, Do) what the worlds show now, positions in the world.
+        obs: what the worlds show now, ``name -> (n, ...)``. frames: (n, Do) the same, positions in the world.
         steps: environment steps of all worlds together.
         informed: whether two steps, or two episodes, have been paid differently: only then is there something to learn.
     """
@@ -89,7 +89,8 @@ class Collector:
         self._actions = np.zeros((self.n, 64, env.spec.action.size))
         self._ended: list[list[float]] = []
         self.steps = 0
-        self.frames = layout.flatten(env.reset(self._seeds))
+        self.obs = env.reset(self._seeds)
+        self.frames = layout.flatten(self.obs)
 
     def step(self, actions: np.ndarray) -> Transition:
         """Take one step with actions (n, Da) in the environment's units.
@@ -115,6 +116,7 @@ class Collector:
         self.steps += self.n
         self._listen("reward", paid)
         self._listen("return", self._returns[terminal | cut])
+        self.obs = result.obs
         self.frames = self._auto_reset(after, terminal | result.truncated, success)
         return transition
 
@@ -162,7 +164,7 @@ class Collector:
         obs = self.env.reset(self._seeds)
         for age in range(int(self._ages.max(initial=0))):
             obs = self.env.step(self._actions[:, age], self._ages > age).obs
-        self.frames = self.layout.flatten(obs)
+        self.obs, self.frames = obs, self.layout.flatten(obs)
         if not np.array_equal(self.frames, saved.arrays["frames"]):
             raise InvalidValueError(
                 "The environment does not repeat itself: the same seeds and actions led elsewhere than before, so the "
@@ -201,7 +203,8 @@ class Collector:
         self._seeds[worlds] = self._next + np.arange(len(worlds))
         self._next += len(worlds)
         self._ages[worlds], self._returns[worlds] = 0, 0.0
-        return self.layout.flatten(self.env.reset(self._seeds, ended))
+        self.obs = self.env.reset(self._seeds, ended)
+        return self.layout.flatten(self.obs)
 
     def _check(self, what: str, fine: np.ndarray) -> None:
         if not fine.all():

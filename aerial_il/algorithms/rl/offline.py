@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 
 
@@ -31,7 +31,4 @@ class OfflineFirst(DemonstratedReinforcement, OffPolicyActorCritic):
 
     def minibatch(self, demos: ReplayBuffer, flown: ReplayBuffer) -> Batch:
         """Return transitions of both, in the shares that the settings say."""
-        shown = round(self.demos_share * self.batch_size)
-        if shown in (0, self.batch_size):
-            return (demos if shown else flown).sample(self.batch_size)
-        return concatenated(demos.sample(shown), flown.sample(self.batch_size - shown))
+        return mixed(demos, flown, self.batch_size, self.demos_share)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import torch
-from tqdm import tqdm
+from torch import Tensor
 
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.replay.demonstrations import Transitions
@@ -23,6 +23,7 @@ from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import NoRewardError, TrainingDivergedError
+from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import named_rng, torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -61,6 +62,8 @@ class Problem:
         demos: transitions to imitate, or flown at random in a control run; None where the reward teaches.
         dataset: which demonstrations these are, for the run's configuration.
         scheme: what its steps are paid.
+        inputs: name -> digest of whatever else it learns from, such as a prior.
+        initial: weights that its network begins with; None for random ones.
     """
 
     algorithm: str
@@ -71,13 +74,15 @@ class Problem:
     demos: Transitions | None = None
     dataset: Mapping[str, Any] | None = None
     scheme: RewardScheme = field(default_factory=RewardScheme)
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    initial: Mapping[str, Tensor] | None = None
 
     def describe(self) -> dict[str, Any]:
         """Return what determines the run besides its settings and policy."""
         spec, learned = self.env.spec, {"dataset": dict(self.dataset)} if self.dataset else {}
         where = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level}
         environment = {**where, "num_envs": int(self.env.num_envs)}
-        return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned}
+        return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned, **self.inputs}
 
 
 class OnlineRun:
@@ -91,6 +96,7 @@ class OnlineRun:
         collector: the environment with auto-reset.
         interface: the way into and out of the network; an algorithm that learns it replaces it.
         elapsed_s: time spent in the loop, over all calls, evaluations and checkpoints left out.
+        wrap: makes of the trained network's policy the one that is judged and saved; an algorithm may replace it.
     """
 
     def __init__(
@@ -109,9 +115,10 @@ class OnlineRun:
         layout, scheme = problem.interface.layout, problem.scheme
         self.collector = Collector(problem.env, layout, seed=problem.seed, scheme=scheme)
         self._clock, self._before, self._offline = time.perf_counter(), 0, 0
+        self.wrap: Callable[[ChunkPolicy], ChunkPolicy] = lambda policy: policy
         self._parts: dict[str, Stateful] = {}
         self._actor: ChunkNetwork
-        self._bar: tqdm
+        self._bar: Progress
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -129,6 +136,8 @@ class OnlineRun:
         """Return a new network of the policy, which the algorithm knows to be of this ``kind``."""
         found = self._problem.policy.build(*self.sizes)
         assert isinstance(found, kind), "the algorithm says which policies it trains"
+        if self._problem.initial is not None:
+            found.load_state_dict(self._problem.initial)
         return found
 
     def rng(self, purpose: str) -> np.random.Generator:
@@ -141,7 +150,7 @@ class OnlineRun:
         if self.folder.resumed:
             unpack(self.folder.resumed, self._parts)
         self._clock = time.perf_counter()
-        self._bar = tqdm(
+        self._bar = Progress(
             total=self._settings.steps,
             initial=self.collector.steps,
             desc=f"train {self._problem.algorithm}",
@@ -157,7 +166,7 @@ class OnlineRun:
         """
         hidden = not self._progress or self._offline >= steps
         name = f"learn {self._problem.algorithm} offline"
-        bar = tqdm(total=steps, initial=self._offline, desc=name, unit="update", dynamic_ncols=True, disable=hidden)
+        bar = Progress(total=steps, initial=self._offline, desc=name, unit="update", dynamic_ncols=True, disable=hidden)
         while self._offline < steps:
             self._clock = time.perf_counter()
             yield
@@ -188,8 +197,12 @@ class OnlineRun:
 
     def policy(self) -> ChunkPolicy:
         """Return the policy as it stands, with where it comes from."""
+        return self.wrap(self.policy_of(self._actor))
+
+    def policy_of(self, network: ChunkNetwork) -> ChunkPolicy:
+        """Return a network of the policy's as one that flies."""
         origin = {**self._origin, "step": self.collector.steps}
-        return ChunkPolicy(self._problem.policy, self.interface, self._actor, origin)
+        return ChunkPolicy(self._problem.policy, self.interface, network, origin)
 
     def goes_on(self) -> bool:
         """Evaluate where that is due; return whether there are steps left.

@@ -11,7 +11,6 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from aerial_il.algorithms.run.cadence import Evaluate, due
 from aerial_il.algorithms.run.folder import BEST, RunFolder, read_metrics
@@ -25,6 +24,7 @@ from aerial_il.algorithms.supervised.loader import AHEAD, Loader
 from aerial_il.algorithms.supervised.prepared import Prepared
 from aerial_il.algorithms.supervised.training_set import TrainingSet
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -58,7 +58,7 @@ class SupervisedRun:
         self._learner: Learner
         self._policy: ChunkPolicy
         self._loader: Loader
-        self._bar: tqdm
+        self._bar: Progress
 
     def build_network(self) -> ChunkNetwork:
         """Return a new network of the policy, with the initial policy's weights if there is one."""
@@ -83,7 +83,9 @@ class SupervisedRun:
         self._loader = self._stack.enter_context(loader)
         self._loader.wait_share(learner.elapsed_s)
         name, quiet = f"train {self._origin['algorithm']}", not self._progress
-        self._bar = tqdm(total=total, initial=learner.step, desc=name, unit="step", dynamic_ncols=True, disable=quiet)
+        self._bar = Progress(
+            total=total, initial=learner.step, desc=name, unit="step", dynamic_ncols=True, disable=quiet
+        )
 
     @property
     def progress(self) -> float:

@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from aerial_il.cli.configuration.fitting import check_types
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.renamed import TARGETS
 
@@ -63,7 +64,9 @@ def _built(value: Mapping[str, Any] | list[Any]) -> Any:
     for name in inner:
         if name not in known:
             raise UnknownNameError(f"key of {value['_target_']}", name, known)
-    return locate(value["_target_"])(**inner)
+    constructor = locate(value["_target_"])
+    check_types(constructor, inner)
+    return constructor(**inner)
 
 
 def _check_targets(settings: Iterable[Mapping[str, Any]]) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from aerial_il.cli.commands import Command
@@ -26,24 +28,22 @@ def run_command(command: Command, words: list[str]) -> None:
     overrides = prepare(command, words)
     register(command)
     import hydra
-    from hydra.errors import HydraException
     from omegaconf import DictConfig
-    from omegaconf.errors import OmegaConfBaseException
 
     failures: list[Exception] = []
 
     def job(cfg: DictConfig) -> None:
         try:  # Hydra would print its own words about an error; the other jobs of a sweep go on
-            command.run(typed(command, cfg))
+            with explained(command):
+                config = typed(command, cfg)
+            command.run(config)
         except Exception as error:
             failures.append(error)
 
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hand exceptions on instead of printing and exiting
     sys.argv = [f"aerial-il {command.name}", *overrides]
-    try:
+    with explained(command):
         hydra.main(version_base="1.3", config_path=None, config_name=command.name)(job)()
-    except (HydraException, OmegaConfBaseException) as error:
-        raise explain(command, error) from error
     if len(failures) > 1:
         _log.error("%d jobs failed; the first one with:", len(failures))
     if failures:
@@ -59,7 +59,7 @@ def compose(command: Command, words: list[str]) -> Any:
     from hydra.core.global_hydra import GlobalHydra
 
     GlobalHydra.instance().clear()
-    with initialize(config_path=None, version_base="1.3"):
+    with explained(command), initialize(config_path=None, version_base="1.3"):
         return typed(command, hydra_compose(command.name, overrides))
 
 
@@ -93,6 +93,18 @@ def typed(command: Command, cfg: Any) -> Any:
         wanted = " ".join(f"{name.removesuffix('.path').removesuffix('.name')}=..." for name in missing)
         raise InvalidValueError(f"{command.name} needs {wanted} See: aerial-il {command.name} --help")
     return OmegaConf.to_object(cfg)
+
+
+@contextmanager
+def explained(command: Command) -> Iterator[None]:
+    """Turn what Hydra and OmegaConf raise into an error of ours."""
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    try:
+        yield
+    except (HydraException, OmegaConfBaseException) as error:
+        raise explain(command, error) from error
 
 
 def explain(command: Command, error: Exception) -> AerialError:

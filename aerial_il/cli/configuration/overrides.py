@@ -46,6 +46,7 @@ def prepare(command: Command, words: list[str]) -> list[str]:
     for group in chosen.keys() - {field.name for field in fields(command.config)}:
         _check_fits(group, chosen)
     several, texts = bool(_SWEEPING & set(flags)), _texts(command, chosen)
+    words = [word for word in words if not _says_the_usual_nothing(command, word)]
     prepared = [_prepared(command, word, chosen, texts, literals if several else literal) for word in words]
     return flags + prepared + (_sweep_folders(command, prepared) if several else [])
 
@@ -112,12 +113,25 @@ def _named(command: Command, words: list[str]) -> tuple[list[str], list[str]]:
     return flags, named + [f"{name}={_list(values)}" for name, values in lists.items()]
 
 
+def _says_the_usual_nothing(command: Command, word: str) -> bool:
+    """Whether ``word`` leaves a group empty that is empty anyway."""
+    name, _, value = word.partition("=")
+    return value == "null" and name in command.choices and command.choices[name] is None
+
+
 def _is_bare(word: str, known: Mapping[str, Any]) -> bool:
     """Whether ``word`` is a value without its key; a path may hold an equals sign, as folders of sweeps do."""
     if word.startswith(("+", "~")):
         return False
     name, equals, _ = word.partition("=")
-    return not equals or not _NAME.fullmatch(name) or (name not in known and Path(word).exists())
+    return not equals or not _NAME.fullmatch(name) or (name not in known and _is_there(word))
+
+
+def _is_there(path: str) -> bool:
+    try:
+        return Path(path).exists()
+    except (OSError, ValueError):  # too long for a name, or no text that a name could be
+        return False
 
 
 def _list(values: list[str]) -> str:
@@ -148,6 +162,8 @@ def _prepared(
         name = f"{sign}{plain_name}.name"
     elif plain_name in chosen and equals:
         _check_choice(plain_name, value, field)
+        if value == "null":  # Hydra leaves a group out by this sign alone
+            return f"~{plain_name}"
     usual = texts.get(name.lstrip("+"), False)
     is_text = equals and usual is not False and not (value == "null" and usual is None)
     return f"{name}={quoted(value)}" if is_text else name + equals + value
@@ -228,6 +244,8 @@ def _siblings(name: str, known: tuple[str, ...]) -> list[str]:
 def _check_choice(group: str, value: str, field: Field[Any] | None) -> None:
     if value.endswith(")") or "$" in value or (value == "null" and (field is None or field.default is None)):
         return
+    if value[:1] + value[-1:] in ("[]", "{}", ""):
+        raise UnknownNameError(group, value, groups.options(group))
     for part in value.split(","):
         if _PLAIN.fullmatch(part) and part not in groups.options(group):
             raise UnknownNameError(group, part, groups.options(group))

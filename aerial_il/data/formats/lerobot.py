@@ -29,11 +29,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.core.files import sha256_of, sync_folder, write_json
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
+from aerial_il.core.progress import Progress
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -76,7 +76,7 @@ def convert_to_lerobot(
         out.parent.mkdir(parents=True, exist_ok=True)
         _clear_leftovers(out)
         with _temporary(out) as temporary:
-            _build(temporary, spec, names, tqdm(dataset, desc="convert", unit="ep", disable=not progress))
+            _build(temporary, spec, names, Progress(dataset, desc="convert", unit="ep", disable=not progress))
             _replace(temporary, out)
     return out
 

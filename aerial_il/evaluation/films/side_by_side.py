@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
-from tqdm import tqdm
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.films.overlay import COLOURS, GROUND, INK, MUTED, font
 from aerial_il.evaluation.films.scene_renderer import SceneRenderer
@@ -130,7 +130,7 @@ def _round(episodes: Sequence[Episode], look: Look, progress: bool) -> Iterator[
         panels = [Panel(episode, scene, look) for episode, scene in zip(episodes, scenes, strict=True)]
         longest = max(panel.duration_s for panel in panels)
         times = [*np.arange(0.0, longest, 1.0 / look.fps).tolist(), longest]
-        for time_s in tqdm(times, desc="film", unit="frame", disable=not progress):
+        for time_s in Progress(times, desc="film", unit="frame", disable=not progress):
             yield _beside([panel.at(time_s) for panel in panels])
 
 

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-from tqdm import tqdm
 
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
 from aerial_il.evaluation.films.overlay import Caption, compose
@@ -191,7 +191,7 @@ def film_recording(episode: Episode, path: Path, *, flags: np.ndarray | None = N
         whole = scene.frame(episode.states[:: max(1, len(episode) // FRAMED_STATES)], VIEW_SIZE[1] / VIEW_SIZE[0])
         views = {"flight": whole} | {name: name for name in ("wrist", "base") if name in scene.cameras}
         seen = dict(list(views.items())[:2])
-        bar = tqdm(steps, desc="film", unit="frame", disable=not progress)
+        bar = Progress(steps, desc="film", unit="frame", disable=not progress)
         frames = (_picture(scene, episode, step, seen, flags) for step in bar)
         write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
     return path

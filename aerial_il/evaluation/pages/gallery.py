@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
-from tqdm import tqdm
 
 from aerial_il import robots
 from aerial_il.control.actions import ActionLevel, action_spec
 from aerial_il.core.errors import AerialError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.progress import Progress
 from aerial_il.core.specs import ActionSpec
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.films.clips import FlightClips, make_clips
@@ -92,7 +92,7 @@ def write_gallery(
     folder = path.with_name(f"{path.stem}_clips")
     planned = cards()
     if not note:
-        bar = tqdm(planned, desc="gallery", unit="flight", disable=not progress)
+        bar = Progress(planned, desc="gallery", unit="flight", disable=not progress)
         planned = [_filmed(card, fly, folder, bar) for card in bar]
     robot_rows = {row["name"]: row for row in catalogue["robots"]}
     task_rows = {row["name"]: row for row in catalogue["tasks"]}
@@ -184,7 +184,7 @@ def write_sheet(path: str | os.PathLike[str], gallery: Gallery) -> Path:
 
 
 def _filmed(card: Card, fly: Fly, folder: Path, bar: Any) -> Card:
-    bar.set_postfix_str(f"{card.robot} {card.task}")
+    bar.set_postfix_str(f"{card.robot} {card.task}", refresh=False)
     try:
         episode, flags = fly(card.robot, card.task)
     except AerialError as error:

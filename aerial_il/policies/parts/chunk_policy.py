@@ -110,8 +110,27 @@ class ChunkPolicy:
         """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
         if mask is None:
             self._worlds = None
-        for memory in (self._history, *self._sights, self._plan, self._noise):
+        for memory in self._memories.values():
             memory.reset(mask)
+
+    def fresh(self) -> ChunkPolicy:
+        """Return the same policy, networks shared, with a memory of its own that is empty."""
+        return ChunkPolicy(self.config, self.interface, self.network, self.origin)
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return copies of what is remembered of all worlds: with it :meth:`recall` acts on as if nothing had been."""
+        parts = {name: part.memory() for name, part in self._memories.items()}
+        arrays = {f"{name}.{key}": array for name, part in parts.items() for key, array in part.items()}
+        return {**arrays, "worlds": np.array(-1 if self._worlds is None else self._worlds)}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Remember what :meth:`memory` returned."""
+        for name, part in self._memories.items():
+            part.recall(
+                {key.removeprefix(f"{name}."): array for key, array in memory.items() if key.startswith(f"{name}.")}
+            )
+        worlds = int(memory["worlds"])
+        self._worlds = None if worlds < 0 else worlds
 
     def attach(self, env: BatchEnv) -> None:
         """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
@@ -152,6 +171,12 @@ class ChunkPolicy:
         )
         interface = Interface(layout, obs, action, config.obs_clip, Switches.from_arrays(saved.arrays))
         return ChunkPolicy(config, interface, network, saved.state.get("origin"))
+
+    @property
+    def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
+        """All that changes while it flies, by name."""
+        sights = {f"sight_{i}": sight for i, sight in enumerate(self._sights)}
+        return {"history": self._history, **sights, "plan": self._plan, "noise": self._noise}
 
     @property
     def _device(self) -> torch.device:

@@ -5,6 +5,8 @@ Both classes keep one row per world, and a row starts afresh when its world is r
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
@@ -36,6 +38,14 @@ class ObservationHistory:
             self._frames = self._frames[:0]
         elif len(self._frames):
             self._fresh |= mask
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return copies of all that is remembered."""
+        return {"frames": self._frames.copy(), "fresh": self._fresh.copy()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Remember what :meth:`memory` returned."""
+        self._frames, self._fresh = memory["frames"].copy(), memory["fresh"].copy()
 
 
 class ActionPlan:
@@ -100,3 +110,11 @@ class ActionPlan:
             self._mean = self._mean[:0]
         elif len(self._mean):
             self._mean[mask] = self._count[mask] = 0
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return copies of all that is planned."""
+        return {"mean": self._mean.copy(), "count": self._count.copy(), "age": self._age.copy()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Plan what :meth:`memory` returned."""
+        self._mean, self._count, self._age = (memory[name].copy() for name in ("mean", "count", "age"))

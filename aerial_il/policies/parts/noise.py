@@ -11,7 +11,7 @@ G. Box, M. Muller, "A Note on the Generation of Random Normal Deviates", 1958.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -55,6 +55,16 @@ class EpisodeNoise:
             self._key = self._key[:0]
         elif len(self._key):
             self._fresh |= mask
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return copies of all that the next numbers depend on."""
+        arrays = {"key": self._key, "count": self._count, "fresh": self._fresh, "numbers": self._numbers}
+        return {name: array.copy() for name, array in arrays.items()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        self._key, self._count = memory["key"].copy(), memory["count"].copy()
+        self._fresh, self._numbers = memory["fresh"].copy(), memory["numbers"].copy()
 
 
 def fingerprints(frames: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 
@@ -42,7 +42,10 @@ class ThreadPool:
             work(counter)
             return
         pending = [self._pool.submit(work, counter) for _ in range(self._helpers)]
-        work(counter)
+        try:
+            work(counter)
+        finally:
+            wait(pending)  # an interrupt must not free worlds that others still fly
         for task in pending:
             task.result()
 

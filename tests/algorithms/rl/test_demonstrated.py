@@ -12,13 +12,13 @@ import torch
 
 from aerial_il import algorithms
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
-from aerial_il.algorithms.rl.critics import Critics
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement, with_rewards
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, rows_of
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.rlpd import EnsembleActorCritic, PriorDataLearning
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward

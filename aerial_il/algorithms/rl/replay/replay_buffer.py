@@ -128,3 +128,11 @@ def split(rows: Tensor, widths: tuple[int, ...]) -> Batch:
 def concatenated(first: Batch, second: Batch) -> Batch:
     """Put two minibatches one after the other."""
     return Batch(*(torch.cat(pair) for pair in zip(first, second, strict=True)))
+
+
+def mixed(shown: ReplayBuffer, flown: ReplayBuffer, count: int, share: float) -> Batch:
+    """Draw ``count`` transitions, that ``share`` of them shown ones and the others flown ones."""
+    first = round(share * count)
+    if first in (0, count):
+        return (shown if first else flown).sample(count)
+    return concatenated(shown.sample(first), flown.sample(count - first))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from tqdm import tqdm
+from aerial_il.core.progress import Progress
 
 
 def bar[T](items: Iterable[T], name: str, progress: bool) -> Iterable[T]:
     """Iterate over ``items`` with a progress bar on stderr, or without one."""
-    return tqdm(items, desc=f"bench {name}", unit="arm", disable=not progress)
+    return Progress(items, desc=f"bench {name}", unit="arm", disable=not progress)

@@ -27,8 +27,7 @@ def run(config: Config) -> None:
     """Replay, and say how many steps were compared."""
     from itertools import islice
 
-    from tqdm import tqdm
-
+    from aerial_il.core.progress import Progress
     from aerial_il.data.dataset import open_dataset
     from aerial_il.data.replay import check_engine, replay
     from aerial_il.suite.engine import ENGINE
@@ -37,7 +36,9 @@ def run(config: Config) -> None:
     count = min(len(dataset), config.episodes or len(dataset))
     env, spec, compared = None, None, 0
     try:
-        for episode in tqdm(islice(dataset, count), total=count, desc="replay", unit="ep", disable=not config.progress):
+        for episode in Progress(
+            islice(dataset, count), total=count, desc="replay", unit="ep", disable=not config.progress
+        ):
             path = f"{config.path}: {episode.uid}"
             check_engine(ENGINE, episode, path)
             if env is None or episode.spec != spec:  # a dataset may hold several tiers, each in one piece

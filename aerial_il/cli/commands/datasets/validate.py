@@ -23,14 +23,13 @@ class Config:
 
 def run(config: Config) -> None:
     """Print the problems, or that there are none."""
-    from tqdm import tqdm
-
     from aerial_il.cli.commands.datasets import replay
     from aerial_il.core.errors import DemoError
+    from aerial_il.core.progress import Progress
     from aerial_il.data.dataset import altered_files, open_dataset
 
     dataset = open_dataset(config.path, cameras=True, failures=True)
-    checked = tqdm(dataset.problems(), total=len(dataset), desc="validate", unit="ep", disable=not config.progress)
+    checked = Progress(dataset.problems(), total=len(dataset), desc="validate", unit="ep", disable=not config.progress)
     problems = [str(error) for _, error in checked if error is not None]
     problems += [f"{file}: differs from what the index lists." for file in altered_files(config.path)]
     for problem in problems:

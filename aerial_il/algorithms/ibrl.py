@@ -1,0 +1,233 @@
+"""Imitation bootstrapped reinforcement learning (IBRL): a prior proposes beside the actor, and critics choose.
+
+The prior is a policy of any class (``prior=RUN``), chunked ones too, or a clone of the demonstrations; it never
+changes. In flight, and in what the critics learn,
+
+    ``Q(s, a) = r + gamma * (min over Z of Q'(s', a'))``,    a' the better of the prior's and the actor's action in s',
+
+the better action is taken: learning starts from what the prior is worth, and leaves it where more is promised. Better
+is the actor's own action whose worth exceeds the prior's, on average over the ensemble, by ``caution`` deviations of
+the critics about that difference; the source compares the least of two critics, which is near to no caution. The actor
+climbs the mean of the critics, as in TD3 with noise on its actions and on the target's. Up to ``warmup`` the prior
+flies alone, and critics learn what it is worth.
+
+What is judged and saved at the end is what flew: actor, prior and critics in one policy.
+
+Metrics: ``critic/loss``, ``critic/value``, ``critic/spread``, ``critic/own`` (share of decisions for the actor in what
+critics learn), ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
+``evaluate/<name>``; ``elapsed_s``.
+
+Source: H. Hu, S. Mirchandani, D. Sadigh, "Imitation Bootstrapped Reinforcement Learning", 2023, algorithm 1. Ours are
+the caution, half demonstrations in each minibatch (from RLPD), and that a prior's action in a demonstrated state is
+what was demonstrated there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
+from aerial_il.algorithms.rl.critics import Target, check_ensemble
+from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
+from aerial_il.algorithms.rl.interface import decode, encode
+from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
+from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
+from aerial_il.algorithms.rl.proposals import Proposals, columns, demonstrated_rows
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed, rows_of
+from aerial_il.algorithms.run.checks import require_not_negative, require_share
+from aerial_il.algorithms.run.prior import load_prior
+from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
+from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.checkpoint import digest
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.tensors import tensor
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.critics import Critics
+from aerial_il.policies.parts.gated import GatedPolicy, prefers_own
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
+    """Settings of a run, beside those of :class:`DemonstratedReinforcement` and :class:`OffPolicyActorCritic`.
+
+    Attributes:
+        prior: a run or policy of any class; None for a clone of the demonstrations by a network like the actor's.
+        bc_pretrain_steps: minibatches of which that clone is made.
+        caution: deviations of the critics by which the actor's action must be better than the prior's.
+        critics: ensemble size. subset: how many of its targets Z the backup takes the least of.
+        noise, target_noise, noise_clip: as in ``td3``. demos_share: share of demonstrations in each minibatch.
+    """
+
+    name: ClassVar[str] = "ibrl"
+
+    utd_ratio: float = 2.0
+    prior: str | None = None
+    bc_pretrain_steps: int = 5_000
+    caution: float = 1.0
+    critics: int = 5
+    subset: int = 2
+    noise: float = 0.1
+    target_noise: float = 0.2
+    noise_clip: float = 0.5
+    demos_share: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ensemble(self)
+        require_share(self, "demos_share")
+        require_not_negative(self, "bc_pretrain_steps", "caution", "noise", "target_noise", "noise_clip")
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        """Read the demonstrations, and refuse a prior that cannot fly here."""
+        inputs = {"prior": digest(load_prior(self.prior, env.spec).to_checkpoint())} if self.prior else {}
+        return replace(super().problem(dataset, policy, env, seed), inputs=inputs)
+
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        (obs_size, action_size), interface = run.sizes, run.interface
+        cloned = TrainState(actor := run.build_actor(SquashedGaussian), adam(actor, self.lr))
+        if not (self.prior or run.folder.resumed):
+            shown = run.demos.buffer(interface, run.rng("prior"), absorbing=self.absorbing)
+            bc_pretrain(cloned, actor, shown, steps=self.bc_pretrain_steps, batch_size=self.batch_size)
+        clone = run.policy_of(actor)
+        prior = load_prior(self.prior, run.collector.env.spec) if self.prior else clone
+        agent = ProposedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        proposals = Proposals(prior.fresh(), run.collector, interface)
+        demos, buffer = (
+            ReplayBuffer(size, obs_size + action_size + 1, action_size, run.rng(name))
+            for size, name in ((2 * len(run.demos.frames), "demonstrations"), (self.buffer_size, "minibatches"))
+        )
+        demos.add(demonstrated_rows(run.demos, interface, absorbing=self.absorbing))
+        run.wrap = lambda own: GatedPolicy(
+            own, prior.fresh(), agent.critics, hidden=self.critic_hidden, caution=self.caution
+        )
+        parts = {"agent": agent, "clone": cloned, "proposals": proposals}
+        run.begin(agent.actor, {**parts, "demonstrations": demos, "replay_buffer": buffer})
+
+        while run.goes_on():
+            warming_up = run.collector.steps < self.warmup
+            frames, proposed = run.collector.frames, proposals.now
+            obs = encode(interface, frames)
+            actions = proposed if warming_up else agent.explore(obs, proposed)
+            step = run.collector.step(decode(interface, actions.astype(np.float32), frames))
+            seen = np.concatenate([obs, columns(proposed, np.ones(len(obs), bool))], axis=1)
+            led = np.concatenate([encode(interface, step.next_frames), proposals.after(step)], axis=1)
+            buffer.add(rows_of(seen, actions, step.rewards, led, step.terminal, absorbing=self.absorbing))
+
+            agent.set_lr(self.lr_at(run.left))
+            for _ in range(run.updates_due(self.utd_ratio)):
+                batch = mixed(demos, buffer, self.batch_size, self.demos_share)
+                run.log(agent.update(batch, improve=not warming_up))
+            run.end_turn()
+
+        return run.finish()
+
+
+class ProposedAgent:
+    """Actor and an ensemble of critics, with slowly following targets of both.
+
+    Its observations carry the prior's proposal, (B, Do + Da + 1 + 1); see :mod:`aerial_il.algorithms.rl.proposals`.
+
+    Args:
+        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
+    """
+
+    def __init__(self, settings: ImitationBootstrapped, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+        self.settings, self.actor, self.sizes, self._updates = settings, actor, sizes, 0
+        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden, settings.critics, layer_norm=True)
+        self._actor_state = TrainState(actor, adam(actor, settings.lr))
+        self._critics = TrainState(critics, adam(critics, settings.lr))
+        self._actor_target, self._critic_targets = Target(actor), Target(critics)
+
+    @property
+    def critics(self) -> Critics:
+        """What chooses: the slowly following critics."""
+        return self._critic_targets.network
+
+    @torch.no_grad()
+    def explore(self, obs: np.ndarray, proposed: np.ndarray) -> np.ndarray:
+        """Return the better actions (n, Da) of the prior's, and of the actor's with noise, for (n, Do)."""
+        seen, other = tensor(obs), tensor(proposed)
+        own = self.actor(seen[:, None])[:, 0]
+        own = (own + self.settings.noise * torch.randn_like(own)).clamp(-1, 1)
+        marked = torch.cat([seen, torch.zeros(len(seen), 1)], dim=1)
+        chosen = prefers_own(self.critics, marked, own, other, caution=self.settings.caution)
+        return torch.where(chosen[:, None], own, other).numpy()
+
+    def set_lr(self, lr: float) -> None:
+        """Take all steps that follow at the learning rate ``lr``."""
+        for part in (self._actor_state, self._critics):
+            part.set_lr(lr)
+
+    def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
+        """Take one step of the critics and, where it is due, of the actor and all targets.
+
+        Args:
+            batch: with proposals. improve: whether the actor moves and is listened to; else the prior is valued alone.
+        """
+        loss, metrics = self.critic_loss(batch, listen=improve)
+        self._critics.descend(loss)
+        self._critic_targets.follow(self.settings.tau)
+        self._updates += 1
+        if improve and self._updates % self.settings.actor_every == 0:
+            loss = self.actor_loss(batch)
+            self._actor_state.descend(loss)
+            self._actor_target.follow(self.settings.tau)
+            metrics["actor/loss"] = loss.item()
+        return metrics
+
+    def critic_loss(self, batch: Batch, *, listen: bool = True) -> tuple[Tensor, dict[str, float]]:
+        """Return the squared Bellman error, summed over the critics."""
+        targets, own = self._bellman_targets(batch, listen=listen)
+        values = self._critics.network(self._apart(batch.obs)[0], batch.actions)
+        loss = ((values - targets) ** 2).mean(1).sum()
+        spread = values.detach().std(0, correction=0).mean().item()
+        found = {"critic/value": values.mean().item(), "critic/spread": spread, "critic/own": own}
+        return loss, {"critic/loss": loss.item(), **found}
+
+    @torch.no_grad()
+    def _bellman_targets(self, batch: Batch, *, listen: bool) -> tuple[Tensor, float]:
+        """Return ``r + gamma * (min over Z of Q'(s', a'))`` (B,), and how often a' was the actor's."""
+        obs, proposed, known = self._apart(batch.next_obs)
+        own = self._actor_target.network(obs[:, None, :-1])[:, 0]
+        limit = self.settings.noise_clip
+        noise = (self.settings.target_noise * torch.randn_like(own)).clamp(-limit, limit)
+        own = (own + noise).clamp(-1, 1)
+        better = prefers_own(self.critics, obs, own, proposed, caution=self.settings.caution) & listen
+        taken = torch.where((better | ~known)[:, None], own, proposed) * (1.0 - obs[:, -1:])
+        drawn = torch.randperm(self.settings.critics)[: self.settings.subset]
+        worth = self.critics(obs, taken, drawn).min(0).values
+        return batch.rewards + self.settings.gamma * batch.continues * worth, better.float().mean().item()
+
+    def actor_loss(self, batch: Batch) -> Tensor:
+        """Return ``-mean Q(s, mu(s))`` without the absorbing state, and what rough actions cost."""
+        (obs, _, _), (next_obs, _, _) = self._apart(batch.obs), self._apart(batch.next_obs)
+        alive = 1.0 - obs[:, -1]
+        worth = self._critics.network(obs, self.actor(obs[:, None, :-1])[:, 0]).mean(0)
+        smooth = self.settings.smoothness.loss(self.actor, obs[:, :-1], next_obs[:, :-1])
+        return -(alive * worth).sum() / alive.sum().clamp(min=1.0) + smooth
+
+    def _apart(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return observations with their mark (B, Do + 1), proposals (B, Da), and where there is one (B,) bool."""
+        seen, proposed, known, mark = obs.split([*self.sizes, 1, 1], dim=1)
+        return torch.cat([seen, mark], dim=1), proposed, known[:, 0] > 0.5
+
+    @property
+    def _parts(self) -> dict[str, Stateful]:
+        targets = {"actor_target": self._actor_target, "critic_targets": self._critic_targets}
+        return {"actor": self._actor_state, "critics": self._critics, **targets}
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
+
+    def restore(self, saved: Snapshot) -> None:
+        separate(saved, self._parts)
+        self._updates = saved.values["updates"]

@@ -1,0 +1,60 @@
+"""Settings of actor-critics that may begin with the weights of a trained policy, whose worth critics learn first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from aerial_il.algorithms.rl.online_run import Problem
+from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
+from aerial_il.algorithms.run.prior import load_prior
+from aerial_il.core.checkpoint import digest
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class BegunFromPrior(OffPolicyReinforcement):
+    """What they are given.
+
+    Attributes:
+        prior: a run or policy of the same class and sizes, whose weights the actor begins with; None for new ones. It
+            flies through the warm-up in place of random actions, while critics alone learn what it is worth.
+    """
+
+    prior: str | None = None
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        """Return what is learned on; with a prior, seen and acted on as it sees and acts.
+
+        Raises:
+            InvalidValueError: the prior cannot fly here, or its weights are none of this policy's.
+        """
+        plain = super().problem(dataset, policy, env, seed)
+        if self.prior is None:
+            return plain
+        begun = load_prior(self.prior, env.spec)
+        check_weights(begun, policy, self.prior)
+        if self.obs_norm:
+            raise InvalidValueError(
+                "A prior brings its own normalisation of observations: set algorithm.obs_norm=false."
+            )
+        inputs = {"prior": digest(begun.to_checkpoint())}
+        return replace(plain, interface=begun.interface, initial=begun.network.state_dict(), inputs=inputs)
+
+
+def check_weights(prior: ChunkPolicy, policy: PolicyConfig, source: str) -> None:
+    """Raise :class:`InvalidValueError` unless the network of ``prior`` is one that ``policy`` builds."""
+    found, wanted = ({"policy": config.name, **config.to_dict()} for config in (prior.config, policy))
+    differing = sorted(key for key in found.keys() | wanted.keys() if found.get(key) != wanted.get(key))
+    if type(prior) is not ChunkPolicy:
+        raise InvalidValueError(
+            f"The prior {source} stands beside another one: an actor cannot begin with its weights."
+        )
+    if differing:
+        changes = "; ".join(f"{key}: {found.get(key)!r} there, {wanted.get(key)!r} here" for key in differing)
+        hint = "Say policy=... as it was trained, or take algorithm=ibrl, which any class can lead."
+        raise InvalidValueError(f"An actor cannot begin with the weights of the prior {source} ({changes}). {hint}")

@@ -1,0 +1,85 @@
+"""Actor-critics that begin with a clone: it flies first, critics learn its worth, and other weights are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerial_il import algorithms
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.rl.from_prior import BegunFromPrior
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies import load_policy
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from tests.algorithms.drift import Drift, demonstrations, mean_reward
+
+NAMES = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), BegunFromPrior)]
+each = pytest.mark.parametrize("name", NAMES)
+POLICY = SquashedGaussianConfig(hidden=(16,))
+SMALL: dict[str, Any] = {"steps": 320, "warmup": 160, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
+SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 160, "checkpoint_every": 0}
+
+
+def cloned(run: Path, policy: PolicyConfig = POLICY) -> Path:
+    cloning = BehaviourCloning(steps=400, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
+    cloning.train(demonstrations(40), policy, run=run, progress=False)
+    return run
+
+
+@pytest.fixture(scope="module")
+def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return cloned(tmp_path_factory.mktemp("prior") / "run")
+
+
+def train(name: str, run: Path, **changes: Any) -> Any:
+    settings = algorithms.settings_of(name)(**{**SMALL, **changes})
+    return settings.train(None, POLICY, env=Drift(8), run=run, seed=1, progress=False)
+
+
+@each
+def test_through_the_warm_up_the_prior_flies_and_critics_alone_learn(tmp_path: Path, name: str, prior: Path) -> None:
+    begun, random = train(name, tmp_path / "begun", prior=str(prior), steps=160), train(name, tmp_path / "random")
+    obs = Drift(20).reset(0)
+    np.testing.assert_array_equal(begun.act(obs), load_policy(prior).act(obs))
+    first, blind = (read_metrics(tmp_path / run)[0] for run in ("begun", "random"))
+    assert first["episode/return"] > blind["episode/return"] + 1.0
+    assert "critic/loss" in first
+    assert "actor/loss" not in first
+    assert "critic/loss" not in blind
+    assert random.config == begun.config
+
+
+@each
+def test_it_goes_on_from_its_prior(tmp_path: Path, name: str, prior: Path) -> None:
+    """In as many steps as bring a new actor nowhere near."""
+    entropy = {"alpha": 0.01} if name == "sac" else {}
+    begun = train(name, tmp_path / "begun", prior=str(prior), lr=1e-3, **entropy)
+    fresh = train(name, tmp_path / "fresh", lr=1e-3, **entropy)
+    assert mean_reward(begun) > mean_reward(fresh) + 0.05
+    obs = Drift(9).reset(0)
+    assert not np.array_equal(begun.fresh().act(obs), load_policy(prior).act(obs)), "it learned"
+
+
+@each
+def test_weights_of_another_class_or_size_are_refused(tmp_path: Path, name: str, prior: Path) -> None:
+    other = cloned(tmp_path / "chunked", MlpConfig(hidden=(16,), chunk=3, anchor=None, blind_to=()))
+    with pytest.raises(InvalidValueError, match=r"cannot begin with.*chunk: 3 there, 1 here.*algorithm=ibrl"):
+        train(name, tmp_path / "run", prior=str(other))
+    wide = cloned(tmp_path / "wide", SquashedGaussianConfig(hidden=(8,)))
+    with pytest.raises(InvalidValueError, match=r"hidden: \[?\(?8.*there.*16"):
+        train(name, tmp_path / "run", prior=str(wide))
+    with pytest.raises(InvalidValueError, match="obs_norm=false"):
+        train(name, tmp_path / "run", prior=str(prior), obs_norm=True)
+    assert not (tmp_path / "run").exists()
+
+
+def test_another_prior_in_the_same_place_is_another_run(tmp_path: Path, prior: Path) -> None:
+    train("td3", tmp_path / "run", prior=str(prior), checkpoint_every=80)
+    with pytest.raises(InvalidValueError, match="holds another run"):
+        train("td3", tmp_path / "run", checkpoint_every=80)

@@ -1,0 +1,1 @@
+"""Commands over the project itself."""

@@ -1,0 +1,115 @@
+"""Ctrl-C in every command that takes long: an answer within two seconds, what was finished kept, no traceback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli import commands
+from aerial_il.cli.main import main
+
+ANSWER_S = 2.0
+AT_ONCE = {
+    "compare",
+    "docs",
+    "doctor",
+    "info",
+    "list",
+    "new",
+    "recover",
+    "reward",
+    "validate",
+}  # done before one presses
+LONG = {  # command -> what is typed, and the sign on stderr or stdout that it is at work
+    "bench": (["experts", "bench.episodes=2000"], "bench"),
+    "collect": (["task=pick_place", "episodes=5000", "num_envs=8", "out=OUT/d"], "collect:"),
+    "convert": (["demos", "out=OUT/l"], "convert:"),
+    "demo": (["task=pick_place", "episodes=5000", "out=OUT/demo"], "collect:"),
+    "evaluate": (["policy=run", "episodes=5000", "num_envs=8", "out=OUT/e"], "evaluate"),
+    "film": (["out=OUT/f.webp"], "%"),
+    "inspect": (["demos", "save=OUT/a.rrd"], ""),
+    "replay": (["demos"], "replay:"),
+    "report": (["demos", "out=OUT/page.html"], ""),
+    "teleop": (["task=reach", "out=OUT/hand", "port=0", "open=false"], "http"),
+    "train": (["dataset=demos", "run=OUT/r"], "train bc"),
+    "view": (["policy=run", "viewer=page", "out=OUT/seen.html"], ""),
+}
+MORE = {
+    "train sac": (
+        ["train", "algorithm=sac", "policy=squashed_gaussian", "env=gymnasium:Pendulum-v1", "run=OUT/s"], "train sac",
+    ),
+    "train dagger": (["train", "algorithm=dagger", "dataset=demos", "run=OUT/g"], "collect:"),
+    "collect processes": (
+        ["collect", "env=gymnasium:Pendulum-v1", "policy=random", "success=survived", "episodes=5000", "threads=2",
+         "num_envs=4", "out=OUT/p"],
+        "collect:",
+    ),
+}  # fmt: skip
+CASES = {**{name: ([name, *words], sign) for name, (words, sign) in LONG.items()}, **MORE}
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("interrupted")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        quiet = "progress=false"
+        assert main(["collect", "task=reach", "episodes=40", "out=demos", quiet]) == 0
+        small = ["policy.hidden=[8]", "algorithm.steps=4", "experiment=quick"]
+        assert main(["train", "dataset=demos", "run=run", *small, quiet]) == 0
+    return folder
+
+
+def test_every_command_is_known_to_be_short_or_is_interrupted() -> None:
+    assert AT_ONCE | LONG.keys() == set(commands.names())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_ctrl_c_is_answered(case: str, home: Path, tmp_path: Path) -> None:
+    typed, sign = CASES[case]
+    words = [word.replace("OUT", str(tmp_path)) for word in typed]
+    said: list[str] = []
+    begun = threading.Event()
+    process = subprocess.Popen(
+        [sys.executable, "-u", "-m", "aerial_il", *words], cwd=home, text=True, stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+
+    def listen() -> None:
+        assert process.stdout is not None
+        while text := os.read(process.stdout.fileno(), 4096).decode(errors="replace"):
+            said.append(text)
+            if sign in "".join(said):
+                begun.set()
+
+    listener = threading.Thread(target=listen, daemon=True)
+    listener.start()
+    if sign:
+        assert begun.wait(90) or process.poll() is not None, "".join(said)
+        time.sleep(1.0)
+    else:
+        time.sleep(6.0)
+    if process.poll() is not None:
+        assert process.returncode == 0, "".join(said)
+        pytest.skip("it was done before")
+    pressed = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(30)
+    finally:
+        process.kill()
+    waited = time.monotonic() - pressed
+    listener.join(5)
+    text = "".join(said)
+    assert "Traceback" not in text
+    ended = (0,) if case == "teleop" else (130, -signal.SIGINT)  # a shell says 130 to both
+    assert process.returncode in ended, text
+    assert waited < ANSWER_S, f"{waited:.1f} s: {text}"
