@@ -47,8 +47,9 @@ LARGEST_JERK_SHARE = 0.5
 NOTES = (
     "The final policy of each training is judged on the same unseen seeds, up to 20 s each; success is the pose within "
     "2 cm and 10° for 1 s. Trainings of an arm differ in weights and in the episodes they fly.",
-    "Sparse: 1 for each step in the pose, and hindsight with four later poses of the same episode. Dense: the "
-    "environment's own reward, without hindsight. Learning episodes have a fixed length that success does not end.",
+    "Sparse: 1 for each step in the pose, and hindsight with four later poses of the same episode; in learning, not in "
+    "judging, half the tolerance counts (hindsight.tolerance). Dense: the environment's own reward, without hindsight. "
+    "Learning episodes have a fixed length that success does not end.",
     "Smooth: CAPS and a penalty for the change of the action; all else is as in the plain arm.",
     "Jerk: root mean square of the commanded action's third derivative up to success, in the unit of the action level; "
     "compare it within one level. Fast: share of the action's changes that lies above 5 Hz, by power.",

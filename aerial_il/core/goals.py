@@ -22,12 +22,14 @@ class GoalSpec:
             of the achieved one at its place.
         reward: ``(achieved (m, Dg), desired (m, Dg)) -> (m,)``, what a step is paid that led to ``achieved``.
         offsets: fields that show a desired field minus another, ``name -> (desired, other)``.
+        within: the same as ``reward`` with the share of its tolerance that is let pass; None where it has none.
     """
 
     achieved: tuple[str, ...]
     desired: tuple[str, ...]
     reward: GoalReward
     offsets: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    within: Callable[[np.ndarray, np.ndarray, float], np.ndarray] | None = None
 
     def check(self, spec: ObservationSpec) -> None:
         """Raise :class:`InvalidValueError` unless the fields of ``spec`` are as the goal says."""
@@ -79,6 +81,18 @@ class GoalColumns:
             found[:, self._columns[name]] = found[:, self._columns[wanted]] - found[:, self._columns[other]]
         return found
 
-    def rewards(self, next_frames: np.ndarray) -> np.ndarray:
-        """Return what the steps that led to ``next_frames`` (T, Do) are paid, (T,)."""
-        return np.asarray(self._goal.reward(self.achieved(next_frames), self.desired(next_frames)), float)
+    def rewards(self, next_frames: np.ndarray, *, tolerance: float = 1.0) -> np.ndarray:
+        """Return what the steps that led to ``next_frames`` (T, Do) are paid, (T,).
+
+        Args:
+            tolerance: share of what the goal lets pass.
+
+        Raises:
+            InvalidValueError: the goal has no tolerance that could be another.
+        """
+        achieved, desired = self.achieved(next_frames), self.desired(next_frames)
+        if tolerance == 1.0:
+            return np.asarray(self._goal.reward(achieved, desired), float)
+        if self._goal.within is None:
+            raise InvalidValueError(f"The rule of this goal is its own: tolerance is {tolerance:g}; it must be 1.")
+        return np.asarray(self._goal.within(achieved, desired, tolerance), float)

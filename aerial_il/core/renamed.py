@@ -31,6 +31,7 @@ ADDED: Mapping[str, object] = {
     "smoothness.jerk_penalty": 0.0,
     "hindsight.goals": 0,
     "hindsight.strategy": "future",
+    "hindsight.tolerance": 1.0,
     "obs_norm": False,
     "prior": None,
     "waypoints.lookahead_s": 0.0,

@@ -16,6 +16,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 Group = Literal["proprio", "task", "image"]
 CONDITIONS = ("tier", "disturbances", "controller", "options")  # of a specification: what may change under a policy
+UNKNOWN = "unknown"  # what a foreign dataset does not tell
 NO_CONTROLLER = "none"  # of environments from outside the suite, whose actions are their own
 
 
@@ -175,6 +176,11 @@ class EnvSpec:
     def is_outside(self) -> bool:
         """Whether the environment is not the suite's."""
         return self.controller == NO_CONTROLLER
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it was read off somebody's data, which do not say what the actions are or what was flown."""
+        return self.action.level == UNKNOWN
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, numbers and strings, ready for JSON or YAML."""

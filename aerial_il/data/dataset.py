@@ -100,7 +100,8 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
     """Open demonstrations, whatever form they are in.
 
     Args:
-        path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3 folder, or a robomimic HDF5 file.
+        path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3 folder, an HDF5
+            file of robomimic's or D4RL's layout, or transitions as ``.npz``.
         cameras: True to decode all image fields, or the names of some.
         failures: also the failed episodes of a folder of recordings; each episode says how it ended.
 
@@ -114,6 +115,10 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
         from aerial_il.data.formats.hdf5 import open_hdf5
 
         return Dataset(path, open_hdf5(path))
+    if path.suffix == ".npz":
+        from aerial_il.data.formats.transitions import open_npz
+
+        return Dataset(path, open_npz(path))
     if path.is_file():
         return _open_files(path, [path], cameras)
     if (path / "meta" / "info.json").is_file():

@@ -26,7 +26,7 @@ VALUES = (
     "${oc.env:HOME}", "${nowhere}", "${", "???", "'", '"', "\\", "a,b", "a=b", "a b", "数据", "ünï/ə", "\x00", "\n",
     "../../../etc/passwd", "/dev/null", "/dev/zero", "/proc/self/mem", "/root/\x01", "x" * 5000, "a/" * 500, "~",
     "$(touch owned)", "`touch owned`", ";ls", "%s%n", "-", "--help", "os:system", "builtins:exec", "1_000", "0x10",
-    "1;2", "*", "@", "#", "\u202e", "\ud800",
+    "1;2", "*", "@", "#", "\u202e", "\udcff",
 )  # fmt: skip
 BESIDE = {"collect": ["robot=quad", "task=pick_place"]}  # a cell that is declined: nothing long begins
 COMPOSED = ("bench", "demo", "docs", "doctor", "film", "list", "teleop")  # begin at once whatever they are told
@@ -73,7 +73,7 @@ def _all(folder: Path) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     os.chdir(folder)
     told, failed = os.fdopen(os.dup(1), "w"), Counter[str]()
-    sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    sys.stdout = sys.stderr = open(os.devnull, "w", errors="backslashreplace")  # noqa: SIM115
     for number, (name, key, value) in enumerate(cases()):
         try:
             failed[name] += not answered(name, key, value)

@@ -13,7 +13,8 @@ from tests.safety.hostile import Sound
 
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
-    "action", "cameras", "certificate", "controls", "devices", "env", "evaluate_tier", "flight_tier", "flights",
+    "action", "cameras", "certificate", "format", "controls", "devices", "env", "evaluate_tier", "flight_tier",
+    "flights",
     "hardware", "host", "key_file", "operator", "success", "time_scale", "tracker", "ui", "viewer",
 }  # fmt: skip
 WRITTEN = {  # new files

@@ -230,6 +230,44 @@ def test_an_ended_world_starts_again_at_the_next_step(vector: VectorEnvironment)
     np.testing.assert_array_equal(obs["cube_pos"][1], fresh["cube_pos"])
 
 
+def test_an_ended_world_may_start_again_in_the_same_step_as_gymnasium_s_own_does() -> None:
+    options = {"tier": "gusts", "max_episode_steps": 3}
+    ours = make_vector(autoreset_mode="SAME_STEP", **options)
+    makers = [lambda: gymnasium.make(ID, **options)] * 3
+    singles = SyncVectorEnv(makers, autoreset_mode=AutoresetMode.SAME_STEP)
+    assert ours.autoreset_mode is ours.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    ours.reset(seed=8), singles.reset(seed=8)
+    for actions in random_actions(ours.aerial.spec.action, 3, 3):
+        mine, theirs = ours.step(actions), singles.step(actions)
+    assert mine[3].all()
+    assert theirs[3].all()
+    np.testing.assert_array_equal(mine[4]["_final_obs"], theirs[4]["_final_obs"])
+    for one, other in zip(mine[4]["final_obs"], theirs[4]["final_obs"], strict=True):
+        assert data_equivalence(one, dict(other), exact=True)
+    for name in set(theirs[4]["final_info"]):
+        np.testing.assert_array_equal(mine[4]["final_info"][name], theirs[4]["final_info"][name], err_msg=name)
+    assert mine[4]["seed"].tolist() == [11, 12, 13], "the next episodes, as they begin"
+    fresh = aerial_il.load(ROBOT, TASK, tier="gusts").reset(seed=12).observation
+    np.testing.assert_array_equal(mine[0]["cube_pos"][1], fresh["cube_pos"])
+    after = ours.step(ours.action_space.sample())
+    assert not after[3].any()
+    assert "final_obs" not in after[4]
+    ours.close(), singles.close()
+
+
+def test_worlds_that_are_over_may_wait_for_their_reset() -> None:
+    env = make_vector(2, max_episode_steps=1, autoreset_mode=AutoresetMode.DISABLED)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[0, 1\]"):
+        env.step(env.action_space.sample())
+    env.reset(options={"reset_mask": np.array([True, True])})
+    env.step(env.action_space.sample())
+    with pytest.raises(UnknownNameError, match="SAME_STEP"):
+        make_vector(2, autoreset_mode="later")
+    env.close()
+
+
 def test_vector_wrappers_work(vector: VectorEnvironment) -> None:
     env = RecordEpisodeStatistics(DictInfoToList(vector).env)
     env.reset(seed=0)
@@ -261,10 +299,3 @@ def test_specifications_can_be_sent_to_another_process() -> None:
     spec = pickle.loads(pickle.dumps(gymnasium.spec(ID)))
     assert gymnasium.make(spec).unwrapped.aerial.spec.robot == ROBOT
     assert set(gymnasium.registry) >= {gymnasium_id(*cell) for cell in CELLS}
-
-
-def test_gymnasium_finds_our_ids_by_the_module_before_the_colon() -> None:
-    """In a process that has imported Gymnasium alone."""
-    code = "import gymnasium; print(gymnasium.make('aerial_il:aerial_il/hover-quad-v0').reset(seed=3)[1]['seed'])"
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
-    assert (done.stdout, done.returncode) == ("3\n", 0), done.stderr

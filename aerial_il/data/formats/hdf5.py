@@ -9,19 +9,23 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from aerial_il.core.bounded import parse_json
+from aerial_il.core.bounded import MAX_UNPACKED_BYTES, parse_json
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.files import sync_folder
-from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
+from aerial_il.core.specs import UNKNOWN, EnvSpec
 from aerial_il.data.episode import Episode
+from aerial_il.data.formats import transitions
 from aerial_il.data.formats.content_digest import content_digest
+from aerial_il.data.formats.foreign import foreign_episode, foreign_spec
 from aerial_il.data.recording.writer import storing
 
 PRIVATE = "aerial_il"
@@ -29,6 +33,7 @@ COLUMNS = ("states", "actions", "rewards", "dones")
 EXTRA = (
     ["executed_actions", "expert_actions", "is_intervention", "phase", "terminated", "truncated", "ctrl", "sim_time"]
 )  # fmt: skip
+GYM = 2  # robomimic's number for environments of Gym
 DIGEST = "digest"  # attribute of our group; files of earlier versions have none
 MAX_BYTES = 160 << 20  # of one demonstration; what is not stored, HDF5 would fill in
 
@@ -66,24 +71,85 @@ def convert_to_hdf5(episodes: Sequence[Episode], out: str | os.PathLike[str]) ->
 
 
 def open_hdf5(path: Path) -> dict[str, Callable[[], Episode]]:
-    """Return uid -> function that reads the episode from a robomimic file.
+    """Return uid -> function that reads the episode from a file of robomimic's layout, or of D4RL's.
 
     A foreign file, without our group, has neither an environment's bounds nor a terminal observation's state: bounds
-    are those seen, success is a last reward or ``done`` above zero.
+    are those seen in the whole file. Success is a last reward or ``done`` above zero; where that holds for no
+    demonstration, nobody has said, and all were meant to be imitated.
 
     Raises:
         DemoError: it is no such file, or refers to data outside itself.
     """
     try:
         with h5py.File(path, "r") as file:
+            if "data" not in file and "actions" in file:
+                return transitions.episodes_of(path, _flat(path, file))
             group = _child(path, file, "data", h5py.Group)
             names = sorted(group, key=lambda name: (len(name), name))  # demo_10 comes after demo_9
             uids = [str(_child(path, group, name, h5py.Group).attrs.get("uid", name)) for name in names]
+    except DemoError:
+        raise
     except FAULTS as error:
         raise DemoError(path, f"cannot be read as HDF5 ({error}).") from error
     if not names:
         raise DemoError(path, "holds no demonstrations.")
-    return {uid: lambda name=name: _read(path, name) for uid, name in zip(uids, names, strict=True)}
+    whole = cache(lambda: _survey(path, names))
+    return {uid: lambda name=name: _read(path, name, whole) for uid, name in zip(uids, names, strict=True)}
+
+
+def _flat(path: Path, file: h5py.File) -> dict[str, np.ndarray]:
+    """Return the arrays of a file of D4RL's that are used, after checking what they take together."""
+    known = [name for names in transitions.NAMES.values() for name in names if name in file]
+    size = sum(8 * _child(path, file, name, h5py.Dataset).size for name in known)  # as float64
+    if size > MAX_UNPACKED_BYTES:
+        raise DemoError(path, "is absurdly large.", expected=f"at most {MAX_UNPACKED_BYTES} bytes", got=size)
+    return {name: _array(path, file, name) for name in known}
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """What all demonstrations of a foreign file have in common.
+
+    Attributes:
+        bounds: least and greatest action (Da,). max_steps: of the longest. env: what ``env_args`` says of it.
+        judged: whether any is marked as a success.
+    """
+
+    bounds: tuple[np.ndarray, np.ndarray]
+    max_steps: int
+    env: Mapping[str, Any]
+    judged: bool
+
+
+def _survey(path: Path, names: Sequence[str]) -> _Survey:
+    with h5py.File(path, "r") as file:
+        data = _child(path, file, "data", h5py.Group)
+        lows, highs, steps, judged = [], [], 0, False
+        for name in names:
+            demo = _child(path, data, name, h5py.Group)
+            if PRIVATE in demo:
+                continue
+            _check_size(path, demo)
+            actions = _array(path, demo, "actions").astype(float)
+            lows.append(actions.min(0))
+            highs.append(actions.max(0))
+            steps, judged = max(steps, len(actions)), judged or _marked(path, demo)
+        return _Survey((np.min(lows, 0), np.max(highs, 0)), steps, _env_args(data), judged)
+
+
+def _env_args(data: h5py.Group) -> dict[str, Any]:
+    """Return what a file says of its environment; names in it are only ever compared with lists."""
+    try:
+        said = parse_json(data.attrs.get("env_args", "{}"))
+    except FAULTS:
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+def _marked(path: Path, demo: h5py.Group) -> bool:
+    """Whether a foreign demonstration ends with a reward, or as done."""
+    ends = (_array(path, demo, name, last=True) for name in ("rewards", "dones") if name in demo)
+    return any(bool(end.size and end.ravel()[-1] > 0) for end in ends)
 
 
 def _write(file: h5py.File, episodes: Sequence[Episode]) -> None:
@@ -116,12 +182,12 @@ def _write(file: h5py.File, episodes: Sequence[Episode]) -> None:
         private.attrs[DIGEST] = content_digest(episode)
 
 
-def _read(path: Path, name: str) -> Episode:
+def _read(path: Path, name: str, whole: Callable[[], _Survey]) -> Episode:
     try:
         with h5py.File(path, "r") as file:
             demo = _child(path, _child(path, file, "data", h5py.Group), name, h5py.Group)
             _check_size(path, demo)
-            return _ours(path, demo) if PRIVATE in demo else _foreign(path, demo, name)
+            return _ours(path, demo) if PRIVATE in demo else _foreign(path, demo, name, whole())
     except DemoError:
         raise
     except FAULTS as error:
@@ -150,53 +216,42 @@ def _ours(path: Path, demo: h5py.Group) -> Episode:
     return episode
 
 
-def _foreign(path: Path, demo: h5py.Group, name: str) -> Episode:
-    actions, obs = _array(path, demo, "actions").astype(float), _observations(path, demo)
-    steps = len(actions)
-    rewards = _array(path, demo, "rewards") if "rewards" in demo else np.zeros(steps)
-    states = _array(path, demo, "states") if "states" in demo else np.zeros((steps, 0))
-    none = np.zeros(steps, bool)
-    return Episode(
-        uid=name,
-        spec=_foreign_spec(actions, obs, states.shape[1]),
-        provenance={"policy": "unknown", "note": f"read from {path.name}, a robomimic file"},
+def _foreign(path: Path, demo: h5py.Group, name: str, whole: _Survey) -> Episode:
+    actions = _array(path, demo, "actions").astype(float)
+    obs = {name: v if v.dtype == np.uint8 else v.astype(float) for name, v in _observations(path, demo).items()}
+    states = _array(path, demo, "states") if "states" in demo else np.zeros((len(actions), 0))
+    robot, task, control_dt_s = _named(whole.env)
+    spec = foreign_spec(
+        obs,
+        whole.bounds,
+        max_steps=whole.max_steps,
+        control_dt_s=control_dt_s,
+        robot=robot,
+        task=task,
+        state_size=states.shape[1],
+    )
+    return foreign_episode(
+        name,
+        spec,
         obs=obs,
         actions=actions,
-        executed_actions=actions,
-        expert_actions=np.full_like(actions, np.nan),
-        is_intervention=none,
-        phase=np.full(steps, -1),
-        rewards=rewards,
-        terminated=none,
-        truncated=none,
+        rewards=_array(path, demo, "rewards") if "rewards" in demo else None,
         states=np.concatenate([states, states[-1:]]),
-        ctrl=np.zeros((steps, 0)),
-        sim_time=np.arange(steps + 1, dtype=float),
-        success=bool(rewards[-1] > 0 or ("dones" in demo and _array(path, demo, "dones")[-1])),
+        success=_marked(path, demo) or not whole.judged,
         model_xml=str(demo.attrs.get("model_file", "")),
+        source=f"{path.name}, a robomimic file",
     )
 
 
-def _foreign_spec(actions: np.ndarray, obs: dict[str, np.ndarray], state_size: int) -> EnvSpec:
-    images = {name for name, values in obs.items() if values.dtype == np.uint8 and values.ndim == 4}
-    fields = [
-        Field(name, values.shape[1:], "image" if name in images else "proprio", str(values.dtype))
-        for name, values in obs.items()
-    ]
-    labels = tuple(map(str, range(actions.shape[1])))
-    low, high = actions.min(0) - 1e-6, actions.max(0) + 1e-6
-    return EnvSpec(
-        robot="unknown",
-        task="unknown",
-        tier="unknown",
-        observation=ObservationSpec(tuple(fields)),
-        action=ActionSpec("unknown", labels, ("",) * len(labels), low, high),
-        control_dt_s=1.0,
-        max_steps=len(actions),
-        instruction="",
-        subtasks=(),
-        state_size=state_size,
-    )
+def _named(env: Mapping[str, Any]) -> tuple[str, str, float]:
+    """Return robot, task and control period (s) as ``env_args`` tell them; robosuite's say the rate."""
+    kwargs = env.get("env_kwargs") or {}
+    rate, name = kwargs.get("control_freq") if isinstance(kwargs, dict) else None, str(env.get("env_name", UNKNOWN))
+    period = 1 / rate if isinstance(rate, (int, float)) and 0 < rate < 1e6 else 1.0
+    if env.get("type") == GYM:
+        return "gymnasium", name, period
+    robots = kwargs.get("robots", UNKNOWN) if isinstance(kwargs, dict) else UNKNOWN
+    return str(robots[0] if isinstance(robots, list) and robots else robots), name, period
 
 
 def _observations(path: Path, demo: h5py.Group) -> dict[str, np.ndarray]:

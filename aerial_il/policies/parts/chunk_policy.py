@@ -28,6 +28,7 @@ from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
 from aerial_il.policies.parts.vision import build_network, with_pixels
 
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
+UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
 
 
 class ChunkPolicy:
@@ -142,7 +143,8 @@ class ChunkPolicy:
         check_cameras(self.interface.layout, spec)
         spec = as_one_of(self.spec, spec)
         names = (*self.interface.layout.names, *self.interface.layout.images)
-        differing = _restrict(self.spec, names).differences(_restrict(spec, names), ignore=UNIMPORTANT)
+        untold = UNTOLD if self.spec.is_foreign and self.spec.action.size == spec.action.size else ()
+        differing = _restrict(self.spec, names).differences(_restrict(spec, names), ignore=(*UNIMPORTANT, *untold))
         if differing:
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
             raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.")

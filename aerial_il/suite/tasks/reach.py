@@ -28,17 +28,18 @@ START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.2]), np.array([0.3, 0.3, 1.6])
 TARGET = 0  # site
 
 
-def reached(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
-    """Return 1.0 where poses of the tool are within the tolerances of those wanted, else 0.0, (m,).
+def reached(achieved: np.ndarray, desired: np.ndarray, share: float = 1.0) -> np.ndarray:
+    """Return 1.0 where poses of the tool are within a share of the tolerances of those wanted, else 0.0, (m,).
 
     Args:
         achieved, desired: (m, 9) position and first two columns of the rotation, world.
     """
-    near = np.linalg.norm(achieved[:, :3] - desired[:, :3], axis=1) <= POSITION_TOLERANCE_M
+    near = np.linalg.norm(achieved[:, :3] - desired[:, :3], axis=1) <= share * POSITION_TOLERANCE_M
     (a1, a2), (b1, b2) = (np.split(pose[:, 3:], 2, axis=1) for pose in (achieved, desired))
     columns = ((a1, b1), (a2, b2), (np.cross(a1, a2), np.cross(b1, b2)))
     trace = sum(np.sum(a * b, axis=1) for a, b in columns)
-    return (near & (0.5 * (trace - 1.0) >= ANGLE_TOLERANCE_COS)).astype(float)
+    smallest = ANGLE_TOLERANCE_COS if share == 1.0 else math.cos(share * ANGLE_TOLERANCE_RAD)
+    return (near & (0.5 * (trace - 1.0) >= smallest)).astype(float)
 
 
 class Reach(Task):
@@ -57,6 +58,7 @@ class Reach(Task):
         desired=("target_pos", "target_rot6d"),
         reward=reached,
         offsets={"tool_to_target": ("target_pos", "ee_pos")},
+        within=reached,
     )
 
     needs_flight = False

@@ -191,7 +191,12 @@ def test_an_actor_of_choices_cannot_be_regularised() -> None:
 
 # -- hindsight
 
-GOAL = GoalSpec(("position",), ("goal",), lambda a, d: (np.abs(a - d)[:, 0] <= 0.2).astype(float))
+
+def near(achieved: np.ndarray, desired: np.ndarray, share: float = 1.0) -> np.ndarray:
+    return (np.abs(achieved - desired)[:, 0] <= 0.2 * share).astype(float)
+
+
+GOAL = GoalSpec(("position",), ("goal",), near, within=near)
 
 
 class Sought(Drift):
@@ -232,6 +237,30 @@ def test_an_episode_is_remembered_with_goals_that_it_reached(strategy: str, goal
     assert (rewards[-goals:] == 1.0).all(), "the last step reached where it led"
     assert not lost.any() or np.abs(reached_later[-1]) > EDGE
     assert len(actions) == steps * goals
+
+
+def test_a_narrower_tolerance_pays_for_less_than_the_goal_lets_pass() -> None:
+    columns = GoalColumns(GOAL, {"position": slice(0, 1), "goal": slice(1, 2)})
+    frames = np.array([[0.05, 0.0], [0.15, 0.0], [0.25, 0.0]])
+    np.testing.assert_array_equal(columns.rewards(frames), [1, 1, 0])
+    np.testing.assert_array_equal(columns.rewards(frames, tolerance=0.5), [1, 0, 0])
+    paid = []
+    for tolerance in (1.0, 0.5):
+        relabeller = Relabeller(Hindsight(goals=1, tolerance=tolerance), columns, 1, np.random.default_rng(0))
+        collector, rewards = Collector(Sought(1), Layout.of(SPEC, POLICY), seed=3), 0.0
+        rng = np.random.default_rng(1)
+        for _ in range(60):
+            actions = rng.uniform(-0.5, 0.5, (1, 1))
+            step = collector.step(actions)
+            rewards += float(relabeller.rewards(step).sum())
+            rewards += sum(float(again[2].sum()) for again in relabeller.add(step, actions))
+        paid.append(rewards)
+    assert paid[0] > paid[1] > 0, "flights for their own goals and again for others"
+    with pytest.raises(InvalidValueError, match="tolerance"):
+        Hindsight(tolerance=1.5)
+    own = GoalColumns(GoalSpec(("position",), ("goal",), near), {"position": slice(0, 1), "goal": slice(1, 2)})
+    with pytest.raises(InvalidValueError, match=r"The rule of this goal is its own: tolerance is 0\.5"):
+        own.rewards(frames, tolerance=0.5)
 
 
 def test_offsets_follow_the_goal_that_is_put_in() -> None:

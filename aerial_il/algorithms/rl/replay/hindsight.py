@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from aerial_il.algorithms.rl.collector import Transition
-from aerial_il.algorithms.run.checks import require_choice, require_not_negative
+from aerial_il.algorithms.run.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns
@@ -32,12 +32,17 @@ class Hindsight:
         goals: how many other goals each step is remembered with; 0 for no hindsight. The source's is 4.
         strategy: where they were achieved: at a random step of the same episode from then on (``future``), or at its
             ``final`` one, which is a single goal.
+        tolerance: share of the goal's own tolerance that is paid. A policy that is paid at its edge comes to rest
+            there, as often outside as inside; one that aims for the middle passes.
     """
 
     goals: int = 0
     strategy: Strategy = "future"
+    tolerance: float = 1.0
 
     def __post_init__(self) -> None:
+        require_positive(self, "tolerance")
+        require_share(self, "tolerance")
         require_not_negative(self, "goals")
         require_choice(self, "strategy", Strategy)
         if self.strategy == "final" and self.goals > 1:
@@ -72,7 +77,7 @@ class Relabeller:
 
     def rewards(self, step: Transition) -> np.ndarray:
         """Return what one step of all worlds is paid for its own goals, (n,)."""
-        return self.goal.rewards(step.next_frames) - step.penalties
+        return self._paid(step.next_frames) - step.penalties
 
     def add(self, step: Transition, actions: np.ndarray) -> list[tuple[np.ndarray, ...]]:
         """Take one step of all worlds in, with normalised ``actions`` (n, Da).
@@ -99,8 +104,12 @@ class Relabeller:
         frames, next_frames = (
             self.goal.exchanged(seen[steps], goals) for seen in (episode.frames, episode.next_frames)
         )
-        rewards = self.goal.rewards(next_frames) - episode.penalties[steps]
+        rewards = self._paid(next_frames) - episode.penalties[steps]
         return frames, episode.actions[steps], rewards, next_frames, episode.lost[steps]
+
+    def _paid(self, next_frames: np.ndarray) -> np.ndarray:
+        """Return what steps that led to ``next_frames`` (T, Do) are paid, (T,)."""
+        return self.goal.rewards(next_frames, tolerance=self._settings.tolerance)
 
     def snapshot(self) -> Snapshot:
         lengths = np.array([len(running) for running in self._running])

@@ -1,0 +1,138 @@
+"""What others recorded opens, trains with the shipped defaults and is evaluated where an environment is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import gymnasium
+import h5py
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.cli.main import main
+from aerial_il.core.errors import DemoError
+from aerial_il.data.dataset import open_dataset
+
+EPISODES, STEPS = 3, 30
+ENV = "Pendulum-v1"
+SMALL = ["algorithm.steps=2", "policy.hidden=[8]", "progress=false"]
+
+
+@pytest.fixture(scope="module")
+def flown() -> dict[str, np.ndarray]:
+    """Transitions that a script writes down, of an environment that ends by its time limit."""
+    env, rows = gymnasium.make(ENV, max_episode_steps=STEPS), []
+    for seed in range(EPISODES):
+        obs, over = env.reset(seed=seed)[0], False
+        env.action_space.seed(seed)
+        while not over:
+            action = env.action_space.sample()
+            after, reward, terminated, over, _ = env.step(action)
+            rows.append((obs, action, after, reward, terminated, over))
+            obs = after
+    names = ("obs", "acts", "next_obs", "rews", "dones", "truncations")
+    return dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))
+
+
+def npz(home: Path, flown: dict[str, np.ndarray]) -> Path:
+    np.savez(home / "rollouts.npz", **flown)
+    return home / "rollouts.npz"
+
+
+def d4rl(home: Path, flown: dict[str, np.ndarray]) -> Path:
+    names = {
+        "observations": "obs",
+        "actions": "acts",
+        "rewards": "rews",
+        "terminals": "dones",
+        "timeouts": "truncations",
+    }
+    with h5py.File(home / "d4rl.hdf5", "w") as file:
+        for theirs, name in names.items():
+            file[theirs] = flown[name]
+        file["infos/qpos"] = np.zeros((EPISODES * STEPS, 2))
+    return home / "d4rl.hdf5"
+
+
+def robomimic(home: Path, flown: dict[str, np.ndarray]) -> Path:
+    """As robomimic's own scripts write: actions of one demonstration reach further than those of another."""
+    with h5py.File(home / "low_dim.hdf5", "w") as file:
+        data = file.create_group("data")
+        data.attrs["env_args"] = json.dumps({"env_name": ENV, "type": 2, "env_kwargs": {"control_freq": 20}})
+        for i in range(EPISODES):
+            part = slice(i * STEPS, (i + 1) * STEPS - i)  # of different lengths
+            demo = data.create_group(f"demo_{i}")
+            demo["actions"], demo["rewards"] = flown["acts"][part], np.zeros(STEPS - i)
+            demo["obs/observation"], demo["next_obs/observation"] = flown["obs"][part], flown["next_obs"][part]
+            demo["dones"] = np.zeros(STEPS - i, int)
+            demo.attrs["num_samples"] = STEPS - i
+    return home / "low_dim.hdf5"
+
+
+FORMS = {"npz": npz, "d4rl": d4rl, "robomimic": robomimic}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_it_opens_with_every_value(form: str, flown: dict[str, np.ndarray], tmp_path: Path) -> None:
+    dataset = open_dataset(FORMS[form](tmp_path, flown))
+    assert len(dataset) == EPISODES
+    first = dataset[0]
+    np.testing.assert_array_equal(first.actions, flown["acts"][:STEPS])
+    np.testing.assert_array_equal(first.obs["observation"][:-1], flown["obs"][:STEPS])
+    assert all(not first.spec.differences(episode.spec) for episode in dataset), "one environment for all"
+    if form != "d4rl":  # which has no observation after the last action
+        np.testing.assert_array_equal(first.obs["observation"][-1], flown["next_obs"][STEPS - 1])
+    if form != "robomimic":
+        assert [bool(e.truncated[-1]) for e in dataset] == [True] * EPISODES
+        np.testing.assert_allclose(first.rewards, flown["rews"][:STEPS])
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_it_trains_with_the_shipped_defaults_and_flies_where_an_environment_is_named(
+    form: str, flown: dict[str, np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = FORMS[form](tmp_path, flown)
+    assert main(["train", f"dataset={file}", "run=run", *SMALL]) == 0
+    where = [] if form == "robomimic" else [f"env=gymnasium:{ENV}"]  # its file tells
+    judged = ["episodes=2", "videos=0", "out=judged", "success=survived", "progress=false"]
+    assert main(["evaluate", "policy=run", *where, "max_steps=10", *judged]) == 0
+    assert aerial_il.load_policy("run").spec.action.size == 1
+
+
+def test_what_a_robomimic_file_tells_is_used(flown: dict[str, np.ndarray], tmp_path: Path) -> None:
+    spec = open_dataset(robomimic(tmp_path, flown)).spec
+    assert (spec.robot, spec.task, spec.control_dt_s, spec.max_steps) == ("gymnasium", ENV, 0.05, STEPS)
+    low, high = flown["acts"][: (EPISODES - 1) * STEPS].min(), flown["acts"].max()
+    assert spec.action.low[0] <= low
+    assert spec.action.high[0] <= high + 1e-5
+
+
+def test_a_demonstration_without_a_reward_failed_only_where_others_have_one(
+    flown: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    file = robomimic(tmp_path, flown)
+    assert [episode.success for episode in open_dataset(file)] == [True] * EPISODES
+    with h5py.File(file, "a") as raw:
+        raw["data/demo_1/rewards"][-1] = 1.0
+    assert [episode.success for episode in open_dataset(file)] == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"acts": None}, "lacks actions or acts"),
+        ({"obs": np.zeros((5, 3))}, "of another length"),
+        ({"obs": np.full((EPISODES * STEPS, 3), np.nan)}, "not finite"),
+        ({"acts": np.zeros((EPISODES * STEPS, 1, 2, 2))}, "no rows of numbers"),
+        ({"acts": np.array(["a"] * EPISODES * STEPS)}, "no rows of numbers"),
+    ],
+)
+def test_what_is_no_transitions_is_refused(
+    changed: dict[str, np.ndarray | None], said: str, flown: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    arrays = {name: values for name, values in {**flown, **changed}.items() if values is not None}
+    with pytest.raises(DemoError, match=said):
+        open_dataset(npz(tmp_path, arrays))
