@@ -6,7 +6,7 @@ ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
-.PHONY: help setup demo test test-all check format bench docs lock clean
+.PHONY: help setup demo test test-all fuzz check format bench docs lock clean
 
 help: ## list these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -22,6 +22,9 @@ test: setup ## run the tests that finish in minutes
 
 test-all: setup ## run every test, the slow ones and those that need a browser too
 	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "" $(ABREAST)
+
+fuzz: setup ## read 16,000 mutated files, into runs/fuzz; interrupted, the same command continues
+	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.safety.fuzz runs/fuzz
 
 check: setup ## lint, formatting, types and the layers between rooms
 	@$(BIN)/ruff check .

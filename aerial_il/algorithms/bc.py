@@ -38,7 +38,9 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.partly_blind import columns_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +56,9 @@ class BehaviourCloning(SupervisedAlgorithm):
         ema: decay of the averaged weights.
         clip_norm: largest gradient norm.
         obs_noise: deviation of the Gaussian noise added to normalised state fields while training.
+        field_dropout: largest chance with which each state field of a window is hidden while training, as its mean; the
+            chance itself is drawn anew for each window, from 0 on. A network that has learned to do without any field
+            can be flown with some of them hidden (P. de Haan et al., "Causal Confusion in Imitation Learning", 2019).
         selection: which demonstrations are learned from, and how much each counts.
         waypoints: how the actions of flights by hand are relabelled before they are learned from.
     """
@@ -68,13 +73,14 @@ class BehaviourCloning(SupervisedAlgorithm):
     ema: float = 0.999
     clip_norm: float = 1.0
     obs_noise: float = 0.0
+    field_dropout: float = 0.0
     selection: Selection = field(default_factory=Selection)
     waypoints: Waypoints = field(default_factory=Waypoints)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "batch_size", "lr", "clip_norm")
-        require_share(self, "lr_floor", "ema", below_one=True)
+        require_share(self, "lr_floor", "ema", "field_dropout", below_one=True)
         require_not_negative(self, "warmup_steps", "weight_decay", "obs_noise")
 
     def train(
@@ -123,9 +129,9 @@ class BehaviourCloning(SupervisedAlgorithm):
         data = prepare(demos, policy, batch_size=self.batch_size, device=self.device, seed=seed, initial=initial)
         options = {"evaluate": evaluate, "resume": resume, "progress": progress}
         with open_run(self, data, run, algorithm=self.name, seed=seed, **options) as opened:
-            return self._learn(opened, data.layout.size) if opened else load_policy(run)
+            return self._learn(opened, data.layout) if opened else load_policy(run)
 
-    def _learn(self, run: SupervisedRun, state_size: int) -> ChunkPolicy:
+    def _learn(self, run: SupervisedRun, layout: Layout) -> ChunkPolicy:
         """Take optimisation steps until the run is done."""
         ema, decay, clip_norm = self.ema, self.weight_decay, self.clip_norm
         learner = Learner(run.build_network(), weight_decay=decay, ema=ema, clip_norm=clip_norm)
@@ -134,7 +140,8 @@ class BehaviourCloning(SupervisedAlgorithm):
         while run.goes_on():
             lr = self.lr * cosine(run.progress, learner.step, warmup_steps=self.warmup_steps, floor=self.lr_floor)
             obs, actions, valid = run.minibatch()
-            obs = with_noise(obs, state_size, self.obs_noise) if self.obs_noise else obs
+            obs = with_noise(obs, layout.size, self.obs_noise) if self.obs_noise else obs
+            obs = with_dropout(obs, layout, self.field_dropout) if self.field_dropout else obs
             with self.precision():
                 loss, logged = learner.network.loss(obs, actions, valid)
             learner.descend(loss, lr=lr, logged=logged)
@@ -165,3 +172,11 @@ def with_noise(obs: Tensor, size: int, deviation: float) -> Tensor:
     """Return ``obs`` (B, To, Do, pixels behind them) with Gaussian noise on its ``size`` state elements."""
     state, pixels = obs[..., :size], obs[..., size:]
     return torch.cat([state + deviation * torch.randn_like(state), pixels], dim=-1)
+
+
+def with_dropout(obs: Tensor, layout: Layout, most: float) -> Tensor:
+    """Return ``obs`` (B, To, Do, pixels behind them) with fields hidden, each at its window's chance up to ``most``."""
+    chance = most * torch.rand(len(obs), 1)
+    shown = columns_of(layout, torch.rand(len(obs), len(layout.names)) >= chance)
+    state, pixels = obs[..., : layout.size], obs[..., layout.size :]
+    return torch.cat([state * shown[:, None].to(obs), pixels], dim=-1)

@@ -20,6 +20,7 @@ from aerial_il.evaluation.statistics import wilson
 CONFIG, METRICS, FINAL = "config.yaml", "metrics.jsonl", "policy"
 PROVENANCE, COMMAND = "provenance.json", "command.json"
 SUCCESS, EPISODES, REWARD = "evaluate/success", "evaluate/episodes", "evaluate/mean_reward"
+SETTLING = 0.02  # share of a run's steps before it is expected to hold what its prior could
 BY_CHANCE = ("seed", "dataset.digest", "dataset.frames", "dataset.transitions")  # what a seed changes
 
 
@@ -92,6 +93,16 @@ class TrainingRun:
         """Evaluations on the way, in the order of the steps."""
         told = (row for row in self.rows if SUCCESS in row)
         return [Rollouts(int(row["step"]), row[SUCCESS], int(row.get(EPISODES, 0))) for row in told]
+
+    @property
+    def largest_dip(self) -> float | None:
+        """The most by which success fell below the prior's, that of the rollouts at step 0; None without those.
+
+        What the first 2 % of the steps did is not counted; 0 where it never fell below.
+        """
+        told = self.rollouts
+        later = [rollouts.rate for rollouts in told[1:] if rollouts.step > SETTLING * self.steps]
+        return max(0.0, told[0].rate - min(later)) if later and told[0].step == 0 else None
 
     @cached_property
     def rewards(self) -> list[tuple[int, float]]:

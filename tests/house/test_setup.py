@@ -43,7 +43,7 @@ def test_the_set_up_script_is_valid_posix_shell() -> None:
 def test_make_help_lists_every_public_target() -> None:
     words = ["make", "--no-print-directory", "help"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
-    for target in ("setup", "demo", "test", "test-all", "check", "format", "bench", "docs"):
+    for target in ("setup", "demo", "test", "test-all", "fuzz", "check", "format", "bench", "docs"):
         assert re.search(rf"^  make {target} +\S", done.stdout, flags=re.M)
 
 

@@ -397,6 +397,15 @@ def lerobot_without_rate(sound: Sound, to: Path) -> Path:
     return _lerobot(sound, to, fps=0, features=[], robot_type={SCRIPT: 1})
 
 
+def lerobot_spec_imports(sound: Sound, to: Path) -> Path:
+    folder = _lerobot(sound, to)
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    spec = json.loads(info["features"]["demo.uid"]["names"][0])
+    info["features"]["demo.uid"]["names"] = [json.dumps({**spec, "robot": "gymnasium", "task": "bait:Bait-v0"})]
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    return folder
+
+
 def lerobot_of_brackets(sound: Sound, to: Path) -> Path:
     folder = _lerobot(sound, to)
     (folder / "meta" / "info.json").write_text("[" * 1_000_000)

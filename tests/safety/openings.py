@@ -46,6 +46,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
     dataset, judged = f"dataset={sound.dataset}", ["videos=0", *FLOWN, "max_steps=5", "success=survived"]
     return {
         ("collect", "policy"): [ENV, "out=flown", "max_steps=5", "success=survived", *FLOWN],
+        ("collect", "expert"): ["robot=quad", "task=hover", "out=flown", *FLOWN],
         ("collect", "out"): [ENV, "policy=random", "max_steps=5", "success=survived", *FLOWN],
         ("compare", "a"): [f"b={home / 'judged'}"],
         ("compare", "b"): [f"a={home / 'judged'}"],

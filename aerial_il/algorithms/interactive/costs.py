@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -27,6 +27,9 @@ class FlightCosts:
     interventions: int = 0
     expert_steps: int = 0
     solved_alone: int = 0
+
+    def __add__(self, other: FlightCosts) -> FlightCosts:
+        return FlightCosts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
     @staticmethod
     def of(episodes: Sequence[Episode]) -> FlightCosts:

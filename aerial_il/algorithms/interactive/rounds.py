@@ -5,6 +5,7 @@ A run's folder holds, besides what every run has::
     dataset/             everything labelled so far as one ordinary dataset; provenance tells each flight's round
     rounds/003/alone/    flights that the learner made alone, unlabelled, where the gate wants them
     rounds/003/flights/  labelled flights of the round; they appear all at once, and are flown anew until they do
+    rounds/003/turns.json  what each pilot's flights cost, where several flew in turn; only successes are kept then
     rounds/003/training/ the supervised run that followed, an ordinary one
     checkpoints/00000003 the policy after it
 
@@ -18,7 +19,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -29,16 +30,17 @@ from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
+from aerial_il.core.bounded import read_json
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.files import sync_folder
+from aerial_il.core.files import sync_folder, write_json
 from aerial_il.core.provenance import provenance
 from aerial_il.core.settings import plain
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
-from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.folder import FAILURES, KINDS, DatasetFolder
 from aerial_il.data.recording.writer import write_episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT, ChunkPolicy
@@ -46,10 +48,19 @@ from aerial_il.policies.parts.network import PolicyConfig
 
 ROUNDS, DATASET = "rounds", "dataset"
 FLIGHTS, ALONE, TRAINING = "flights", "alone", "training"
+TURNS = "turns.json"
 FIRST_SEED, SEEDS_PER_RUN = (
     1_000_000,
     100_000,
 )  # of flights: far from demonstrations (0 ...) and evaluations (10000 ...)
+
+
+class Collected(Protocol):
+    """What came of recording flights: seeds by outcome, and control steps flown."""
+
+    demos: list[int]
+    failures: list[int]
+    steps: int
 
 
 class Collect(Protocol):
@@ -66,7 +77,7 @@ class Collect(Protocol):
         settings: Mapping[str, Any],
         longest: int | None,
         progress: bool,
-    ) -> object: ...
+    ) -> Collected: ...
 
 
 @runtime_checkable
@@ -156,7 +167,7 @@ class Rounds:
             self._next = int(folder.resumed.state["round"]) + 1
             self.learner = load_policy(self._place(self._next - 1) / TRAINING)
             for number in range(1, self._next):
-                self._take_in(self._read(self._place(number) / FLIGHTS))
+                self._take_in(number)
 
     @staticmethod
     @contextmanager
@@ -196,8 +207,21 @@ class Rounds:
         folder = self._place(number) / FLIGHTS
         if not folder.exists():
             self._record(folder, pilot(), range(self._settings.episodes), number=number, name=self._settings.name)
-        self._take_in(self._read(folder))
+        self._take_in(number)
         self._aggregate(number)
+
+    def fly_in_turn(self, number: int, pilots: Iterable[Policy]) -> list[FlightCosts]:
+        """Have one pilot after another fly the starts of a round that none has solved; only successes are kept.
+
+        Returns:
+            What the flights of each pilot cost; the last ones need not have flown.
+        """
+        place = self._place(number)
+        if not (place / FLIGHTS).exists():
+            self._fly_in_turn(number, pilots)
+        self._take_in(number)
+        self._aggregate(number)
+        return _read_turns(place)
 
     def alone(self, number: int, episodes: int) -> list[Episode]:
         """Return the flights that learners made alone in all rounds up to this one, having this round's made."""
@@ -289,31 +313,65 @@ class Rounds:
 
         An operator goes on after the flights that were finished.
         """
-        aside, seed, settings = folder.with_name(f"{folder.name}.flying"), self.problem.seed, self._settings
-        first = FIRST_SEED + SEEDS_PER_RUN * seed + number * max(1, settings.seeds_per_round)
-        seeds = range(first + which.start, first + which.stop)
-        tags = {"algorithm": settings.name, "run_seed": seed, "round": number}
+        aside, settings = folder.with_name(f"{folder.name}.flying"), self._settings
+        seeds, tags = self._seeds(number, which), self._tags(number)
         if isinstance(self.problem.expert, Operator):
             self.problem.expert.told(self.costs, f"Round {number} of {settings.rounds}: watch it fly.")
             self.problem.expert.record(self.problem.env, pilot, aside, seeds=seeds, tags=tags)
         else:
             shutil.rmtree(aside, ignore_errors=True)
-            options = {
-                "policy_name": name,
-                "settings": tags,
-                "progress": self.problem.progress,
-                "longest": self._longest,
-            }
-            self.problem.collect(self.problem.env, pilot, list(seeds), aside, **options)
+            self._collect(pilot, list(seeds), aside, tags, name)
         os.replace(aside, folder)
         sync_folder(folder.parent)
 
+    def _fly_in_turn(self, number: int, pilots: Iterable[Policy]) -> None:
+        """Record the successes of a round, all or none, and what each turn cost."""
+        place, left = self._place(number), list(self._seeds(number, range(self._settings.episodes)))
+        aside, turns = place / f"{FLIGHTS}.flying", list[FlightCosts]()
+        shutil.rmtree(aside, ignore_errors=True)
+        kept = DatasetFolder(aside)
+        kept.claim(self.problem.env.spec)
+        for turn, pilot in enumerate(pilots):
+            flown = DatasetFolder(place / "turn.flying")
+            shutil.rmtree(flown.path, ignore_errors=True)
+            tags = {**self._tags(number), "turn": turn}
+            found = self._collect(pilot, left, flown.path, tags, self._settings.name)
+            shutil.rmtree(flown.path / FAILURES, ignore_errors=True)
+            kept.adopt(flown)
+            shutil.rmtree(flown.path)
+            turns.append(FlightCosts(len(left), len(found.demos), found.steps, solved_alone=len(found.demos)))
+            left = sorted(found.failures)
+            if not left:
+                break
+        kept.write_index(self.problem.env.spec)
+        write_json(place / TURNS, [asdict(costs) for costs in turns])
+        os.replace(aside, place / FLIGHTS)
+        sync_folder(place)
+
+    def _collect(self, pilot: Policy, seeds: list[int], out: Path, tags: Mapping[str, Any], name: str) -> Collected:
+        """Record the flights of ``pilot`` in ``out``."""
+        options = {"progress": self.problem.progress, "longest": self._longest}
+        return self.problem.collect(self.problem.env, pilot, seeds, out, policy_name=name, settings=tags, **options)
+
+    def _seeds(self, number: int, which: range) -> range:
+        """Return the seeds of some flights of a round."""
+        first = FIRST_SEED + SEEDS_PER_RUN * self.problem.seed + number * max(1, self._settings.seeds_per_round)
+        return range(first + which.start, first + which.stop)
+
+    def _tags(self, number: int) -> dict[str, Any]:
+        return {"algorithm": self._settings.name, "run_seed": self.problem.seed, "round": number}
+
     def _read(self, folder: Path) -> list[Episode]:
+        if not any(DatasetFolder(folder).files(kind) for kind in KINDS):
+            return []
         return list(open_dataset(folder, cameras=self.problem.policy.images, failures=True))
 
-    def _take_in(self, flights: Sequence[Episode]) -> None:
+    def _take_in(self, number: int) -> None:
         """Count the flights of a round and learn from those with labels that are as long as a chunk."""
-        self.costs.append(FlightCosts.of(flights))
+        place = self._place(number)
+        flights = self._read(place / FLIGHTS)
+        turns = _read_turns(place) if (place / TURNS).exists() else [FlightCosts.of(flights)]
+        self.costs.append(sum(turns, start=FlightCosts()))
         self.dataset += [f for f in flights if self._settings.learns_from(f) and len(f) >= self.problem.policy.chunk]
 
     def _aggregate(self, number: int) -> None:
@@ -325,6 +383,11 @@ class Rounds:
                 write_episode(episode, dataset.file(episode.uid))
         dataset.adopt(DatasetFolder(self._place(number) / FLIGHTS))
         dataset.write_index(spec)
+
+
+def _read_turns(place: Path) -> list[FlightCosts]:
+    """Return what each pilot's flights of a round cost."""
+    return [FlightCosts(**costs) for costs in read_json(place / TURNS)]
 
 
 def demonstration_weights(demos: Sequence[Episode], flights: Sequence[Episode], share: float) -> list[float] | None:

@@ -14,6 +14,7 @@ import numpy as np
 
 import aerial_il
 from aerial_il.cli.configuration import spelling
+from aerial_il.cli.flights import typed_code
 from aerial_il.cli.flights.environments import (
     DEFAULT_ACTION,
     DEFAULT_CONTROLLER,
@@ -31,6 +32,7 @@ from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.outcome import subtask_flags
 from aerial_il.experts.outside import load_expert
 from aerial_il.policies import find_lerobot, load_policy
+from aerial_il.policies.parts import sb3_checkpoint
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
 from aerial_il.suite.changes import tier_note
@@ -86,6 +88,8 @@ def pilot(
     """
     if source.endswith(".npz") or (env is not None and source in BASELINES):
         return _outsider(source, env, dict(options or {}), noise)
+    if made := _brought(source):
+        return _in_what_was_said(made, source, robot, task, action, env, dict(options or {}))
     if source == EXPERT or source in BASELINES:
         if robot is None or task is None:
             raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
@@ -198,6 +202,35 @@ def expert_flight(robot: str, task: str) -> tuple[Episode, np.ndarray]:
         return episode, subtask_flags(env, episode)
     finally:
         env.close()
+
+
+def _brought(source: str) -> Policy | None:
+    """Return a policy of the user's own code, or of Stable-Baselines3; None if ``source`` is neither."""
+    if typed_code.names_code(source):
+        return typed_code.policy_of(source)
+    if source.endswith(sb3_checkpoint.ENDING):
+        return sb3_checkpoint.Sb3Policy(source)
+    return None
+
+
+def _in_what_was_said(
+    policy: Policy,
+    source: str,
+    robot: str | None,
+    task: str | None,
+    action: str | None,
+    env: str | None,
+    options: dict[str, Any],
+) -> Pilot:
+    """Return a policy that says nothing of an environment in the one that was named."""
+    if env is not None:
+        name, _, inside = env.partition(":")
+        return Pilot(
+            policy, name, inside, _overrides(source, env, options), EnvironmentReference(env=env, options=options)
+        )
+    if robot is None or task is None:
+        raise InvalidValueError(f"policy={source} does not tell where it flies: say robot=... and task=..., or env=...")
+    return Pilot(policy, robot, task, _cell_overrides(source, robot, task, action), _cell(robot, task, action))
 
 
 def _outsider(source: str, env: str | None, options: dict[str, Any], noise: float) -> Pilot:

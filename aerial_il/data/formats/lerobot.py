@@ -9,7 +9,8 @@ observation.images.<camera>   one video per colour camera
 action                        the expert's label where there is one, else the executed action
 next.reward, next.done        of the step; done marks the last one
 next.success                  true on the last step of a success
-demo.uid                      key to ``meta/provenance.json``; survives delete and merge
+demo.uid                      key to ``meta/provenance.json``; its ``names`` tell the specification;
+                              survives delete, split and merge
 ============================  ======================================================================
 
 Frames are the T observations that an action follows; the terminal one is left out. The dataset is built in a temporary
@@ -38,6 +39,7 @@ from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.content_digest import sealed
+from aerial_il.data.formats.lerobot_identity import UID, identity
 from aerial_il.data.formats.lerobot_states import PROVENANCE, StateWriter
 from aerial_il.data.recording.writer import storing
 
@@ -193,7 +195,7 @@ def features_of(spec: EnvSpec, cameras: Sequence[str]) -> dict[str, dict[str, An
         "next.reward": {"dtype": "float64", "shape": (1,), "names": None},
         "next.done": {"dtype": "bool", "shape": (1,), "names": None},
         "next.success": {"dtype": "bool", "shape": (1,), "names": None},
-        "demo.uid": {"dtype": "string", "shape": (1,), "names": None},
+        UID: {"dtype": "string", "shape": (1,), "names": identity(spec)},
     }
     for name in cameras:
         shape = spec.observation[name].shape
@@ -216,7 +218,7 @@ def columns_of(episode: Episode) -> dict[str, np.ndarray]:
         "next.reward": episode.rewards,
         "next.done": done,
         "next.success": done & episode.success,
-        "demo.uid": np.full(steps, episode.uid),
+        UID: np.full(steps, episode.uid),
     }
     return {name: values[:, 0] if values.shape[1:] == (1,) else values for name, values in columns.items()}
 
@@ -226,9 +228,7 @@ def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, An
     columns = columns_of(episode)
     for t in range(len(episode)):
         yield {
-            **{
-                key: values[t] if key == "demo.uid" else np.array(values[t], ndmin=1) for key, values in columns.items()
-            },
+            **{key: values[t] if key == UID else np.array(values[t], ndmin=1) for key, values in columns.items()},
             **{image_key(name): episode.obs[name][t].copy() for name in cameras},
             "task": episode.spec.instruction,
         }

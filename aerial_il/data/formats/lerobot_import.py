@@ -20,14 +20,14 @@ from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.files import sha256_of
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
-from aerial_il.core.specs import ActionSpec, EnvSpec, Field, Group, ObservationSpec
+from aerial_il.core.specs import NO_CONTROLLER, UNKNOWN, ActionSpec, EnvSpec, Field, Group, ObservationSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.content_digest import sealed
+from aerial_il.data.formats.lerobot_identity import UID, distinct, told
 from aerial_il.data.formats.lerobot_states import PROVENANCE
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
 SUPPORTED = "v3."
-UID = "demo.uid"
 COLUMNS = (STATE, ENVIRONMENT, ACTION, "next.reward", "next.success", "episode_index", UID)
 MAX_TABLE_BYTES = 160 << 20
 MAX_SWELLING = 8  # times the bytes of a file that its columns may take
@@ -117,7 +117,8 @@ def _loaders(path: Path, info: Mapping[str, Any]) -> dict[str, Callable[[], Epis
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         rows = table.slice(start, end - start)
         uid = rows[UID][0].as_py() if UID in columns else f"episode_{index[start]:06d}"
-        loaders[uid] = cache(lambda rows=rows, uid=uid: _episode(path, rows, uid, spec, origins.get(uid, {})))
+        origin, uid = origins.get(uid, {}), distinct(loaders, uid)
+        loaders[uid] = cache(lambda rows=rows, uid=uid, origin=origin: _episode(path, rows, uid, spec, origin))
     return loaders
 
 
@@ -199,17 +200,19 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
         except AerialError as error:
             raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
     features = info["features"]
+    if (ours := told(features)) is not None:
+        return ours
     if ACTION not in features or STATE not in features:
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
     fields = [Field(n, tuple(features[n]["shape"]), g) for n, g in GROUPS.items() if n in features]
     size = int(features[ACTION]["shape"][0])
     actions = _matrix(path, table, ACTION, size)
     labels = tuple(str(i) for i in range(size))
-    action = ActionSpec("unknown", labels, ("",) * size, actions.min(0) - 1e-6, actions.max(0) + 1e-6)
+    action = ActionSpec(UNKNOWN, labels, ("",) * size, actions.min(0) - 1e-6, actions.max(0) + 1e-6)
     return EnvSpec(
-        robot=str(info.get("robot_type") or "unknown"),
-        task="unknown",
-        tier="unknown",
+        robot=str(info.get("robot_type") or UNKNOWN),
+        task=UNKNOWN,
+        tier=UNKNOWN,
         observation=ObservationSpec(tuple(fields)),
         action=action,
         control_dt_s=1 / info["fps"],
@@ -217,6 +220,7 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
         instruction="",
         subtasks=(),
         state_size=0,
+        controller=NO_CONTROLLER,
     )
 
 

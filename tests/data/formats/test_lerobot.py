@@ -14,11 +14,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats.lerobot import convert_to_lerobot, write_states, write_with_lerobot
+from aerial_il.policies.mlp import MlpConfig
 from tests.data.crane import CraneBatch, CraneExpert
 
 
@@ -214,9 +216,17 @@ def test_an_incomplete_dataset_is_refused(derived: Path, tmp_path: Path, damage:
 def test_a_foreign_dataset_is_read_from_its_columns(derived: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(derived, tmp_path / "copy")
     (copy / "meta/provenance.json").unlink()
+    info = json.loads((copy / "meta/info.json").read_text())
+    info["features"]["demo.uid"]["names"] = None
+    (copy / "meta/info.json").write_text(json.dumps(info))
     episode, ours = open_dataset(copy)[0], open_dataset(derived)[0]
     assert episode.spec.observation.names == ("observation.state", "observation.environment_state")
     np.testing.assert_array_equal(episode.actions, ours.actions)
+    settings = BehaviourCloning(steps=2, warmup_steps=1, validation=0.0)
+    policy = settings.train(
+        list(open_dataset(copy)), MlpConfig(hidden=(8,), chunk=2), run=tmp_path / "run", progress=False
+    )
+    assert policy.spec.is_foreign, "the shipped anchor is not among its fields"
 
 
 def test_a_failed_conversion_leaves_the_older_one(folder: DatasetFolder, tmp_path: Path) -> None:

@@ -217,6 +217,24 @@ def test_intervals_over_training_are_wilsons(run: Path) -> None:
     assert rollouts[1].ci95 == wilson(12, 20)
 
 
+def make_from_prior(folder: Path, rates: dict[int, float]) -> Path:
+    rows = [{"step": step, "evaluate/success": rate, "evaluate/episodes": 100} for step, rate in rates.items()]
+    config = {"algorithm": "ppo", "environment": {"task": "reach"}, "settings": {"steps": 1000}}
+    return make_other(folder, config, rows)
+
+
+def test_the_largest_dip_is_below_the_prior_and_not_below_the_best(tmp_path: Path) -> None:
+    dipped = read_run(make_from_prior(tmp_path / "dipped", {0: 0.5, 10: 0.1, 20: 0.2, 30: 0.42, 500: 0.9, 1000: 0.6}))
+    assert dipped.largest_dip == pytest.approx(0.08), "what comes in the first 2 % of the steps does not count"
+    html = write_run_report(tmp_path / "page.html", dipped).read_text()
+    assert "Largest dip below the prior</dt><dd>8.0 points" in html
+    assert read_run(make_from_prior(tmp_path / "risen", {0: 0.5, 500: 0.6, 1000: 0.9})).largest_dip == 0.0
+    assert read_run(make_from_prior(tmp_path / "alone", {500: 0.6, 1000: 0.1})).largest_dip is None, (
+        "no prior was flown"
+    )
+    assert read_run(make_from_prior(tmp_path / "begun", {0: 0.5})).largest_dip is None
+
+
 def test_seeds_of_one_configuration_are_one_group(tmp_path: Path) -> None:
     runs = [make_run(tmp_path / f"a{seed}", seed=seed) for seed in range(3)]
     runs += [make_run(tmp_path / f"b{seed}", seed=seed, chunk=20, rates=(0.0, 0.2, 0.3, 0.4)) for seed in range(2)]

@@ -4,6 +4,7 @@ Each seed is one episode. Successes go to demos/, the others, labelled so, to fa
 
 Example: aerial-il collect robot=fa_hexa_arm4 task=reach episodes=100 out=datasets/reach
 Example: aerial-il collect task=pick_place episodes=50 cameras=[wrist,scene] lerobot=true out=datasets/pick_seen
+Example: aerial-il collect robot=quad task=hover expert=my_pilot:make episodes=20 out=datasets/mine
 Example: aerial-il collect env=gymnasium:AdroitHandDoor-v1 policy=dapg_policies.npz success=success:25 out=datasets/door
 """
 
@@ -23,6 +24,7 @@ class Expert:
     """How the expert flies."""
 
     noise: float = 0.0
+    path: str | None = None
 
     def __post_init__(self) -> None:
         at_least(self, noise=0.0)
@@ -33,9 +35,11 @@ class Config:
     robot: Named = group("which vehicle", "ua_quad_arm4")
     task: Named = group("what it does", "pick_place")
     tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
-    expert: Expert = group("how the demonstrator flies", "noisy")
+    expert: Expert = group("how the demonstrator flies, or your own: module:factory", "noisy", path=True)
     controller: Named = group("which law flies the base", "geometric_observer")
-    policy: MaybeLocated = path(MaybeLocated, "who flies in env=...: folder of a run, an expert's file, or random")
+    policy: MaybeLocated = path(
+        MaybeLocated, "who flies in env=...: a run, an expert's file, module:factory, model.zip, or random"
+    )
     env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:CartPole-v1")
     success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
     max_steps: int | None = key(None, "time limit there (null: its own)")
@@ -67,6 +71,7 @@ def run(config: Config) -> None:
 def record(config: Config) -> None:
     """Record what is missing, and derive the LeRobot dataset if it is wanted."""
     import aerial_il
+    from aerial_il.cli.flights import typed_code
     from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.cli.flights.watching import watched
     from aerial_il.collection.collect import collect
@@ -74,7 +79,8 @@ def record(config: Config) -> None:
 
     if config.cameras:
         require_rendering(f"cameras=[{','.join(config.cameras)}]")
-    robot, task = config.robot.name, config.task.name
+    robot, task, own = config.robot.name, config.task.name, config.expert.path
+    expert = aerial_il.expert(robot, task, noise=config.expert.noise) if own is None else typed_code.policy_of(own)
     where = EnvironmentReference(
         robot=robot,
         task=task,
@@ -90,10 +96,11 @@ def record(config: Config) -> None:
         with watched(env, config.threads, wanted=config.rerun) as seen:
             collect(
                 seen,
-                aerial_il.expert(robot, task, noise=config.expert.noise),
+                expert,
                 range(config.seed, config.seed + config.episodes),
                 config.out,
-                settings={"noise": config.expert.noise},
+                policy_name=own or "expert",
+                settings={"noise": config.expert.noise} if own is None else {},
                 mix=config.mix,
                 progress=config.progress,
             )

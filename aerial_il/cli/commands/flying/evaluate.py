@@ -7,6 +7,7 @@ whole horizon.
 
 Example: aerial-il evaluate policy=runs/pick_bc tier=gusts out=runs/pick_bc/gusts
 Example: aerial-il evaluate policy=expert robot=fa_hexa_arm4 task=reach out=evaluations/expert_reach
+Example: aerial-il evaluate policy=my_pilot:make robot=quad task=hover out=evaluations/mine
 Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=return:475 out=runs/cart/evaluation
 """
 
@@ -28,7 +29,10 @@ if TYPE_CHECKING:
 class Config:
     PRESETS: ClassVar[dict[str, str | None]] = {"evaluation": "standard"}
 
-    policy: Located = path(Located, "folder of a run or a policy, an expert's file (.npz), or: expert, random, hover")
+    policy: Located = path(
+        Located,
+        "a run, a policy, an expert's file (.npz), module:factory, a model.zip of SB3, or: expert, random, hover",
+    )
     robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
     task: Named | None = group("what it does (null: the task that the policy was trained on)")
     tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)

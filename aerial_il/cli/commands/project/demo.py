@@ -53,7 +53,8 @@ def run(config: Config) -> None:
     recipe += spelling.of_group("algorithm", config.algorithm, default="bc")
     flown = [f"tier={config.tier.name}", f"episodes={config.evaluation_episodes}", f"seed={config.evaluation_seed}"]
 
-    flight = [f"expert.noise={config.expert.noise}", f"episodes={config.episodes}", f"seed={config.seed}"]
+    who = f"expert.noise={config.expert.noise}" if config.expert.path is None else f"expert={config.expert.path}"
+    flight = [who, f"episodes={config.episodes}", f"seed={config.seed}"]
     _announce("Fly and record", "collect", *cell, law, *flight, f"out={dataset}")
     collect.record(_collect(config, dataset))
     _announce("Convert for LeRobot", "convert", f"path={dataset}")

@@ -1,0 +1,131 @@
+"""Expert iteration by a policy that looks away: what solves a start that the clone fails is cloned too.
+
+A clone of few demonstrations fails where something it has learned to look at misleads it: that the bowl always lay to
+the right, say, or how the base leaned. It comes to rest there, and noise leads it back to the same place. So clones are
+trained with fields of the observation hidden at random, and in each round fly ``episodes`` new starts up to
+``attempts`` times: first the learner as it is (or, in the first round, another prior), then the learner with some
+fields hidden, others from time to time, each attempt only from the starts that none before it has solved. What is kept,
+one success for each start, has hard starts in it as well as easy ones, and in it no one direction goes along with
+another any more. The learner is then trained on the demonstrations and all successes so far.
+
+It needs no critic and no expert; its reward is 1 for success. It ends where no attempt solves what the learner fails.
+
+Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps`` of all attempts;
+``starts_solved_first``, the share of the round's starts that the first attempt solved; ``starts_solved``, the share
+that any did; ``total/flight_steps``; ``evaluate/<name>`` of the learner. What is returned is the learner of the last
+round.
+
+Source: T. Anthony, Z. Tian, D. Barber, "Thinking Fast and Slow with Deep Learning and Tree Search", 2017, section 3,
+for learning from a better policy made of the learner, there by search; P. de Haan, D. Jayaraman, S. Levine, "Causal
+Confusion in Imitation Learning", 2019, section 4, for policies of masked observations chosen by their reward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
+from aerial_il.algorithms.interactive.costs import FlightCosts
+from aerial_il.algorithms.interactive.rounds import Rounds
+from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.algorithms.run.prior import load_prior
+from aerial_il.core.checkpoint import digest
+from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import NoRewardError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.partly_blind import PartlyBlind
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpertIteration(InteractiveAlgorithm):
+    """Settings of a run, beside those of :class:`InteractiveSettings`.
+
+    Attributes:
+        episodes: starts of a round.
+        training: behaviour cloning of the dataset so far, with fields hidden; its loss is the policy network's.
+        prior: a run or policy of any class that flies first in the first round; None for the clone of the
+            demonstrations.
+        attempts: at each start, at most.
+        hidden: largest chance with which a field is hidden in all attempts but the first; the chance itself is drawn
+            with the fields, from 0 on.
+        hold: mean number of steps before others are hidden.
+        reward_patience: flown steps after which a run stops that no flight has solved yet; 0 for never.
+    """
+
+    name: ClassVar[str] = "expert_iteration"
+    needs: ClassVar[tuple[str, ...]] = ("env", "collect")
+
+    rounds: int = 8
+    episodes: int = 400
+    patience: float = 1.3
+    training: BehaviourCloning = field(
+        default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0, field_dropout=0.6)
+    )
+    between_steps: int = 4_000
+    demos_share: float = 0.1
+    warm_start: bool = False
+    prior: str | None = None
+    attempts: int = 8
+    hidden: float = 0.7
+    hold: float = 60.0
+    reward_patience: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "attempts", "hold")
+        require_not_negative(self, "reward_patience")
+        require_share(self, "hidden")
+
+    @property
+    def worlds(self) -> int:
+        return min(200, self.episodes)
+
+    def inputs(self, spec: EnvSpec) -> Mapping[str, Any]:
+        return {} if self.prior is None else {"prior": digest(load_prior(self.prior, spec).to_checkpoint())}
+
+    def learns_from(self, flight: Episode) -> bool:
+        return flight.success
+
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+        for number in rounds.left():
+            metrics: dict[str, float] = {}
+            if number:
+                turns = rounds.fly_in_turn(number, self._pilots(rounds, number))
+                self._refuse_silence(rounds)
+                metrics = _shares(turns, rounds)
+            rounds.learn(number)
+            rounds.end_round(number, evaluate, metrics)
+        return rounds.finish()
+
+    def _pilots(self, rounds: Rounds, number: int) -> Iterator[Policy]:
+        """Yield who flies in a round, attempt by attempt."""
+        learner, spec = rounds.learner, rounds.problem.env.spec
+        assert learner is not None
+        yield load_prior(self.prior, spec) if self.prior and number == 1 else learner
+        for attempt in range(1, self.attempts):
+            yield PartlyBlind(learner, most=self.hidden, hold=self.hold, stream=attempt)
+
+    def _refuse_silence(self, rounds: Rounds) -> None:
+        """Stop a run in which nothing has ever succeeded.
+
+        Raises:
+            NoRewardError: there is nothing to keep after so many steps.
+        """
+        flown = sum(costs.steps for costs in rounds.costs)
+        if 0 < self.reward_patience <= flown and not any(costs.successes for costs in rounds.costs):
+            raise NoRewardError(flown, 0.0)
+
+
+def _shares(turns: list[FlightCosts], rounds: Rounds) -> dict[str, float]:
+    starts = turns[0].flights
+    return {
+        "starts_solved_first": turns[0].successes / starts,
+        "starts_solved": sum(turn.successes for turn in turns) / starts,
+        "total/flight_steps": sum(costs.steps for costs in rounds.costs),
+    }

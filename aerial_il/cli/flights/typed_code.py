@@ -1,0 +1,77 @@
+"""Code of the user's own, named on the command line as ``module:factory``: only what is typed may name code."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.contracts import Observation, Policy
+from aerial_il.core.errors import AerialError, InvalidValueError
+
+_CODE = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*", re.ASCII)
+EXAMPLE = "Example: my_pilot:make, where my_pilot.py has a function make() that returns a policy."
+
+
+def names_code(typed: str) -> bool:
+    """Whether what was typed is ``module:factory``, and no file or folder of that name."""
+    return _CODE.fullmatch(typed) is not None and not Path(typed).exists()
+
+
+def policy_of(typed: str) -> Policy:
+    """Import ``module:factory``, from the working directory too, and return what the factory makes.
+
+    Args:
+        typed: by the user; never what a file says.
+
+    Returns:
+        The policy; a plain function ``observations -> actions (n, Da)`` is made one.
+
+    Raises:
+        InvalidValueError: there is no such module or factory, it fails, or makes something else.
+    """
+    if not names_code(typed):
+        raise InvalidValueError(f"{typed} names no code of yours: write module:factory. {EXAMPLE}")
+    module, _, name = typed.partition(":")
+    try:
+        with _working_directory():
+            made = getattr(importlib.import_module(module), name)()
+    except AerialError:
+        raise
+    except Exception as error:
+        raise InvalidValueError(f"{typed} cannot be made: {type(error).__name__}: {error}. {EXAMPLE}") from error
+    if isinstance(made, Policy):
+        return made
+    if callable(made):
+        return _Function(made)
+    raise InvalidValueError(f"{typed} makes a {type(made).__name__}: neither a policy nor a function. {EXAMPLE}")
+
+
+class _Function:
+    """A function of the observations as a policy."""
+
+    def __init__(self, function: Callable[[Observation], Any]) -> None:
+        self._function = function
+
+    def act(self, obs: Observation) -> np.ndarray:
+        return np.asarray(self._function(obs), float)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Nothing is remembered."""
+
+
+@contextmanager
+def _working_directory() -> Iterator[None]:
+    """Let modules be found where the user stands, as ``python -m`` does."""
+    sys.path.insert(0, os.getcwd())
+    try:
+        yield
+    finally:
+        sys.path.remove(os.getcwd())

@@ -1,0 +1,149 @@
+"""Expert iteration flies each start with one attempt after another, and keeps one success of each."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.expert_iteration import ExpertIteration
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.collection.collect import collect
+from aerial_il.core.checkpoint import ARRAYS
+from aerial_il.core.errors import InvalidValueError, NoRewardError
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.specs import Field, ObservationSpec
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.episode import Episode
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from tests.algorithms.drift import SPEC, Drift, demonstrations
+from tests.algorithms.point_mass import StepResult
+
+STARTS = 48
+FEW = BehaviourCloning(
+    steps=600, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0, field_dropout=0.6
+)
+POLICY = SquashedGaussianConfig(hidden=(32,))
+LAMPLIT = replace(SPEC, observation=ObservationSpec((*SPEC.observation.fields, Field("lamp", (1,)))))
+
+
+class Lamplit(Drift):
+    """A lamp stands wherever it likes; in all demonstrations it stood at the goal."""
+
+    spec = LAMPLIT
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        lamp = np.array([named_rng(int(1e6 * abs(goal)), "lamp").uniform(-1, 1, 1) for goal in self.goal[:, 0]])
+        return {**super()._observe(), "lamp": lamp}
+
+
+def by_lamplight(count: int) -> list[Episode]:
+    demos = demonstrations(count, ends_at_success=True)
+    return [replace(demo, spec=LAMPLIT, obs={**demo.obs, "lamp": demo.obs["goal"].copy()}) for demo in demos]
+
+
+def trained(run: Path, *, seed: int = 3, env: Any = None, **settings: Any) -> Path:
+    usual = {"training": FEW, "between_steps": 600, "rounds": 2, "episodes": STARTS, "attempts": 4, "hold": 1e3}
+    usual["demos_share"] = 0.02
+    options = {"env": env or Lamplit(8, ends_at_success=True), "collect": collect, "seed": seed, "progress": False}
+    ExpertIteration(**{**usual, **settings}).train(by_lamplight(12), POLICY, run=run, **options)
+    return run
+
+
+def kept(run: Path, number: int) -> list[Episode]:
+    return list(open_dataset(run / "rounds" / f"{number:03d}" / "flights", failures=True))
+
+
+def turns(run: Path, number: int) -> list[dict[str, int]]:
+    return json.loads((run / "rounds" / f"{number:03d}" / "turns.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return trained(tmp_path_factory.mktemp("iterated") / "run")
+
+
+def test_each_attempt_flies_what_none_before_it_solved(whole: Path) -> None:
+    for number in (1, 2):
+        told, left = turns(whole, number), STARTS
+        assert 1 < len(told) <= 4, "a check of a single turn would tell nothing"
+        for turn in told:
+            assert turn["flights"] == left
+            left -= turn["successes"]
+        assert len(told) == 4 or left == 0
+
+
+def test_one_success_of_each_start_is_kept_and_nothing_else(whole: Path) -> None:
+    for number in (1, 2):
+        flights = kept(whole, number)
+        assert len(flights) == sum(turn["successes"] for turn in turns(whole, number)) > 0
+        assert all(flight.success for flight in flights)
+        assert len({flight.seed for flight in flights}) == len(flights)
+        assert {flight.provenance["settings"]["turn"] for flight in flights} - {0}, "only the first ever solved one"
+
+
+def test_looking_away_finds_what_misled_and_the_learner_no_longer_heeds_it(whole: Path, tmp_path: Path) -> None:
+    alone = trained(tmp_path / "alone", attempts=1)
+    first, last = (read_metrics(whole)[number]["starts_solved_first"] for number in (1, 2))
+    assert last > first + 0.1
+    assert last > read_metrics(alone)[2]["starts_solved_first"] + 0.1, "its own successes taught it as much"
+
+
+def test_metrics_count_every_flight(whole: Path) -> None:
+    rows = read_metrics(whole)
+    steps = 0
+    for number, row in enumerate(rows[1:], start=1):
+        told = turns(whole, number)
+        steps += sum(turn["steps"] for turn in told)
+        assert row["flights"] == sum(turn["flights"] for turn in told)
+        assert row["total/flight_steps"] == steps > 0
+        assert row["starts_solved_first"] == told[0]["successes"] / STARTS
+        assert row["starts_solved"] == len(kept(whole, number)) / STARTS > row["starts_solved_first"]
+
+
+def test_a_round_that_was_cut_short_is_flown_anew_to_the_same_bytes(whole: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    second = run / "rounds" / "002"
+    shutil.rmtree(second / "training")
+    shutil.rmtree(run / "policy")
+    shutil.rmtree(next((run / "checkpoints").glob("*2")))
+    (second / "flights").rename(second / "flights.flying")  # as a kill between two turns leaves it
+    (second / "turns.json").unlink()
+    trained(run)
+    assert (run / "policy" / ARRAYS).read_bytes() == (whole / "policy" / ARRAYS).read_bytes()
+    assert turns(run, 2) == turns(whole, 2)
+
+
+def test_the_prior_flies_first(whole: Path, tmp_path: Path) -> None:
+    prior = trained(tmp_path / "prior", rounds=1, seed=5)
+    led = trained(tmp_path / "led", prior=str(prior), rounds=1, attempts=1)
+    alone = trained(tmp_path / "alone", rounds=1, attempts=1)
+    for one, other in zip(kept(led, 1), kept(alone, 1), strict=False):
+        assert not np.array_equal(one.actions, other.actions), "the clone flew, not the prior"
+
+
+class Hopeless(Lamplit):
+    """Nobody ever arrives."""
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        result = super().step(actions, mask)
+        return replace(result, info={**result.info, "success": np.zeros(self.num_envs, bool)})
+
+
+def test_flights_that_never_succeed_end_the_run(tmp_path: Path) -> None:
+    with pytest.raises(NoRewardError):
+        trained(tmp_path / "run", env=Hopeless(4), reward_patience=50)
+
+
+def test_impossible_settings_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="attempts is 0"):
+        ExpertIteration(attempts=0)
+    with pytest.raises(InvalidValueError, match="hidden is 2"):
+        ExpertIteration(hidden=2.0)

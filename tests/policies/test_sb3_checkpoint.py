@@ -1,0 +1,105 @@
+"""What Stable-Baselines3 saved is flown as it would fly it, without unpickling anything."""
+
+from __future__ import annotations
+
+import io
+import json
+import pickle
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+pytest.importorskip("stable_baselines3")
+
+from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
+
+import aerial_il
+from aerial_il.bridges.sb3_env import Sb3Env
+from aerial_il.cli.main import main
+from aerial_il.core.errors import CheckpointError, InvalidValueError
+from aerial_il.policies.parts.sb3_checkpoint import Sb3Policy
+
+SMALL: dict[str, Any] = {"net_arch": [8, 8]}
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> Iterator[Any]:
+    env = aerial_il.load_gymnasium("Pendulum-v1", num_envs=3, max_steps=5, success="survived")
+    yield env
+    env.close()
+
+
+@pytest.mark.parametrize("learner", [PPO, A2C, SAC, TD3])
+@pytest.mark.parametrize("activation", [None, torch.nn.ELU])
+def test_a_vector_is_answered_as_its_own_predict_does(
+    learner: Any, activation: Any, pendulum: Any, tmp_path: Path
+) -> None:
+    settings = SMALL | ({"activation_fn": activation} if activation else {})
+    model = learner("MlpPolicy", "Pendulum-v1", policy_kwargs=settings, device="cpu", seed=3)
+    model.save(tmp_path / "model")
+    policy = Sb3Policy(tmp_path / "model.zip")
+    policy.attach(pendulum)
+    obs = pendulum.reset(0)
+    wanted = model.predict(obs["observation"].astype(np.float32), deterministic=True)[0]
+    np.testing.assert_allclose(policy.act(obs), wanted, rtol=1e-5, atol=1e-6)
+
+
+def test_a_dictionary_is_answered_as_its_own_predict_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    theirs = Sb3Env("quad", "hover", num_envs=2)
+    model = PPO("MultiInputPolicy", theirs, n_steps=2, batch_size=4, policy_kwargs=SMALL, device="cpu")
+    model.save(tmp_path / "model")
+    policy = Sb3Policy(tmp_path / "model.zip")
+    env = aerial_il.load_batch("quad", "hover", num_envs=2)
+    policy.attach(env)
+    obs = env.reset(4)
+    np.testing.assert_allclose(policy.act(obs), model.predict(obs, deterministic=True)[0], rtol=1e-4, atol=1e-6)
+    env.close(), theirs.close()
+    monkeypatch.chdir(tmp_path)
+    words = ["policy=model.zip", "robot=quad", "task=hover", "episodes=2", "videos=0", "progress=false", "out=judged"]
+    assert main(["evaluate", *words]) == 0
+
+
+def test_another_environment_is_refused(pendulum: Any, tmp_path: Path) -> None:
+    model = PPO("MlpPolicy", "MountainCarContinuous-v0", policy_kwargs=SMALL, device="cpu")
+    model.save(tmp_path / "model")
+    with pytest.raises(InvalidValueError, match="maps 2 numbers to 1; gymnasium/Pendulum-v1 shows 3 and takes 1"):
+        Sb3Policy(tmp_path / "model.zip").attach(pendulum)
+
+
+def test_another_kind_of_network_is_refused(tmp_path: Path) -> None:
+    DQN("MlpPolicy", "CartPole-v1", policy_kwargs=SMALL, device="cpu").save(tmp_path / "model")
+    with pytest.raises(CheckpointError, match="no perceptron of PPO"):
+        Sb3Policy(tmp_path / "model.zip")
+
+
+class _Touch:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.path,)
+
+
+def test_nothing_of_the_file_is_run(tmp_path: Path) -> None:
+    canary = tmp_path / "canary"
+    hostile = pickle.dumps(_Touch(canary))
+    pickle.loads(hostile)
+    assert canary.exists(), "it would succeed on a careless reader"
+    canary.unlink()
+    raw = io.BytesIO()
+    torch.save(_Touch(canary), raw)
+    for weights in (raw.getvalue(), hostile, b"", b"PK"):
+        with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
+            archive.writestr("data", json.dumps({"policy_class": {":serialized:": hostile.hex()}}))
+            archive.writestr("policy.pth", weights)
+        with pytest.raises(CheckpointError):
+            Sb3Policy(tmp_path / "model.zip")
+        assert not canary.exists()
+    (tmp_path / "model.zip").write_bytes(b"no zip")
+    with pytest.raises(CheckpointError):
+        Sb3Policy(tmp_path / "model.zip")

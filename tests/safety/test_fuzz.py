@@ -1,0 +1,34 @@
+"""A share of the mutated files of ``make fuzz``, by default; and what the table would say of a careless reader."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.safety.fuzz import ALL, GOOD, Target, outcomes, sound
+
+SHARE = {"mcap": 100, "lerobot": 20, "hdf5": 40, "run": 20}
+
+
+@pytest.fixture(scope="module")
+def targets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Target]:
+    return sound(tmp_path_factory.mktemp("fuzz") / "sound")
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_a_mutated_file_is_refused_or_read_as_it_was(kind: str, targets: dict[str, Target], tmp_path: Path) -> None:
+    found = Counter(said for _, said in outcomes(kind, range(SHARE[kind]), targets[kind], tmp_path))
+    assert set(found) <= set(GOOD), found
+    assert found["refused"]
+
+
+def test_a_careless_reader_would_be_seen(targets: dict[str, Target], tmp_path: Path) -> None:
+    careless = replace(targets["mcap"], read=lambda path: path.read_bytes())
+    assert Counter(said for _, said in outcomes("mcap", range(5), careless, tmp_path)) == {"changed": 5}
+    fragile = replace(targets["mcap"], read=lambda path: 1 // (path.name == "whole.mcap"))
+    assert Counter(said for _, said in outcomes("mcap", range(2), fragile, tmp_path)) == {
+        "untyped ZeroDivisionError": 2
+    }
