@@ -7,7 +7,8 @@ changes. In flight, and in what the critics learn,
 
 the better action is taken: learning starts from what the prior is worth, and leaves it where more is promised. Better
 is the actor's own action whose worth exceeds the prior's, on average over the ensemble, by ``caution`` deviations of
-the critics about that difference; the source compares the least of two critics, which is near to no caution. The actor
+the critics about that difference; the source compares the least of two critics, which is near to no caution, and with
+little caution a prior was lost here (``docs/reinforcement.md``). The actor
 climbs the mean of the critics, as in TD3 with noise on its actions and on the target's. Up to ``warmup`` the prior
 flies alone, and critics learn what it is worth.
 
@@ -72,7 +73,7 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
     utd_ratio: float = 2.0
     prior: str | None = None
     bc_pretrain_steps: int = 5_000
-    caution: float = 1.0
+    caution: float = 4.0
     critics: int = 5
     subset: int = 2
     noise: float = 0.1
