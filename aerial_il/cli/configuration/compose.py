@@ -11,6 +11,7 @@ from typing import Any
 
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.configuration.fitting import check_types
 from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.configuration.quoting import uninterpolated
 from aerial_il.core.errors import AerialError, InvalidValueError
@@ -92,7 +93,9 @@ def typed(command: Command, cfg: Any) -> Any:
     if missing:
         wanted = " ".join(f"{name.removesuffix('.path').removesuffix('.name')}=..." for name in missing)
         raise InvalidValueError(f"{command.name} needs {wanted} See: aerial-il {command.name} --help")
-    return OmegaConf.to_object(cfg)
+    config: Any = OmegaConf.to_object(cfg)
+    check_types(type(config), vars(config), whose=command.name)
+    return config
 
 
 @contextmanager

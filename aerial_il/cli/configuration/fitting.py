@@ -14,8 +14,11 @@ _PLAIN: dict[type, tuple[type, ...]] = {bool: (bool,), int: (int,), float: (int,
 _IN_WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
-def check_types(constructor: Any, values: Mapping[str, Any]) -> None:
+def check_types(constructor: Any, values: Mapping[str, Any], *, whose: str | None = None) -> None:
     """Refuse a value whose type is not the one that the class ``constructor`` declares for its field.
+
+    Args:
+        constructor: a dataclass. values: field -> value. whose: its name in the error, the class's own if left out.
 
     Raises:
         InvalidValueError: names the setting, the value and what it should be.
@@ -23,7 +26,9 @@ def check_types(constructor: Any, values: Mapping[str, Any]) -> None:
     for name, hint in _hints(constructor).items():
         if name in values and not fits(values[name], hint):
             shown = repr(values[name])[:80]
-            raise InvalidValueError(f"{name}={shown} is not {in_words(hint)}, as {constructor.__name__} asks for.")
+            raise InvalidValueError(
+                f"{name}={shown} is not {in_words(hint)}, as {whose or constructor.__name__} asks for."
+            )
 
 
 def fits(value: Any, hint: Any) -> bool:
