@@ -66,7 +66,9 @@ def _dispatch(words: list[str]) -> int:
         command = commands.find(name)
         _log_to_stderr()
         from aerial_il.cli.configuration.compose import run_command
+        from aerial_il.core.rendering import check_backend
 
+        check_backend()
         run_command(command, rest)
     return OK
 

@@ -20,6 +20,21 @@ DISABLED = "disabled"
 PACKAGES = "libegl1 libopengl0 libgl1-mesa-dri"
 _OFF = ("off", "disable", "disabled", "false", "0")  # what MuJoCo and dm_control both take for "no pictures"
 
+_ON = (
+    "egl",
+    "osmesa",
+    "glfw",
+    "glx",
+    "wgl",
+    "cgl",
+    "on",
+    "enable",
+    "enabled",
+    "true",
+    "1",
+    "",
+)  # what it takes besides
+
 _ONE_FRAME = """
 import mujoco
 model = mujoco.MjModel.from_xml_string(
@@ -44,6 +59,15 @@ def choose_backend() -> str:
     if sys.platform != "linux":
         return os.environ.get("MUJOCO_GL", "")
     return os.environ.setdefault("MUJOCO_GL", remembered_backend() or _likely_backend())
+
+
+def check_backend() -> None:
+    """Raise :class:`RenderingError` if ``MUJOCO_GL`` is a word that MuJoCo refuses when it is imported."""
+    chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if chosen not in (*_ON, *_OFF):
+        raise RenderingError(
+            f"MUJOCO_GL={chosen} is no back end. Valid: {', '.join(BACKENDS)}, glfw, {DISABLED}; or unset it."
+        )
 
 
 def can_render() -> bool:

@@ -41,6 +41,10 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
         (["train", "policy={a"], "aerial-il train --help"),
         (["train", "dataset=x", "run=y", "policy._target_=os.system"], "refused"),
         (["evaluate"], "evaluate needs out=... policy=..."),
+        (["collect", "out=x", f"seed={2**63}"], "is too large: the most is"),
+        (["collect", "out=x", "episodes=1000000000"], "episodes=1000000000 is too large"),
+        (["collect", "out=x", "num_envs=1000000000"], "num_envs=1000000000 is too large"),
+        (["collect", "out=x", "image_size=[10]"], "is not height and width"),
     ],
 )
 def test_a_mistake_is_answered_in_one_paragraph_with_status_2(words: list[str], said: str, tmp_path: Path) -> None:
@@ -98,3 +102,11 @@ def test_the_reference_names_every_command_and_every_key() -> None:
     page = help.reference()
     for name in commands.names():
         assert f"## aerial-il {name}" in page
+
+
+def test_a_back_end_that_mujoco_refuses_is_answered_before_it_is_asked(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "bogus")
+    assert main.main(["collect", "robot=quad", "task=hover", "out=x"]) == main.BAD_USAGE
+    assert "MUJOCO_GL=bogus is no back end. Valid: egl, osmesa, glfw, disabled" in capsys.readouterr().err

@@ -10,7 +10,7 @@ import pytest
 
 from tests.safety.fuzz import ALL, GOOD, Target, outcomes, sound
 
-SHARE = {"mcap": 100, "lerobot": 20, "hdf5": 40, "run": 20}
+SHARE = {"mcap": 100, "lerobot": 20, "hdf5": 8, "run": 20}
 
 
 @pytest.fixture(scope="module")
@@ -32,3 +32,10 @@ def test_a_careless_reader_would_be_seen(targets: dict[str, Target], tmp_path: P
     assert Counter(said for _, said in outcomes("mcap", range(2), fragile, tmp_path)) == {
         "untyped ZeroDivisionError": 2
     }
+
+
+@pytest.mark.slow
+def test_a_file_in_which_the_hdf5_library_stays_for_ever_is_refused(targets: dict[str, Target], tmp_path: Path) -> None:
+    """Mutation 368: found by ``make fuzz``."""
+    ((_, found),) = outcomes("hdf5", range(368, 369), targets["hdf5"], tmp_path)
+    assert found == "refused"

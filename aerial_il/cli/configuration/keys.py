@@ -11,6 +11,11 @@ from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
 
+MOST = {  # key -> the most that is believed: what is beyond was mistyped, or would fill any memory
+    "seed": 2**62, "evaluate_seed": 2**62, "evaluation_seed": 2**62,
+    "episodes": 1_000_000, "evaluate_episodes": 1_000_000, "evaluation_episodes": 1_000_000,
+    "num_envs": 16_384, "threads": 4096, "port": 65_535,
+}  # fmt: skip
 MISSING: Any = "???"  # what OmegaConf takes for "the user must say"
 
 
@@ -181,8 +186,10 @@ def check_choices(config: Any) -> None:
 
 
 def at_least(config: Any, **limits: float) -> None:
-    """Refuse values below their limits, e.g. ``at_least(self, episodes=1, seed=0)``."""
+    """Refuse values below their limits, e.g. ``at_least(self, episodes=1, seed=0)``, or beyond what any may be."""
     for name, limit in limits.items():
         value = getattr(config, name)
         if value is not None and value < limit:
             raise InvalidValueError(f"{name}={value} is too small: the least is {limit}.")
+        if value is not None and name in MOST and value > MOST[name]:
+            raise InvalidValueError(f"{name}={value} is too large: the most is {MOST[name]}.")

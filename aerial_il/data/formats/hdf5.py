@@ -26,6 +26,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.formats import transitions
 from aerial_il.data.formats.content_digest import content_digest
 from aerial_il.data.formats.foreign import foreign_episode, foreign_spec
+from aerial_il.data.formats.hdf5_probe import require_readable
 from aerial_il.data.recording.writer import storing
 
 PRIVATE = "aerial_il"
@@ -80,6 +81,7 @@ def open_hdf5(path: Path) -> dict[str, Callable[[], Episode]]:
     Raises:
         DemoError: it is no such file, or refers to data outside itself.
     """
+    require_readable(path)
     try:
         with h5py.File(path, "r") as file:
             if "data" not in file and "actions" in file:

@@ -59,6 +59,8 @@ class Config:
 
     def __post_init__(self) -> None:
         at_least(self, episodes=1, seed=0, num_envs=1, threads=0)
+        if len(self.image_size) != 2:
+            raise InvalidValueError(f"image_size={self.image_size} is not height and width, e.g. image_size=[240,320].")
 
 
 def run(config: Config) -> None:
