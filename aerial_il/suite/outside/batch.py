@@ -92,13 +92,7 @@ class OutsideBatch(BatchEnvBase):
         self._counts = np.zeros(num_envs, np.int64)
         self._returns = np.zeros(num_envs)
         self._obs = {f.name: np.zeros((num_envs, *f.shape), f.dtype) for f in first.observation.fields}
-        self._last = StepResult(
-            self._obs,
-            np.zeros(num_envs),
-            np.zeros(num_envs, bool),
-            np.zeros(num_envs, bool),
-            {"success": np.zeros(num_envs, bool), "executed_action": np.zeros((num_envs, first.action.size))},
-        )
+        self._last = _nothing_yet(self._obs, num_envs, first.action.size)
 
     @property
     def model_xml(self) -> str:
@@ -263,3 +257,14 @@ def _states_of(world: World) -> MujocoState | None:
 def _controls(world: World) -> int:
     physics = world.physics()
     return int(physics[0].nu) if physics else 0
+
+
+def _nothing_yet(obs: dict[str, np.ndarray], num_envs: int, action_size: int) -> StepResult:
+    """Return the result of a step before any was taken: no reward, no end, no success."""
+    return StepResult(
+        obs,
+        np.zeros(num_envs),
+        np.zeros(num_envs, bool),
+        np.zeros(num_envs, bool),
+        {"success": np.zeros(num_envs, bool), "executed_action": np.zeros((num_envs, action_size))},
+    )

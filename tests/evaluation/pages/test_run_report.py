@@ -163,8 +163,8 @@ def test_the_axis_says_what_the_steps_count(tmp_path: Path, make: Any, unit: str
     run = read_run(make(tmp_path / "run"))
     assert run.unit == unit
     told = {"training step", "round", "environment step"}
-    for write, given in ((write_run_report, run), (write_runs_report, [run])):
-        html = write(tmp_path / "r.html", given).read_text()
+    for page in (write_run_report(tmp_path / "one.html", run), write_runs_report(tmp_path / "all.html", [run])):
+        html = page.read_text()
         assert {axis for axis in told if f">{axis}</text>" in html} == {unit}
     dagger = read_run(make_dagger(tmp_path / "other"))
     assert run_figures.unit_of([run, dagger]) == {"round": "round"}.get(unit, " or ".join(sorted(["round", unit])))
@@ -260,6 +260,7 @@ def test_the_mean_over_seeds_has_the_interval_of_seeds_and_episodes(tmp_path: Pa
     apart = [read_run(make_run(tmp_path / f"b{k}", seed=k, rates=(rate,))) for k, rate in enumerate((0.1, 0.5, 0.9))]
     ((_, mean, near),), ((_, same, far),) = run_figures.mean_success(alike), run_figures.mean_success(apart)
     assert mean == same == pytest.approx(0.5)
+    assert near is not None and far is not None
     assert far.hi - far.lo > 1.5 * (near.hi - near.lo), "policies that differ by seed are told with more doubt"
     assert near.lo < 0.5 < near.hi
 

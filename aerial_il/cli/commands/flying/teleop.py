@@ -39,6 +39,7 @@ from aerial_il.core.errors import InvalidValueError
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Policy
     from aerial_il.suite.batch import BatchEnvironment
+    from aerial_il.teleop.session.logbook import Logbook
 
 TIME_SCALES = ("1", "0.5", "0.25")
 ROBOT, TASK = "fa_hexa_arm4", "reach"
@@ -87,10 +88,9 @@ class Config:
 
 def run(config: Config) -> None:
     """Fly until interrupted, and say what comes next."""
-    from aerial_il.cli.configuration import groups, spelling
-    from aerial_il.cli.configuration.quoting import command_line
+    from aerial_il.cli.configuration import groups
     from aerial_il.cli.flights.page import greet
-    from aerial_il.cli.flights.sessions import summary, write_summary
+    from aerial_il.cli.flights.sessions import summary
     from aerial_il.cli.flights.watching import watched
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.devices import bindings_of, drivers_of
@@ -131,15 +131,24 @@ def run(config: Config) -> None:
         opened = partial(greet, open_page=config.open, program=program)
         asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
     except KeyboardInterrupt:
-        kept = logbook.counts()
-        told = f"{kept['demos']} demonstrations, {kept['failures']} failures, {kept['trash']} in the trash"
-        print(f"\n{config.out}: {told}.")
-        if kept["demos"] or kept["failures"]:
-            print(f"Summary: {write_summary(config.out)}")
-        if kept["demos"]:
-            print(f"Next: {command_line(['validate', spelling.path('path', config.out)])}")
+        _say_what_is_kept(config, logbook)
     finally:
         stack.close()
+
+
+def _say_what_is_kept(config: Config, logbook: Logbook) -> None:
+    """Print how many episodes the dataset holds, and the command that checks them."""
+    from aerial_il.cli.configuration import spelling
+    from aerial_il.cli.configuration.quoting import command_line
+    from aerial_il.cli.flights.sessions import write_summary
+
+    kept = logbook.counts()
+    counted = f"{kept['demos']} demonstrations, {kept['failures']} failures, {kept['trash']} in the trash"
+    print(f"\n{config.out}: {counted}.")
+    if kept["demos"] or kept["failures"]:
+        print(f"Summary: {write_summary(config.out)}")
+    if kept["demos"]:
+        print(f"Next: {command_line(['validate', spelling.path('path', config.out)])}")
 
 
 def _settings(words: Sequence[str]) -> dict[str, dict[str, Any]]:
