@@ -260,7 +260,8 @@ def test_the_mean_over_seeds_has_the_interval_of_seeds_and_episodes(tmp_path: Pa
     apart = [read_run(make_run(tmp_path / f"b{k}", seed=k, rates=(rate,))) for k, rate in enumerate((0.1, 0.5, 0.9))]
     ((_, mean, near),), ((_, same, far),) = run_figures.mean_success(alike), run_figures.mean_success(apart)
     assert mean == same == pytest.approx(0.5)
-    assert near is not None and far is not None
+    assert near is not None
+    assert far is not None
     assert far.hi - far.lo > 1.5 * (near.hi - near.lo), "policies that differ by seed are told with more doubt"
     assert near.lo < 0.5 < near.hi
 
