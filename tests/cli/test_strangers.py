@@ -49,7 +49,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "validate": [["demos"], ["demos", "replay=true"]],
     "view": [["policy=policy", "out=seen.html"], ["policy=policy", "out=seen.rrd"], ["recording=demos"]],
 }
-CLOSED = ("bench", "demo", "docs", "doctor", "film", "list")  # take no policy, dataset or run of somebody else's
+CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 FLYING = [("evaluate", 0), ("evaluate", 1), ("train", 1), ("train", 2), ("view", 0)]
 
 
