@@ -88,7 +88,7 @@ class PageOperator:
         self._thread.join()
         self._events.close()
 
-    def told(self, rounds: Sequence[Costs], message: str) -> None:
+    def notify(self, rounds: Sequence[Costs], message: str) -> None:
         """Show how the rounds so far went, and what happens now."""
         self._server.lesson = {"message": message, "rounds": [progress_of(costs) for costs in rounds]}
 
