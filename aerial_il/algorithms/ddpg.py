@@ -68,7 +68,7 @@ class DeterministicGradientLearning(BegunFromPrior, OffPolicyActorCritic):
             acts_blindly = warming_up and self.prior is None
             replay.step(blind if acts_blindly else agent)
             if not warming_up:
-                replay.settle()
+                replay.finish_warmup()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if acts_blindly else run.updates_due(self.utd_ratio)):

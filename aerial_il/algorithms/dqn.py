@@ -82,7 +82,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
             replay.step(agent)
             warming_up = run.collector.steps <= self.warmup
             if not warming_up:
-                replay.settle()
+                replay.finish_warmup()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
