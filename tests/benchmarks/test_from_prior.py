@@ -38,6 +38,7 @@ SMALL: dict[str, Any] = {
 }
 
 
+@pytest.mark.slow
 def test_a_small_study_stands_beside_its_controls_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     report = FromPrior(**SMALL).run(tmp_path, progress=False)
     success = report.tables["Success"]
