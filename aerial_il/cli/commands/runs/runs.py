@@ -1,7 +1,7 @@
 """List the training runs below a folder: what they differ in, how far they came; filter, sort, compare and prune them.
 
-A condition is a column or a setting, a sign (= != < <= > >=, ~ for a pattern) and a value; commas part several, which must
-all hold. Folders that are no runs, or cannot be read, are named with the reason, and the others are listed.
+A condition is a column or a setting, a sign (= != < <= > >=, ~ for a pattern) and a value; commas part several,
+which must all hold. Folders that are no runs, or cannot be read, are named with the reason, and the others are listed.
 
 page=true writes a page of them: every axis of the sweep, curves and the table. prune=trash moves the runs that where=
 leaves into FOLDER/trash, prune=delete removes them; a run that is being trained is left alone.
