@@ -9,9 +9,10 @@ import numpy as np
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.curves import Curve, curves_of
-from aerial_il.evaluation.pages.charts import NARROW, WIDE, Figure, Plot, tick_label
+from aerial_il.evaluation.pages.charts import HEIGHT, NARROW, WIDE, Figure, Plot, tick_label
 from aerial_il.evaluation.pages.figures import CLOCK, logged
 from aerial_il.evaluation.predictions import Prediction
+from aerial_il.evaluation.run_collection import axes_of, settings_of
 from aerial_il.evaluation.training_run import EPISODES, REWARD, SUCCESS, TrainingRun
 
 Groups = Mapping[str, Sequence[TrainingRun]]  # label -> runs that only differ in seed
@@ -36,7 +37,7 @@ SMALL, TALL = 130.0, 260.0  # heights of one of many charts, and of one that sta
 
 
 def success(run: TrainingRun) -> Figure | None:
-    """Draw success in the rollouts over training, with 95 % intervals; the best one is marked, the last one told."""
+    """Draw success in the rollouts over training, with 95 % intervals; the best is marked, the last labelled."""
     rollouts = run.rollouts
     if not rollouts:
         return None
@@ -202,6 +203,29 @@ def reward_of_groups(groups: Groups) -> Figure | None:
     )
 
 
+def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
+    """Draw the success in the last rollouts along a setting in which ``runs`` differ: each run, and means.
+
+    Values stand in their order at equal distances; None where no run was flown.
+    """
+    values = axes_of(runs)[axis]
+    ends = [[run.rollouts[-1].rate for run in runs if run.rollouts and settings_of(run).get(axis) == v] for v in values]
+    if not any(ends):
+        return None
+    means = [(k, float(np.mean(rates))) for k, rates in enumerate(ends, start=1) if rates]
+    told = ", ".join(f"{values[k - 1]} {100 * mean:.0f} %" for k, mean in means)
+    alt, x = f"Success at the end by {axis}: {told}", (0.5, len(values) + 0.5)
+    places = [float(k) for k in range(1, len(values) + 1)]
+    plot = Plot(
+        x=x, y=(0.0, 1.0), x_label="", y_label="", alt=alt, width=NARROW, height=HEIGHT, percent=True, x_ticks=places
+    )
+    for place, (value, rates) in enumerate(zip(values, ends, strict=True), start=1):
+        for rate in rates:
+            plot.dot(place, rate, "knot", radius=2.5, title=f"{axis}={value}: {100 * rate:.0f} %")
+    plot.line([place for place, _ in means], [mean for _, mean in means], "curve", title="mean")
+    return Figure(axis, plot.svg(), "; ".join(f"{k}: {values[k - 1]}, mean {100 * mean:.0f} %" for k, mean in means))
+
+
 def _all(groups: Groups) -> list[TrainingRun]:
     return [run for runs in groups.values() for run in runs]
 
@@ -211,13 +235,13 @@ def _last(each: Each) -> float:
 
 
 def _draw_groups(
-    plot: Plot, groups: Groups, each: Each, means: Mapping[str, Sequence[Mean]], told: Callable[[float], str]
+    plot: Plot, groups: Groups, each: Each, means: Mapping[str, Sequence[Mean]], written: Callable[[float], str]
 ) -> None:
     """Draw each run thin and each group's mean thick, with its intervals, in the hue that its place among all has.
 
     Args:
         plot: where. groups: label -> runs. each: run -> (step, value). means: label -> means over its seeds.
-        told: value -> how it is written.
+        written: value -> how it is written.
     """
     for hue, (label, runs) in enumerate(groups.items()):
         for run in (run for run in runs if run in each and len(runs) > 1):
@@ -229,16 +253,16 @@ def _draw_groups(
         for step, mean, interval in means[label]:
             if interval:
                 plot.whisker(step, *interval, f"reach hue{hue % 8}")
-            title = f"{label}, {runs[0].unit.split()[-1]} {step:g}: {told(mean)}"
+            title = f"{label}, {runs[0].unit.split()[-1]} {step:g}: {written(mean)}"
             plot.dot(step, mean, f"spot hue{hue % 8}", radius=3.5, title=title)
 
 
 def mean_success(runs: Sequence[TrainingRun]) -> list[Mean]:
     """Return the mean success with its 95 % interval at every step at which all of ``runs`` were evaluated."""
-    told = [{r.step: r for r in run.rollouts} for run in runs]
+    by_step = [{r.step: r for r in run.rollouts} for run in runs]
     means: list[Mean] = []
-    for step in _common(told):
-        points = [one[step] for one in told]
+    for step in _common(by_step):
+        points = [one[step] for one in by_step]
         episodes = min(point.episodes for point in points)
         rate = float(np.mean([point.rate for point in points]))
         counts = [round(point.rate * episodes) for point in points]
@@ -253,15 +277,15 @@ def mean_success(runs: Sequence[TrainingRun]) -> list[Mean]:
 
 def mean_rewards(runs: Sequence[TrainingRun]) -> list[Mean]:
     """Return the mean reward at every step at which all of ``runs`` were evaluated; of one run, without interval."""
-    told = [dict(run.rewards) for run in runs]
+    by_step = [dict(run.rewards) for run in runs]
     means: list[Mean] = []
-    for step in _common(told):
-        values = np.array([one[step] for one in told])
+    for step in _common(by_step):
+        values = np.array([one[step] for one in by_step])
         rng = named_rng(0, "evaluation", "reward over training", str(step))
         interval = statistics.bootstrap_mean(values, rng=rng) if len(runs) > 1 else None
         means.append((float(step), float(values.mean()), interval))
     return means
 
 
-def _common(told: Sequence[Mapping[int, object]]) -> list[int]:
-    return sorted(set.intersection(*(set(one) for one in told))) if told else []
+def _common(by_step: Sequence[Mapping[int, object]]) -> list[int]:
+    return sorted(set.intersection(*(set(one) for one in by_step))) if by_step else []
