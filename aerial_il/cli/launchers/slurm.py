@@ -7,7 +7,9 @@ Jobs belong to the cluster: whoever started the sweep may be killed, and the sam
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.cli.sweeps.board import BAD_USAGE, Board
-from aerial_il.cli.sweeps.job import Job, start, stop
+from aerial_il.cli.sweeps.job import GRACE_S, Job, start
 from aerial_il.cli.sweeps.optional import require
 from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import AerialError, InvalidValueError
@@ -24,6 +26,8 @@ from aerial_il.core.files import write_json
 FOLDER = ".slurm"  # of a job's own: what was submitted, under which number, and how it ended
 SUBMITTED = "submitted.json"
 POLL_S = 2.0
+_STEP_S = 0.2
+_EARLY_S = 60  # by so much SLURM's signal may come before its time
 GONE_S = 20.0  # out of the queue for so long without having said how it ended: it died
 
 
@@ -55,6 +59,12 @@ class Slurm:
             raise InvalidValueError(
                 f"hours={self.hours} must be positive, cores={self.cores} and threads={self.threads} at least 1, "
                 f"requeues={self.requeues}, gpus={self.gpus} and signal_s={self.signal_s} not negative."
+            )
+
+        if 3600 * self.hours < self.signal_s + _EARLY_S:
+            raise InvalidValueError(
+                f"hours={self.hours} leaves a job no time: it is told signal_s={self.signal_s} seconds before its end, "
+                f"and SLURM may do so {_EARLY_S} seconds early."
             )
 
     def launch(self, jobs: Sequence[Job], board: Board) -> None:
@@ -114,28 +124,44 @@ class Slurm:
 
 
 class Attempt:
-    """What runs on the cluster; submitit calls ``checkpoint`` when the job's time is over."""
+    """What runs on the cluster; submitit calls ``checkpoint`` when the job's time is over.
+
+    It does so within a signal of the main thread, which therefore holds no lock: another thread waits for the process.
+    """
 
     def __init__(self, job: Job, threads: int, cores: int) -> None:
         self.job, self.threads, self.cores = job, threads, cores
         self._process: subprocess.Popen[bytes] | None = None
+        self._status: int | None = None
 
     def __call__(self) -> int:
         try:
-            self._process = start(self.job, threads=self.threads, cores=self.cores)
-            status = self._process.wait()
+            process = start(self.job, threads=self.threads, cores=self.cores)
         except AerialError:
-            status = BAD_USAGE
-        write_json(_end_of(self.job, os.environ["SLURM_JOB_ID"]), {"status": status})
-        return status
+            self._status = BAD_USAGE
+        else:
+            self._process = process
+            threading.Thread(target=self._watch, args=[process], daemon=True).start()
+        while self._status is None:
+            time.sleep(_STEP_S)
+        write_json(_end_of(self.job, os.environ["SLURM_JOB_ID"]), {"status": self._status})
+        return self._status
 
     def checkpoint(self) -> Any:
         """Let the process take its checkpoint; what is returned is queued again."""
         from submitit.helpers import DelayedSubmission
 
-        if self._process is not None:
-            stop([self._process])
+        if self._process is not None and self._status is None:
+            os.kill(self._process.pid, signal.SIGTERM)
+            deadline = time.monotonic() + GRACE_S
+            while self._status is None and time.monotonic() < deadline:
+                time.sleep(_STEP_S)
+            if self._status is None:
+                os.killpg(self._process.pid, signal.SIGKILL)
         return DelayedSubmission(Attempt(self.job, self.threads, self.cores))
+
+    def _watch(self, process: subprocess.Popen[bytes]) -> None:
+        self._status = process.wait()
 
 
 def _end_of(job: Job, number: str) -> Path:
