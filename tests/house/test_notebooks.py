@@ -11,7 +11,11 @@ from nbclient import NotebookClient
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.py"))
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+FIRST, *LATER = NOTEBOOKS
+CASES = [FIRST, *(pytest.param(path, marks=pytest.mark.slow) for path in LATER)]
+
+
+@pytest.mark.parametrize("path", CASES, ids=[path.stem for path in NOTEBOOKS])
 def test_notebook(path: Path) -> None:
     notebook = jupytext.read(path)
     NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
