@@ -39,8 +39,8 @@ format: setup ## put the code in order
 bench: setup ## run every benchmark (aerial-il bench NAME runs one)
 	@$(BIN)/aerial-il bench
 
-docs: setup ## print every command with its keys, from the code itself
-	@$(BIN)/aerial-il help --all
+docs: setup ## build the documentation into build/site (aerial-il docs open=true shows it)
+	@$(BIN)/aerial-il docs
 
 lock: setup ## resolve pyproject.toml anew into requirements.lock, keeping the versions that still fit
 	@PATH="$$PATH:.tools/bin" uv pip compile pyproject.toml --extra dev --universal --python-version 3.12 \

@@ -64,6 +64,7 @@ def page(robot: Robot) -> str:
     parts = [
         f"# {robot.name}",
         robot.summary,
+        f"[![{robot.name}]({robot.name}.jpg)]({robot.name}.mp4)\n\n*The film: an expert flies it.*",
         f"![Side view and top view]({robot.name}.svg)",
         ARM_CAPTION if robot.num_joints else "*Seen from the side and from above.*",
         _properties(robot),

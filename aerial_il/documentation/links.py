@@ -1,0 +1,45 @@
+"""Links between Markdown pages, when the pages move: each keeps leading to the same file."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+
+LINK = re.compile(
+    r"(?P<before>!?\[(?P<words>[^\]\[]*|!\[[^\]]*\]\([^)]*\))\]\()(?P<target>[^)#\s]+)(?P<anchor>#[^)\s]*)?\)"
+)
+FILM = re.compile(r"\[!\[([^\]]*)\]\(([^)\s]+)\)\]\(([^)\s]+\.mp4)\)")
+ELSEWHERE = re.compile(r"[a-z]+:")  # http:, https:, mailto:
+
+
+def moved(text: str, source: str, places: Mapping[str, str]) -> str:
+    """Return a page's text with its relative links led to where their files have gone.
+
+    Args:
+        text: Markdown. source: the page's path in the repository.
+        places: path in the repository -> path on the site. A link to a file that is not there becomes plain text.
+    """
+
+    def replace(match: re.Match[str]) -> str:
+        target = match["target"]
+        if ELSEWHERE.match(target):
+            return match[0]
+        file = os.path.normpath(PurePosixPath(source).parent / target)
+        if file not in places:
+            return f"{match['words']} (`{file}`)" if "`" not in match["words"] else match["words"]
+        before = LINK.sub(replace, match["before"][1:]) if match["before"].startswith("[![") else ""
+        return f"{'[' + before if before else match['before']}{_relative(places[file], places[source])}{match['anchor'] or ''})"
+
+    return LINK.sub(replace, text)
+
+
+def with_films(text: str) -> str:
+    """Return Markdown in which a picture that leads to a film has become the film, which begins with that picture."""
+    film = '<video controls muted loop playsinline preload="none" poster="{2}" src="{3}" aria-label="{1}"></video>'
+    return FILM.sub(lambda match: film.format(*match.group(0, 1, 2, 3)), text)
+
+
+def _relative(target: str, page: str) -> str:
+    return PurePosixPath(os.path.relpath(target, PurePosixPath(page).parent)).as_posix()

@@ -1,0 +1,91 @@
+"""The public names of the package, found in its source, and the pages that show their docstrings."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1]
+ROOMS = (  # in the order of the layers, from what people call to what everything stands on
+    *("cli", "documentation", "benchmarks", "algorithms", "evaluation", "collection", "bridges", "inspection"),
+    *("experts", "policies", "teleop", "suite", "data", "robots", "control", "core"),
+)
+INTRODUCTION = """\
+# Python
+
+Every public name of the package, by room and module, from its docstring. A name without a leading underscore is public
+inside the house; what scripts may rely on from version to version is the front, [`aerial_il`](aerial_il.rst) itself, told
+with examples [in Python](../python.md). What rooms are, and which stands on which:
+[architecture](../architecture.md)."""
+
+
+def pages() -> dict[str, str]:
+    """Return path on the site -> text: one page for each folder of the package, and a list of them."""
+    packages: dict[str, list[str]] = defaultdict(list)
+    for module, file in modules().items():
+        packages[module if file.name == "__init__.py" else module.rpartition(".")[0]].append(module)
+    found = {name: _page(name, sorted(members)) for name, members in packages.items()}
+    rows = [f"| [`{name}`]({name}.rst) | {_summary(name)} |" for name in sorted(found, key=_place_of)]
+    index = "\n".join([INTRODUCTION, "", "| package | |", "|---|---|", *rows, ""])
+    return {"python/index.md": index, **{f"python/{name}.rst": text for name, text in found.items()}}
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Return every public module of the package and its file."""
+    files = {_module_of(file): file for file in sorted(PACKAGE.rglob("*.py"))}
+    return {name: file for name, file in files.items() if not any(part[0] == "_" for part in name.split("."))}
+
+
+def public_names() -> set[str]:
+    """Return the full names of all public modules, and of the functions, classes and constants that they define."""
+    return {full for module in modules() for full in (module, *(f"{module}.{name}" for name in defined(module)))}
+
+
+@cache
+def defined(module: str) -> frozenset[str]:
+    """Return the public names that a module defines itself, at its top level."""
+    names = _bound(ast.parse(modules()[module].read_text(encoding="utf-8")).body)
+    return frozenset(name for name in names if not name.startswith("_"))
+
+
+def _bound(body: list[ast.stmt]) -> Iterator[str]:
+    for statement in body:
+        match statement:
+            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+                yield statement.name
+            case ast.TypeAlias(name=ast.Name(id=name)) | ast.AnnAssign(target=ast.Name(id=name)):
+                yield name
+            case ast.Assign(targets=targets):
+                yield from (node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name))
+
+
+def _page(package: str, members: list[str]) -> str:
+    parts = [_title(package, "=")]
+    for module in members:
+        heading = "" if module == package else _title(module.removeprefix(f"{package}."), "-")
+        names = ", ".join(sorted(defined(module)))
+        parts += [heading, f".. automodule:: {module}\n{f'   :members: {names}{chr(10)}' if names else ''}"]
+    return "\n".join(parts)
+
+
+def _title(text: str, line: str) -> str:
+    return f"{text}\n{line * len(text)}\n"
+
+
+def _summary(module: str) -> str:
+    text = ast.get_docstring(ast.parse(modules()[module].read_text(encoding="utf-8"))) or ""
+    return text.partition("\n")[0].replace("``", "`").replace("|", "\\|")
+
+
+def _place_of(package: str) -> tuple[int, str]:
+    _, _, rest = package.partition(".")
+    room = rest.partition(".")[0]
+    return (ROOMS.index(room) + 1 if room in ROOMS else 0, package)
+
+
+def _module_of(file: Path) -> str:
+    return ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
