@@ -25,15 +25,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.off_policy import RandomActions, collect_step
 from aerial_il.algorithms.rl.offline import OfflineFirst
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of
 from aerial_il.algorithms.run.checks import require_positive
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
@@ -81,7 +80,7 @@ class AdvantageWeightedLearning(OfflineFirst):
         return run.finish()
 
 
-class AdvantageWeightedAgent:
+class AdvantageWeightedAgent(Agent):
     """Actor and two critics with slowly following targets.
 
     Args:
@@ -89,29 +88,24 @@ class AdvantageWeightedAgent:
     """
 
     def __init__(self, settings: AdvantageWeightedLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self._updates = settings, actor, 0
+        self.settings, self.actor = settings, actor
         critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._targets = Target(critics)
+        super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
 
-    @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Draw actions (n, Da) for encoded observations (n, Do)."""
-        return self.actor.sample(tensor(obs)[:, None])[0].numpy()
-
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        for part in (self._actor_state, self._critics):
-            part.set_lr(lr)
+        return sampled(self.actor, obs)
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of the actor."""
         loss, metrics = self.critic_loss(batch)
         self._critics.descend(loss)
         self._targets.follow(self.settings.tau)
-        self._updates += 1
-        if self._updates % self.settings.actor_every == 0:
+        self.updates += 1
+        if self.updates % self.settings.actor_every == 0:
             loss, found = self.actor_loss(batch)
             smooth = self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
             self._actor_state.descend(loss + smooth)
@@ -149,14 +143,3 @@ class AdvantageWeightedAgent:
         """Return what the smaller of the ``critics`` says of an action drawn by the actor, (B,)."""
         actions, _, _ = self.actor.sample(obs[:, None, :-1])
         return critics(obs, (1.0 - obs[:, -1:]) * actions).min(0).values
-
-    @property
-    def _parts(self) -> dict[str, Stateful]:
-        return {"actor": self._actor_state, "critics": self._critics, "targets": self._targets}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self._updates = saved.values["updates"]

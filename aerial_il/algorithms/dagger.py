@@ -33,7 +33,8 @@ from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.interactive.mixture import Mixture, newcomer_of
-from aerial_il.algorithms.interactive.rounds import Operator, Rounds
+from aerial_il.algorithms.interactive.problem import Operator
+from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError

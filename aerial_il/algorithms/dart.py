@@ -32,7 +32,8 @@ import numpy as np
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.disagreement import actions_along
-from aerial_il.algorithms.interactive.rounds import Operator, Rounds
+from aerial_il.algorithms.interactive.problem import Operator
+from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.supervised.training_set import split

@@ -25,6 +25,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import smooth_l1_loss
 
+from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.off_policy import OffPolicy
 from aerial_il.algorithms.rl.online_run import OnlineRun
@@ -32,7 +33,6 @@ from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_positive, require_share
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.categorical import Categorical, CategoricalConfig
@@ -82,7 +82,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
             replay.step(agent)
             warming_up = run.collector.steps <= self.warmup
             if not warming_up:
-                replay.settle()
+                replay.finish_warmup()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
@@ -92,7 +92,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
         return run.finish()
 
 
-class DeepQAgent:
+class DeepQAgent(Agent):
     """The values of all choices, and their target.
 
     Args:
@@ -104,9 +104,10 @@ class DeepQAgent:
     """
 
     def __init__(self, settings: DeepQLearning, network: Categorical) -> None:
-        self.settings, self.network, self.epsilon, self._updates = settings, network, 1.0, 0
+        self.settings, self.network, self.epsilon = settings, network, 1.0
         self._values = TrainState(network, adam(network, settings.lr))
         self._target = Target(network)
+        super().__init__({"values": self._values}, {"target": self._target})
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
@@ -115,18 +116,14 @@ class DeepQAgent:
         random = torch.randint(len(self.network.table), best.shape)
         return self.network.table[torch.where(torch.rand(best.shape) < self.epsilon, random, best)].numpy()
 
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        self._values.set_lr(lr)
-
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of the values, and let the target follow where it is due."""
         chosen = self.network.nearest(batch.actions)
         values = self.network.scores(batch.obs[:, None, :-1])[:, 0].gather(-1, chosen[:, None])[:, 0]
         loss = smooth_l1_loss(values, self.bellman_targets(batch))
         self._values.descend(loss, clip_norm=self.settings.clip_norm)
-        self._updates += 1
-        if self._updates % self.settings.target_every == 0:
+        self.updates += 1
+        if self.updates % self.settings.target_every == 0:
             self._target.follow(self.settings.tau)
         return {"critic/loss": loss.item(), "critic/value": values.mean().item()}
 
@@ -138,14 +135,3 @@ class DeepQAgent:
         choosing = self.network.scores(after)[:, 0] if self.settings.double else values
         worth = values.gather(-1, choosing.argmax(-1, keepdim=True))[:, 0]
         return batch.rewards + self.settings.gamma * batch.continues * worth
-
-    @property
-    def _parts(self) -> dict[str, Stateful]:
-        return {"values": self._values, "target": self._target}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self._updates = saved.values["updates"]

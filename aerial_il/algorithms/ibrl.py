@@ -33,6 +33,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
 from aerial_il.algorithms.rl.critics import Target, check_ensemble
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
@@ -43,7 +44,6 @@ from aerial_il.algorithms.rl.proposals import Proposals, columns, demonstrated_r
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed, rows_of
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.prior import load_prior
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.contracts import BatchEnv
@@ -132,7 +132,7 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
         return run.finish()
 
 
-class ProposedAgent:
+class ProposedAgent(Agent):
     """Actor and an ensemble of critics, with slowly following targets of both.
 
     Its observations carry the prior's proposal, (B, Do + Da + 1 + 1); see :mod:`aerial_il.algorithms.rl.proposals`.
@@ -142,11 +142,15 @@ class ProposedAgent:
     """
 
     def __init__(self, settings: ImitationBootstrapped, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self.sizes, self._updates = settings, actor, sizes, 0
+        self.settings, self.actor, self.sizes = settings, actor, sizes
         critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden, settings.critics, layer_norm=True)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._actor_target, self._critic_targets = Target(actor), Target(critics)
+        super().__init__(
+            {"actor": self._actor_state, "critics": self._critics},
+            {"actor_target": self._actor_target, "critic_targets": self._critic_targets},
+        )
 
     @property
     def critics(self) -> Critics:
@@ -163,11 +167,6 @@ class ProposedAgent:
         chosen = prefers_own(self.critics, marked, own, other, caution=self.settings.caution)
         return torch.where(chosen[:, None], own, other).numpy()
 
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        for part in (self._actor_state, self._critics):
-            part.set_lr(lr)
-
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of the actor and all targets.
 
@@ -177,8 +176,8 @@ class ProposedAgent:
         loss, metrics = self.critic_loss(batch, listen=improve)
         self._critics.descend(loss)
         self._critic_targets.follow(self.settings.tau)
-        self._updates += 1
-        if improve and self._updates % self.settings.actor_every == 0:
+        self.updates += 1
+        if improve and self.updates % self.settings.actor_every == 0:
             loss = self.actor_loss(batch)
             self._actor_state.descend(loss)
             self._actor_target.follow(self.settings.tau)
@@ -220,15 +219,3 @@ class ProposedAgent:
         """Return observations with their mark (B, Do + 1), proposals (B, Da), and where there is one (B,) bool."""
         seen, proposed, known, mark = obs.split([*self.sizes, 1, 1], dim=1)
         return torch.cat([seen, mark], dim=1), proposed, known[:, 0] > 0.5
-
-    @property
-    def _parts(self) -> dict[str, Stateful]:
-        targets = {"actor_target": self._actor_target, "critic_targets": self._critic_targets}
-        return {"actor": self._actor_state, "critics": self._critics, **targets}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self._updates = saved.values["updates"]

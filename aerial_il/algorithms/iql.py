@@ -27,15 +27,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.off_policy import RandomActions, collect_step
 from aerial_il.algorithms.rl.offline import OfflineFirst
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of
 from aerial_il.algorithms.run.checks import require_positive, require_share
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
@@ -86,7 +85,7 @@ class ImplicitQLearning(OfflineFirst):
         return run.finish()
 
 
-class ImplicitAgent:
+class ImplicitAgent(Agent):
     """Actor, a critic of states, and two critics of actions with slowly following targets.
 
     Args:
@@ -94,23 +93,20 @@ class ImplicitAgent:
     """
 
     def __init__(self, settings: ImplicitQLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self._updates = settings, actor, 0
+        self.settings, self.actor = settings, actor
         critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
         value = Critics(sizes[0] + 1, settings.critic_hidden, count=1)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._value = TrainState(value, adam(value, settings.lr))
         self._targets = Target(critics)
+        super().__init__(
+            {"actor": self._actor_state, "critics": self._critics, "value": self._value}, {"targets": self._targets}
+        )
 
-    @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Draw actions (n, Da) for encoded observations (n, Do)."""
-        return self.actor.sample(tensor(obs)[:, None])[0].numpy()
-
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        for part in (self._actor_state, self._critics, self._value):
-            part.set_lr(lr)
+        return sampled(self.actor, obs)
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of both kinds of critic and of the targets and, where it is due, of the actor."""
@@ -119,8 +115,8 @@ class ImplicitAgent:
         advantages = worth - self.values(batch.obs)
         value_loss = expectile_loss(advantages, self.settings.expectile)
         critic_loss, metrics = self.critic_loss(batch)
-        self._updates += 1
-        if self._updates % self.settings.actor_every == 0:
+        self.updates += 1
+        if self.updates % self.settings.actor_every == 0:
             actor_loss, found = self.actor_loss(batch, advantages.detach())
             smooth = self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
             self._actor_state.descend(actor_loss + smooth)
@@ -151,18 +147,6 @@ class ImplicitAgent:
     def values(self, obs: Tensor) -> Tensor:
         """Return ``V(s)`` (B,) for observations (B, Do + 1)."""
         return self._value.network(obs, obs[:, :0])[0]
-
-    @property
-    def _parts(self) -> dict[str, Stateful]:
-        critics = {"critics": self._critics, "value": self._value, "targets": self._targets}
-        return {"actor": self._actor_state, **critics}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self._updates = saved.values["updates"]
 
 
 def expectile_loss(errors: Tensor, expectile: float) -> Tensor:

@@ -34,6 +34,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss
 from aerial_il.algorithms.rl.critics import Target, check_ensemble
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
@@ -41,9 +42,7 @@ from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, col
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
 from aerial_il.algorithms.run.checks import require_not_negative
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
@@ -95,7 +94,7 @@ class PriorDataLearning(DemonstratedReinforcement, SoftOffPolicy):
         return run.finish()
 
 
-class EnsembleActorCritic:
+class EnsembleActorCritic(Agent):
     """Actor, an ensemble of critics, slowly following targets and the temperature alpha.
 
     Args:
@@ -103,7 +102,7 @@ class EnsembleActorCritic:
     """
 
     def __init__(self, settings: PriorDataLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self._updates = settings, actor, 0
+        self.settings, self.actor = settings, actor
         critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden, settings.critics, layer_norm=True)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
         self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
@@ -111,16 +110,11 @@ class EnsembleActorCritic:
         self._actor_state = TrainState(improved, adam(improved, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._targets = Target(critics)
+        super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
 
-    @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Draw actions (n, Da) for encoded observations (n, Do)."""
-        return self.actor.sample(tensor(obs)[:, None])[0].numpy()
-
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        for part in (self._actor_state, self._critics):
-            part.set_lr(lr)
+        return sampled(self.actor, obs)
 
     def update(self, batch: Batch, demos: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of actor and temperature.
@@ -131,8 +125,8 @@ class EnsembleActorCritic:
         loss, metrics = self.critic_loss(batch)
         self._critics.descend(loss)
         self._targets.follow(self.settings.tau)
-        self._updates += 1
-        if self._updates % self.settings.actor_every == 0:
+        self.updates += 1
+        if self.updates % self.settings.actor_every == 0:
             loss, found = self.actor_and_alpha_loss(batch)
             self._actor_state.descend(loss + self._pull(batch, demos))
             metrics |= found
@@ -174,14 +168,3 @@ class EnsembleActorCritic:
         """Return what draws the actor to demonstrated actions and holds it back from rough ones."""
         near = self.settings.bc_weight * bc_loss(self.actor, demos) if self.settings.bc_weight else 0.0
         return near + self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
-
-    @property
-    def _parts(self) -> dict[str, Stateful]:
-        return {"actor": self._actor_state, "critics": self._critics, "targets": self._targets}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self._updates = saved.values["updates"]

@@ -27,6 +27,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss, bc_pretrain
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.from_prior import BegunFromPrior
@@ -35,9 +36,7 @@ from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
@@ -60,7 +59,7 @@ class SoftActorCriticLearning(BegunFromPrior, SoftOffPolicy):
             acts_blindly = warming_up and self.prior is None
             replay.step(blind if acts_blindly else agent)
             if not warming_up:
-                replay.settle()
+                replay.finish_warmup()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if acts_blindly else run.updates_due(self.utd_ratio)):
@@ -70,7 +69,7 @@ class SoftActorCriticLearning(BegunFromPrior, SoftOffPolicy):
         return run.finish()
 
 
-class SoftActorCritic:
+class SoftActorCritic(Agent):
     """Actor, critics, slowly following targets and the temperature alpha.
 
     Args:
@@ -88,7 +87,7 @@ class SoftActorCritic:
         *,
         smoothness: Smoothness | None = None,
     ) -> None:
-        self.settings, self.actor, self._updates = settings, actor, 0
+        self.settings, self.actor = settings, actor
         self._smoothness = smoothness or Smoothness()
         critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
@@ -97,16 +96,11 @@ class SoftActorCritic:
         self._actor_state = TrainState(improved, adam(improved, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._targets = Target(critics)
+        super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
 
-    @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Draw actions (n, Da) for encoded observations (n, Do)."""
-        return self.actor.sample(tensor(obs)[:, None])[0].numpy()
-
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        for part in (self._actor_state, self._critics):
-            part.set_lr(lr)
+        return sampled(self.actor, obs)
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
         """Move the actor's centre towards demonstrated actions in ``steps`` minibatches."""
@@ -124,8 +118,8 @@ class SoftActorCritic:
         """
         critic_loss, metrics = self.critic_loss(batch)
         self._critics.descend(critic_loss)
-        self._updates += 1
-        if improve and self._updates % self.settings.actor_every == 0:
+        self.updates += 1
+        if improve and self.updates % self.settings.actor_every == 0:
             pull = bc_weight * bc_loss(self.actor, demos) if demos is not None else 0.0
             pull += self._smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
             actor_loss, alpha_loss, found = self.actor_and_alpha_loss(batch)
@@ -161,14 +155,3 @@ class SoftActorCritic:
         alpha_loss = self._log_alpha * (entropy - self._target_entropy)
         found = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
         return actor_loss, alpha_loss, found
-
-    @property
-    def _parts(self) -> dict[str, Stateful]:
-        return {"actor": self._actor_state, "critics": self._critics, "targets": self._targets}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self._updates = saved.values["updates"]

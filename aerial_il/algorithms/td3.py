@@ -25,6 +25,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.rl.agent import Agent, noisy
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.from_prior import BegunFromPrior
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
@@ -32,9 +33,7 @@ from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_not_negative
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
@@ -70,7 +69,7 @@ class TwinDelayedLearning(BegunFromPrior, OffPolicyActorCritic):
             acts_blindly = warming_up and self.prior is None
             replay.step(blind if acts_blindly else agent)
             if not warming_up:
-                replay.settle()
+                replay.finish_warmup()
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if acts_blindly else run.updates_due(self.utd_ratio)):
@@ -80,7 +79,7 @@ class TwinDelayedLearning(BegunFromPrior, OffPolicyActorCritic):
         return run.finish()
 
 
-class TwinDelayedAgent:
+class TwinDelayedAgent(Agent):
     """Actor and two critics, with slowly following targets of all of them.
 
     Args:
@@ -90,29 +89,26 @@ class TwinDelayedAgent:
     """
 
     def __init__(self, settings: TwinDelayedLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self._updates = settings, actor, 0
+        self.settings, self.actor = settings, actor
         critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._actor_target, self._critic_targets = Target(actor), Target(critics)
+        super().__init__(
+            {"actor": self._actor_state, "critics": self._critics},
+            {"actor_target": self._actor_target, "critic_targets": self._critic_targets},
+        )
 
-    @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Return the actor's actions with noise (n, Da) for encoded observations (n, Do)."""
-        actions = self.actor(tensor(obs)[:, None])[:, 0]
-        return (actions + self.settings.noise * torch.randn_like(actions)).clamp(-1, 1).numpy()
-
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        for part in (self._actor_state, self._critics):
-            part.set_lr(lr)
+        return noisy(self.actor, obs, self.settings.noise)
 
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of all targets and, to ``improve``, of the actor."""
         critic_loss, metrics = self.critic_loss(batch)
         self._critics.descend(critic_loss)
-        self._updates += 1
-        if self._updates % self.settings.actor_every == 0:
+        self.updates += 1
+        if self.updates % self.settings.actor_every == 0:
             if improve:
                 actor_loss = self.actor_loss(batch)
                 self._actor_state.descend(actor_loss)
@@ -143,15 +139,3 @@ class TwinDelayedAgent:
         obs = batch.obs[:, :-1]
         worth = self._critics.network(batch.obs, self.actor(obs[:, None])[:, 0])[0]
         return -worth.mean() + self.settings.smoothness.loss(self.actor, obs, batch.next_obs[:, :-1])
-
-    @property
-    def _parts(self) -> dict[str, Stateful]:
-        targets = {"actor_target": self._actor_target, "critic_targets": self._critic_targets}
-        return {"actor": self._actor_state, "critics": self._critics, **targets}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self._updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self._updates = saved.values["updates"]

@@ -86,7 +86,7 @@ class Adroit:
             all classes. seeds: trainings of each of these arms.
         clean: for the perceptron, ``{demos: N, WAY: TRAININGS}`` for each number of noise-free ones, where a way is
             ``bc``, a name in ``interactive``, or ``bc_as_`` and such a name: cloning with as many steps as that.
-            Ways that are near to each other are told apart by many trainings only.
+            Ways that are near to each other are options apart by many trainings only.
         interactive: name -> algorithm that flies and asks the expert, with as many flights in all as ``clean`` says.
             first: of them, flown by the expert.
         episodes: flown to judge one. num_envs: worlds flown at once.
@@ -224,16 +224,16 @@ class Adroit:
 
     def _trained(self, point: Point, record: Record, progress: bool) -> Policy:
         learner, policy, task = self.learner(point), self.policy_config(point.policy), TASKS[point.task]
-        told = {"run": self.run_of(point, record), "seed": point.seed, "progress": progress}
+        options = {"run": self.run_of(point, record), "seed": point.seed, "progress": progress}
         if point.method not in self.interactive:
-            return learner.train(self.demonstrations(point, point.demos, record, progress), policy, **told)
+            return learner.train(self.demonstrations(point, point.demos, record, progress), policy, **options)
         env = PublishedRewards(task, min(self.num_envs, learner.episodes))
         try:
             shown, expert = (
                 self.demonstrations(point, self.first, record, progress),
                 expert_of(task, Path(self.data), noise=0.0),
             )
-            return learner.train(shown, policy, env=env, expert=expert, collect=collect, **told)
+            return learner.train(shown, policy, env=env, expert=expert, collect=collect, **options)
         finally:
             env.close()
 

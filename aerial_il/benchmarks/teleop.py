@@ -52,7 +52,7 @@ NOTES = (
     "Silence: from the last message of a page with a key held to a command of zero; by the server in this process.",
     "Killed: kill -9 at a moment drawn anew each time, while a second episode is recorded. Whole: every episode that "
     "the page had been told of is read with its checksums and flown again by its log. Recovered: the open one, without "
-    f"more than the last {BUFFERED_STEPS} of the steps that had been told.",
+    f"more than the last {BUFFERED_STEPS} of the steps that the page had been sent.",
 )
 
 
@@ -184,8 +184,8 @@ class Teleop:
 
     def _cut(self, env: BatchEnvironment, out: Path, number: int) -> Row:
         rng = np.random.default_rng((self.seed, number))
-        told = asyncio.run(self._killed(out, rng.uniform(0.1, 3.0), KEYS[int(rng.integers(len(KEYS)))]))
-        return {**told, **_found(env, out, told)}
+        status = asyncio.run(self._killed(out, rng.uniform(0.1, 3.0), KEYS[int(rng.integers(len(KEYS)))]))
+        return {**status, **_found(env, out, status)}
 
     async def _killed(self, out: Path, after_s: float, key: str) -> Row:
         """Record one episode, begin another one, and kill the server; return what the page had been told."""
@@ -198,10 +198,10 @@ class Teleop:
             await page.until(lambda status: status["waiting"] == 0 and status["counts"]["failures"] == 1)
             await _record(page, key)
             await asyncio.sleep(after_s)
-            told = page.status
+            status = page.status
             server.kill()
             await server.process.wait()
-        return {"after_s": round(after_s, 2), "finished": told["counts"]["failures"], "steps": told["steps"]}
+        return {"after_s": round(after_s, 2), "finished": status["counts"]["failures"], "steps": status["steps"]}
 
 
 async def _record(page: PageClient, key: str) -> None:
@@ -217,7 +217,7 @@ async def _ages(tab: Tab) -> None:
     await tab.value(f"window.ages = []; setInterval(() => ages.push({age}), 50); 1")
 
 
-def _found(env: BatchEnvironment, out: Path, told: Row) -> Row:
+def _found(env: BatchEnvironment, out: Path, status: Row) -> Row:
     """Return what is there after the power cut: finished episodes that are whole, steps of the open one."""
     whole = sum(_is_whole(env, file) for kind in ("demos", "failures") for file in DatasetFolder(out).files(kind))
     recovered, problem = 0, ""
@@ -226,8 +226,9 @@ def _found(env: BatchEnvironment, out: Path, told: Row) -> Row:
             recovered = len(read_episode(recover_episode(part, out / "recovered.mcap").path))
         except AerialError as error:
             problem = str(error).replace(f"{out}/", "")
-    enough = recovered >= told["steps"] - BUFFERED_STEPS and (recovered > 0 or told["steps"] <= BUFFERED_STEPS)
-    return {"whole": whole, "recovered": recovered, "intact": whole == told["finished"] and enough, "problem": problem}
+    enough = recovered >= status["steps"] - BUFFERED_STEPS and (recovered > 0 or status["steps"] <= BUFFERED_STEPS)
+    intact = whole == status["finished"] and enough
+    return {"whole": whole, "recovered": recovered, "intact": intact, "problem": problem}
 
 
 def _is_whole(env: BatchEnvironment, file: Path) -> bool:

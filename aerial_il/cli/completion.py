@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from aerial_il.cli import commands
+from aerial_il.cli import commands, launchers
 from aerial_il.cli.configuration import groups, keys
 from aerial_il.cli.configuration.overrides import FLAGS, known_keys
 from aerial_il.core.errors import UnknownNameError
@@ -54,7 +54,9 @@ def candidates(line: list[str]) -> list[str]:
 
 def _words(name: str, typed: list[str], last: str) -> list[str]:
     command = commands.find(name)
-    chosen = command.choices
+    chosen = dict(command.choices)
+    if keys.output_key(command.config):
+        chosen["launcher"] = launchers.USUAL
     chosen |= {k: v for k, _, v in (word.partition("=") for word in typed) if k in chosen}
     key, equals, _ = last.partition("=")
     if not equals:

@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass
 from importlib import metadata
 from typing import get_type_hints
 
-from aerial_il.cli import commands
+from aerial_il.cli import commands, launchers
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration import groups, keys
 
@@ -42,7 +42,7 @@ def overview() -> str:
             *lines,
             "",
             "aerial-il COMMAND --help   its keys, groups and an example",
-            "aerial-il COMMAND -m ...   one run for each combination: seed=0,1,2 policy.chunk=10,20",
+            "aerial-il COMMAND -m ...   one run for each combination: seed=0,1,2 policy.chunk=10,20 launcher=processes",
             'eval "$(aerial-il completion bash)"   tab completion (zsh: completion zsh)',
         ]
     )
@@ -51,8 +51,19 @@ def overview() -> str:
 def of_command(command: Command) -> str:
     """Return what ``aerial-il COMMAND --help`` prints."""
     sections = [command.doc, f"Usage: aerial-il {command.name} key=value ...", _keys(command), _groups(command)]
+    sections.append(_launching(command))
     sections.append("Options: -m (sweep over comma-separated values), --cfg job (print the configuration), --help")
     return "\n\n".join(section for section in sections if section)
+
+
+def _launching(command: Command) -> str:
+    """Return how a sweep's jobs can be launched, of a command whose jobs get folders of their own."""
+    if not keys.output_key(command.config):
+        return ""
+    usual = groups.read_option("launcher", launchers.USUAL)
+    return _table(
+        "Sweeps (-m)", [(f"launcher={launchers.USUAL}", _group_help("launcher", "how its jobs are started", usual))]
+    )
 
 
 def reference() -> str:

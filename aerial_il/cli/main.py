@@ -32,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
         return _dispatch(words)
     except AerialError as error:
         _complain(f"aerial-il: {error}")
-        return BAD_USAGE
+        return getattr(error, "status", BAD_USAGE)
     except KeyboardInterrupt:
         _complain("\naerial-il: interrupted. The same command continues where this one stopped.")
         return 128 + signal.SIGINT
@@ -60,17 +60,29 @@ def _dispatch(words: list[str]) -> int:
         print(completion.script(rest[0] if rest else "bash"))
     elif name == "_complete":
         print("\n".join(completion.candidates(rest)))
+    elif name == "_job":
+        _run_job(rest)
     elif {"-h", "--help"} & set(rest):
         print(help.of_command(commands.find(name)))
     else:
         command = commands.find(name)
         _log_to_stderr()
-        from aerial_il.cli.configuration.compose import run_command
+        from aerial_il.cli.running import run_command
         from aerial_il.core.rendering import check_backend
 
         check_backend()
         run_command(command, rest)
     return OK
+
+
+def _run_job(words: list[str]) -> None:
+    """Run one job of a sweep: a command, and its words as Hydra reads them."""
+    from aerial_il.cli.configuration.compose import perform
+    from aerial_il.cli.sweeps.job import end_with_parent
+
+    _log_to_stderr()
+    end_with_parent()
+    perform(words[0], words[1:])
 
 
 def _log_to_stderr() -> None:

@@ -116,7 +116,7 @@ def collect(
     folder.claim(env.spec)
     flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}), longest)
     if not mix:
-        check_unmixed(folder, flight.origin.uid(seeds[0]), flight.told_of(seeds[0]))
+        check_unmixed(folder, flight.origin.uid(seeds[0]), flight.provenance_of(seeds[0]))
     folder.keep_model(env.model_xml)
     with (
         _accounted(flight, seeds, progress),
@@ -162,7 +162,7 @@ class _Flight:
         self._seeds = np.zeros(env.num_envs, np.int64)
         self._steps = np.zeros(env.num_envs, np.int64)
 
-    def told_of(self, seed: int) -> dict[str, Any]:
+    def provenance_of(self, seed: int) -> dict[str, Any]:
         """Return where the episode of ``seed`` comes from."""
         return self.origin.provenance(seed, self.env.drawn(seed))
 
@@ -210,7 +210,7 @@ class _Flight:
         if self.folder.find(uid):
             self.result.skipped.append(seed)
             return None
-        origin = self.told_of(seed)
+        origin = self.provenance_of(seed)
         try:
             return EpisodeWriter(
                 self.folder.file(uid),

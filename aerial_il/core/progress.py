@@ -15,14 +15,14 @@ class Progress(tqdm):  # pyright: ignore[reportMissingTypeArgument]
     """tqdm, whose carriage returns would fill a log where there is no terminal; arguments are tqdm's own."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        if not _is_terminal(kwargs.get("file") or sys.stderr):
+        if not is_terminal(kwargs.get("file") or sys.stderr):
             kwargs |= {"mininterval": LINE_EVERY_S, "miniters": 1, "ncols": 80, "dynamic_ncols": False}
         super().__init__(*args, **kwargs)
 
     @staticmethod
     def status_printer(file: Any) -> Callable[[str], None]:
         """Return what writes a state of the bar: over the last one, or in a log below it; tqdm ends the last line."""
-        if _is_terminal(file):
+        if is_terminal(file):
             return tqdm.status_printer(file)
         begun = False
 
@@ -36,5 +36,6 @@ class Progress(tqdm):  # pyright: ignore[reportMissingTypeArgument]
         return write_line
 
 
-def _is_terminal(file: Any) -> bool:
+def is_terminal(file: Any) -> bool:
+    """Whether ``file`` is a terminal, on which lines can be written over."""
     return hasattr(file, "isatty") and file.isatty()

@@ -109,5 +109,5 @@ def engine_of(provenance: Mapping[str, Any]) -> str:
 
 def conditions_of(provenance: Mapping[str, Any]) -> dict[str, Any]:
     """Return how an episode was made apart from its seed: by whom, under what, with what settings and engine."""
-    told = {key: provenance.get(key) for key in ("tier", "controller", "policy", "action_level", "disturbances")}
-    return told | {"settings": provenance.get("settings", {}), "engine": engine_of(provenance)}
+    named = {key: provenance.get(key) for key in ("tier", "controller", "policy", "action_level", "disturbances")}
+    return named | {"settings": provenance.get("settings", {}), "engine": engine_of(provenance)}

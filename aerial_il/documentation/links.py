@@ -7,9 +7,8 @@ import re
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
-LINK = re.compile(
-    r"(?P<before>!?\[(?P<words>[^\]\[]*|!\[[^\]]*\]\([^)]*\))\]\()(?P<target>[^)#\s]+)(?P<anchor>#[^)\s]*)?\)"
-)
+WORDS = r"(?P<words>[^\]\[]*|!\[[^\]]*\]\([^)]*\))"  # of a link: a text, or a picture
+LINK = re.compile(rf"(?P<mark>!?)\[{WORDS}\]\((?P<target>[^)#\s]+)(?P<anchor>#[^)\s]*)?\)")
 FILM = re.compile(r"\[!\[([^\]]*)\]\(([^)\s]+)\)\]\(([^)\s]+\.mp4)\)")
 ELSEWHERE = re.compile(r"[a-z]+:")  # http:, https:, mailto:
 
@@ -27,10 +26,10 @@ def moved(text: str, source: str, places: Mapping[str, str]) -> str:
         if ELSEWHERE.match(target):
             return match[0]
         file = os.path.normpath(PurePosixPath(source).parent / target)
+        words = LINK.sub(replace, match["words"])
         if file not in places:
-            return f"{match['words']} (`{file}`)" if "`" not in match["words"] else match["words"]
-        before = LINK.sub(replace, match["before"][1:]) if match["before"].startswith("[![") else ""
-        return f"{'[' + before if before else match['before']}{_relative(places[file], places[source])}{match['anchor'] or ''})"
+            return words if "`" in words else f"{words} (`{file}`)"
+        return f"{match['mark']}[{words}]({_relative(places[file], places[source])}{match['anchor'] or ''})"
 
     return LINK.sub(replace, text)
 

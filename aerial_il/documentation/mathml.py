@@ -1,4 +1,4 @@
-"""A Sphinx extension that writes formulas as MathML, which browsers draw by themselves: no script, no font, no network."""
+"""A Sphinx extension that writes formulas as MathML, which browsers draw without a script, a font or a network."""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ INTRODUCTION = """\
 # Python
 
 Every public name of the package, by room and module, from its docstring. A name without a leading underscore is public
-inside the house; what scripts may rely on from version to version is the front, [`aerial_il`](aerial_il.rst) itself, told
-with examples [in Python](../python.md). What rooms are, and which stands on which:
+inside the house; what scripts may rely on from version to version is the front, [`aerial_il`](aerial_il.rst) itself,
+told with examples [in Python](../python.md). What rooms are, and which stands on which:
 [architecture](../architecture.md)."""
 
 

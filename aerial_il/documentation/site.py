@@ -68,9 +68,7 @@ def build(
     """
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if missing:
-        raise SiteError(
-            f"The site needs {', '.join(missing)}: pip install 'aerial-il[docs]', or in a checkout: make setup"
-        )
+        raise SiteError(f"The site needs {', '.join(missing)}: pip install 'aerial-il[docs]', or: make setup")
     out, work = Path(out).resolve(), Path(f"{Path(out).resolve()}.work")
     pages = {**modules.pages(), **spaces.pages(), **generated}
     assemble(work, pages)

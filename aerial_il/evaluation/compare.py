@@ -88,8 +88,8 @@ class Comparison:
             lines.append(f"         won by a alone: {len(self.only_a)} seeds, by b alone: {len(self.only_b)}")
         width = max(len(change.key) for change in self.changes)
         lines += [
-            f"{c.key:<{width}}  a {c.mean_a:.4g}  b {c.mean_b:.4g}  ({c.difference:+.3g})  {told_p(c.p_value)}, "
-            f"adjusted {told_p(c.p_adjusted, tests=len(self.changes))}"
+            f"{c.key:<{width}}  a {c.mean_a:.4g}  b {c.mean_b:.4g}  ({c.difference:+.3g})  {p_value_text(c.p_value)}, "
+            f"adjusted {p_value_text(c.p_adjusted, tests=len(self.changes))}"
             for c in self.changes
         ]
         lines.append(
@@ -99,7 +99,7 @@ class Comparison:
         return "\n".join(lines)
 
 
-def told_p(p_value: float, *, tests: int = 1) -> str:
+def p_value_text(p_value: float, *, tests: int = 1) -> str:
     """Write the p-value of a permutation test, or of the first of ``tests``; its least one is only an upper bound."""
     floor = tests * statistics.smallest_p()
     return f"p <= {floor:.2g}" if p_value <= floor * (1 + 1e-9) else f"p = {p_value:.3g}"

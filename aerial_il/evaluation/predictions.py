@@ -53,13 +53,13 @@ def predict(policy: ChunkPolicy, episode: Episode) -> Prediction:
     with torch_rng(0, "predictions"):
         images = [image[:steps][behind] for image in policy.interface.layout.look(episode.obs)]
         chunks = policy.predict(frames[behind], images=images)
-    told = np.isnan(episode.expert_actions)
+    unasked = np.isnan(episode.expert_actions)
     return Prediction(
         uid=episode.uid,
         labels=spec.action.labels,
         units=spec.action.units,
         time_s=np.arange(steps) * spec.control_dt_s,
-        shown=np.where(told, episode.executed_actions, episode.expert_actions),
+        shown=np.where(unasked, episode.executed_actions, episode.expert_actions),
         predicted=chunks.reshape(-1, chunks.shape[-1])[:steps],
         starts=starts,
     )

@@ -29,7 +29,7 @@ class Rollouts:
     """One evaluation on the way.
 
     Attributes:
-        step: where, in the run's unit. rate: success. episodes: how many were flown; 0 where it was not told.
+        step: where, in the run's unit. rate: success. episodes: how many were flown; 0 where the run does not say.
     """
 
     step: int
@@ -70,8 +70,8 @@ class TrainingRun:
 
     @property
     def policy(self) -> str:
-        told = self.config.get("policy", {})
-        return str(told.get("name", "policy") if isinstance(told, Mapping) else told)
+        logged = self.config.get("policy", {})
+        return str(logged.get("name", "policy") if isinstance(logged, Mapping) else logged)
 
     @property
     def algorithm(self) -> str:
@@ -91,8 +91,8 @@ class TrainingRun:
     @cached_property
     def rollouts(self) -> list[Rollouts]:
         """Evaluations on the way, in the order of the steps."""
-        told = (row for row in self.rows if SUCCESS in row)
-        return [Rollouts(int(row["step"]), row[SUCCESS], int(row.get(EPISODES, 0))) for row in told]
+        logged = (row for row in self.rows if SUCCESS in row)
+        return [Rollouts(int(row["step"]), row[SUCCESS], int(row.get(EPISODES, 0))) for row in logged]
 
     @property
     def largest_dip(self) -> float | None:
@@ -100,15 +100,15 @@ class TrainingRun:
 
         What the first 2 % of the steps did is not counted; 0 where it never fell below.
         """
-        told = self.rollouts
-        later = [rollouts.rate for rollouts in told[1:] if rollouts.step > SETTLING * self.steps]
-        return max(0.0, told[0].rate - min(later)) if later and told[0].step == 0 else None
+        logged = self.rollouts
+        later = [rollouts.rate for rollouts in logged[1:] if rollouts.step > SETTLING * self.steps]
+        return max(0.0, logged[0].rate - min(later)) if later and logged[0].step == 0 else None
 
     @cached_property
     def rewards(self) -> list[tuple[int, float]]:
         """Steps, and the mean reward of the rollouts there."""
-        told = ((int(row["step"]), row.get(REWARD)) for row in self.rows)
-        return [(step, float(reward)) for step, reward in told if reward is not None and np.isfinite(reward)]
+        logged = ((int(row["step"]), row.get(REWARD)) for row in self.rows)
+        return [(step, float(reward)) for step, reward in logged if reward is not None and np.isfinite(reward)]
 
     @cached_property
     def settings(self) -> dict[str, Any]:

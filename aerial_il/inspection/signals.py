@@ -148,10 +148,10 @@ def log_states(stream: rr.RecordingStream, root: str, episode: Episode, clock: C
 
 def phase_names(episode: Episode) -> np.ndarray | None:
     """Return the name (T,) of every step's phase, None for a flight without phases."""
-    told = [str(name) for name in episode.provenance.get("phases", ())]
-    if not told or not (episode.phase != NO_PHASE).any() or episode.phase.max() >= len(told):
+    phases = [str(name) for name in episode.provenance.get("phases", ())]
+    if not phases or not (episode.phase != NO_PHASE).any() or episode.phase.max() >= len(phases):
         return None
-    return np.where(episode.phase == NO_PHASE, "none", np.array(told)[np.maximum(episode.phase, 0)])
+    return np.where(episode.phase == NO_PHASE, "none", np.array(phases)[np.maximum(episode.phase, 0)])
 
 
 def log_lane(

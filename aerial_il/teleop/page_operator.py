@@ -60,8 +60,8 @@ class PageOperator:
     ) -> None:
         self._env, self._bindings, self._operator, self._opened = env, bindings, operator, opened
         self._inbox = Inbox(bindings)
-        told = about(env, bindings, operator, site)
-        self._server = Server(self._inbox, told, host=site.host, port=site.port, tls=site.tls)
+        texts = about(env, bindings, operator, site)
+        self._server = Server(self._inbox, texts, host=site.host, port=site.port, tls=site.tls)
         self._film = Film(env.model, CAMERAS, site.size, self._server.deliver)
         self._server.film = self._film
         self._events = asyncio.new_event_loop()
@@ -88,7 +88,7 @@ class PageOperator:
         self._thread.join()
         self._events.close()
 
-    def told(self, rounds: Sequence[Costs], message: str) -> None:
+    def notify(self, rounds: Sequence[Costs], message: str) -> None:
         """Show how the rounds so far went, and what happens now."""
         self._server.lesson = {"message": message, "rounds": [progress_of(costs) for costs in rounds]}
 

@@ -60,11 +60,13 @@ def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: boo
     return mean_reward(policy) / mean_reward(Guide())
 
 
+@pytest.mark.slow
 def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
     assert learn(SoftActorCriticLearning(steps=2_000, utd_ratio=0.5, **OFF), tmp_path / "sac") > 0.9
     assert learn(ProximalPolicyOptimisation(steps=12_000, **ON), tmp_path / "ppo") > 0.9
 
 
+@pytest.mark.slow
 def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
     settings = DiscriminatorActorCritic(steps=2_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
     demos = demonstrations(10)
@@ -156,6 +158,7 @@ def told_at(run: Path) -> int:
     return (run / METRICS).stat().st_mtime_ns if (run / METRICS).exists() else 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dac", "gail"])
 def test_a_run_killed_at_random_moments_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
     whole, run, rng = tmp_path / "whole", tmp_path / "run", np.random.default_rng(0)

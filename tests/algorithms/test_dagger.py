@@ -118,6 +118,7 @@ def test_the_union_of_all_rounds_is_an_ordinary_dataset(whole: Path, demos: list
 # --- what may go wrong
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments_it_ends_with_the_same_bytes(
     tmp_path: Path, whole: Path, demos: list[Episode]
 ) -> None:
@@ -434,6 +435,7 @@ def test_disagreement_is_a_variance_in_units_of_the_data() -> None:
     assert disagreement(opinions, ActionScale(np.array([2.0, 1.0]))) == pytest.approx([0.125])
 
 
+@pytest.mark.slow
 def test_thrifty_asks_less_counts_what_it_asks_and_learns(tmp_path: Path, demos: list[Episode]) -> None:
     run = tmp_path / "run"
     train(run, THRIFTY, demos)

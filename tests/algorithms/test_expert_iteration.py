@@ -121,6 +121,7 @@ def test_a_round_that_was_cut_short_is_flown_anew_to_the_same_bytes(whole: Path,
     assert turns(run, 2) == turns(whole, 2)
 
 
+@pytest.mark.slow
 def test_the_prior_flies_first(whole: Path, tmp_path: Path) -> None:
     prior = trained(tmp_path / "prior", rounds=1, seed=5)
     led = trained(tmp_path / "led", prior=str(prior), rounds=1, attempts=1)

@@ -12,7 +12,7 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.human import HumanGate
-from aerial_il.algorithms.interactive.rounds import Operator
+from aerial_il.algorithms.interactive.problem import Operator
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError

@@ -6,6 +6,8 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 import aerial_il
 from aerial_il.benchmarks import experts
 from aerial_il.benchmarks.experts import Experts, distinct
@@ -14,6 +16,7 @@ from aerial_il.evaluation.result import load_result
 SMALL = Experts(tasks=("reach",), tiers=("calm",), episodes=1, returns=2, threads=1)
 
 
+@pytest.mark.slow
 def test_experts_fly_every_cell_keep_each_evaluation_and_go_on_with_the_rest(tmp_path: Path) -> None:
     report = replace(SMALL, robots=("ua_quad_arm4",)).run(tmp_path, progress=False)
     (row,) = report.tables["Success of the experts"]

@@ -103,6 +103,7 @@ def test_targets_are_judged_in_full_only_and_can_be_missed() -> None:
     assert not list(study._targets([{**macro[0], "method": "act"}], [])), "nor does another class than the default"
 
 
+@pytest.mark.slow
 def test_what_is_there_is_taken_and_an_arm_that_is_added_flies_itself_only(tmp_path: Path) -> None:
     report = Imitation(**SMALL).run(tmp_path, progress=False)
     (row,) = report.tables["Each task"]

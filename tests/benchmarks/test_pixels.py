@@ -26,6 +26,7 @@ def test_a_policy_without_images_is_refused() -> None:
         Pixels(policy=MlpConfig())
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_both_learn_from_the_same_recordings_and_only_one_sees_them(tmp_path: Path) -> None:
     study = Pixels(

@@ -84,6 +84,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed, "SERIAL_WORLDS", 4)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed, "first_flights", lambda *_, **__: {"ours_s": 4.0})

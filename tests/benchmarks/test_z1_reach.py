@@ -87,6 +87,7 @@ def test_holding_is_of_the_arm_alone() -> None:
     assert shaken.reversals_hz == 50.0
 
 
+@pytest.mark.slow
 def test_the_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
     short = {"steps": 160, "warmup": 80, "evaluate_every": 80, "critic_hidden": (8,), "batch_size": 8}
     study = Z1Reach(

@@ -65,7 +65,7 @@ def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:
 def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(tmp_path: Path) -> None:
     done = aerial_il("train", "-m", "dataset=nowhere", "run=sweep", "seed=0,1", cwd=tmp_path)
     assert done.returncode == main.BAD_USAGE
-    assert "2 jobs failed" in done.stderr
+    assert "2 of 2 jobs failed. seed=0, seed=1: nowhere" in done.stderr
     assert sorted(p.name for p in (tmp_path / "sweep").iterdir()) == ["multirun.yaml", "seed=0", "seed=1"]
 
 

@@ -74,6 +74,7 @@ def test_the_index_has_the_digests_of_the_files(reference: DatasetFolder) -> Non
     assert sum(len(reference.read_index()[kind]) for kind in ("demos", "failures")) == len(SEEDS)
 
 
+@pytest.mark.slow
 def test_a_kill_with_a_full_queue_costs_each_world_one_episode(reference: DatasetFolder, tmp_path: Path) -> None:
     """The cheat would be to fly on before the last file is safe: more unfinished files than worlds."""
     folder, finished = DatasetFolder(tmp_path / "out"), 0

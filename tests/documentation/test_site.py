@@ -20,25 +20,12 @@ from aerial_il.inspection.chromium import browser
 from tests.teleop.chromium import needs_browser
 
 LOADING = {
-    "script": "src",
-    "img": "src",
-    "video": "src",
-    "source": "src",
-    "iframe": "src",
+    **dict.fromkeys(("script", "img", "video", "source", "iframe"), "src"),
     "link": "href",
     "object": "data",
 }
-HARMLESS = {
-    "canonical",
-    "search",
-    "prev",
-    "next",
-    "index",
-    "genindex",
-    "author",
-    "help",
-    "license",
-}  # links that load nothing
+HARMLESS = {"canonical", "search", "prev", "next", "index", "genindex", "author", "help", "license"}  # load nothing
+FETCHED = re.compile(r"(?:url\(|@import)\s*[\"']?https?:[^)\"']+")  # in a style sheet
 
 
 class Page(HTMLParser):
@@ -60,35 +47,31 @@ class Page(HTMLParser):
             self.loads.append(told["poster"])
 
 
+def leaves(target: str) -> bool:
+    """Whether a target lies outside the site."""
+    return bool(re.match(r"[a-z]+:|//", target))
+
+
 def faults(site: Path) -> list[str]:
-    """Return the links and loads of a site that do not arrive within it; links that lead elsewhere are people's choice."""
+    """Return what a site loads from elsewhere, and the links within it that do not arrive."""
     read = cache(Page)
     wrong = []
     for file in sorted(site.rglob("*.html")):
         page = read(file)
-        inside = [target for target in page.links if not re.match(r"[a-z]+:", target)]
-        wrong += [
-            f"{file.name}: loads {target}"
-            for target in page.loads
-            if re.match(r"[a-z]+:|//", target) and target[:5] != "data:"
-        ]
-        for target in [*inside, *(load for load in page.loads if not re.match(r"[a-z]+:|//", load))]:
+        wrong += [f"{file.name}: loads {each}" for each in page.loads if leaves(each) and not each.startswith("data:")]
+        for target in (each for each in (*page.links, *page.loads) if not leaves(each)):
             parts = urlsplit(target)
             other = (file.parent / unquote(parts.path)).resolve() if parts.path else file
-            anchor = unquote(parts.fragment)
-            if not other.is_file() or (anchor and other.suffix == ".html" and anchor not in read(other).anchors):
+            anchor = unquote(parts.fragment) if other.suffix == ".html" else ""
+            if not other.is_file() or (anchor and anchor not in read(other).anchors):
                 wrong.append(f"{file.relative_to(site)}: {target}")
     return wrong
 
 
 def external(site: Path) -> list[str]:
     """Return what style sheets fetch from elsewhere."""
-    sheets = [(file, file.read_text(encoding="utf-8", errors="replace")) for file in site.rglob("*.css")]
-    return [
-        f"{file.name}: {found}"
-        for file, text in sheets
-        for found in re.findall(r"(?:url\(|@import)\s*[\"']?https?:[^)\"']+", text)
-    ]
+    sheets = [(file.name, file.read_text(encoding="utf-8", errors="replace")) for file in site.rglob("*.css")]
+    return [f"{name}: {fetched}" for name, text in sheets for fetched in FETCHED.findall(text)]
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +118,8 @@ def test_what_does_not_arrive_is_found(tmp_path: Path) -> None:
     (tmp_path / "b.html").write_text('<p id="here">x</p>')
     (tmp_path / "a.html").write_text(
         '<a href="b.html#here"></a><a href="b.html#gone"></a><a href="c.html"></a><a href="https://example.org"></a>'
-        '<script src="https://cdn.example.org/x.js"></script><img src="no.png"><link rel="stylesheet" href="//x.org/a.css">'
+        '<script src="https://cdn.example.org/x.js"></script><img src="no.png">'
+        '<link rel="stylesheet" href="//x.org/a.css">'
     )
     (tmp_path / "a.css").write_text("@import 'https://fonts.example.org/a.css'; b { background: url(//ok) }")
     wrong = faults(tmp_path)

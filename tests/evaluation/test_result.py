@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation import statistics
-from aerial_il.evaluation.compare import compare, told_p
+from aerial_il.evaluation.compare import compare, p_value_text
 from aerial_il.evaluation.result import SCHEMA, EvaluationResult, load_result, simplified
 from aerial_il.evaluation.rollouts import evaluate
 from tests.evaluation.hover import GoThere, HoverBatch
@@ -129,9 +129,9 @@ def test_comparison_with_itself_finds_nothing(expert: EvaluationResult) -> None:
 
 
 def test_the_least_p_is_told_as_a_bound_and_grows_with_the_number_of_tests() -> None:
-    assert told_p(statistics.smallest_p()) == "p <= 0.0002"
-    assert told_p(0.0312) == "p = 0.0312"
-    assert told_p(11 * statistics.smallest_p(), tests=11) == "p <= 0.0022"
+    assert p_value_text(statistics.smallest_p()) == "p <= 0.0002"
+    assert p_value_text(0.0312) == "p = 0.0312"
+    assert p_value_text(11 * statistics.smallest_p(), tests=11) == "p <= 0.0022"
 
 
 def test_a_comparison_says_how_many_numbers_it_tests_and_adjusts_them(

@@ -45,6 +45,7 @@ def test_what_flies_is_shown_and_flies_the_same(tmp_path: Path) -> None:
     assert "without error" in run("rrd", "verify", str(shown.path))
 
 
+@pytest.mark.slow
 def test_collecting_with_rerun_records_the_same_flights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from aerial_il.cli.main import main
     from aerial_il.data.dataset import open_dataset

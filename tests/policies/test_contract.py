@@ -155,7 +155,7 @@ def test_each_setting_refuses_what_it_cannot_be(name: str) -> None:
                 kind(**{setting: value})
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n == "act" else n for n in NAMES])
 def test_two_ways_are_told_apart_where_the_policy_can(name: str) -> None:
     """Half of the demonstrations go one way and half the other, whatever is seen: the mean is no way at all."""
     if name == "lerobot_act":

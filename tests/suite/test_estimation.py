@@ -51,6 +51,7 @@ def hovering(worlds: BatchEnvironment, steps: int, field: str, truth: Callable[[
     return np.array(errors)
 
 
+@pytest.mark.slow
 def test_an_object_is_seen_with_the_bias_and_the_noise_that_are_declared(load: Load) -> None:
     worlds = load("pick_place", DECLARED, n=256)
     view = worlds.simulation.view

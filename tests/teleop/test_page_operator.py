@@ -13,7 +13,7 @@ import pytest
 
 import aerial_il
 from aerial_il.algorithms.interactive.costs import FlightCosts
-from aerial_il.algorithms.interactive.rounds import Operator
+from aerial_il.algorithms.interactive.problem import Operator
 from aerial_il.cli.flights.page import operator
 from aerial_il.data.dataset import open_dataset
 from aerial_il.teleop.flight import Site
@@ -65,7 +65,7 @@ def test_two_rounds_on_one_page(tmp_path: Path) -> None:
         assert isinstance(operator, Operator)
         operator.record(env, learner, tmp_path / "1", seeds=range(5000, 5001), tags={"round": 1})
         flown = list(open_dataset(tmp_path / "1", failures=True))
-        operator.told([FlightCosts.of(flown)], "Round 1 of 2: it learns.")
+        operator.notify([FlightCosts.of(flown)], "Round 1 of 2: it learns.")
         operator.record(env, learner, tmp_path / "2", seeds=range(5001, 5002), tags={"round": 2})
     (first,), (second,) = flown, open_dataset(tmp_path / "2", failures=True)
     assert (first.seed, second.seed) == (5000, 5001)

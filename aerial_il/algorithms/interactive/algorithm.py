@@ -7,7 +7,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from aerial_il.algorithms.interactive.rounds import Collect, InteractiveProblem, Operator, Rounds
+from aerial_il.algorithms.interactive.problem import Collect, InteractiveProblem, Operator
+from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import BatchEnv, Policy

@@ -146,9 +146,9 @@ class Collector:
             "frames": self.frames.copy(),
             "flown": self._actions[:, : max(1, int(self._ages.max()))].copy(),
         }
-        told = {"informed": self.informed, "first": dict(self._first)}
+        rewarded = {"informed": self.informed, "first": dict(self._first)}
         ended = [list(episode) for episode in self._ended]
-        return Snapshot(arrays, {"next": self._next, "steps": self.steps, "ended": ended, **told})
+        return Snapshot(arrays, {"next": self._next, "steps": self.steps, "ended": ended, **rewarded})
 
     def restore(self, saved: Snapshot) -> None:
         """Play again what was done since the last resets.

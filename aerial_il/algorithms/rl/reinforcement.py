@@ -41,7 +41,7 @@ class Reinforcement(OnlineAlgorithm):
 
 @dataclass(frozen=True, kw_only=True)
 class OffPolicyReinforcement(Reinforcement):
-    """What learners from remembered rewards are given besides.
+    """What learners from a replay buffer are given besides.
 
     Attributes:
         hindsight: what else past episodes are taken for to have pursued.

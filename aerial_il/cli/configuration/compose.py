@@ -1,59 +1,70 @@
-"""Hand a command to Hydra: compose its configuration, make it a typed object, run it once or once per sweep point."""
+"""Hand a command to Hydra: compose its configuration, make it a typed object, run it, or list the points of a sweep."""
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from aerial_il.cli import commands
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration import groups, keys
 from aerial_il.cli.configuration.fitting import check_types
 from aerial_il.cli.configuration.overrides import prepare
-from aerial_il.cli.configuration.quoting import uninterpolated
+from aerial_il.cli.configuration.quoting import literal
 from aerial_il.core.errors import AerialError, InvalidValueError
 
 QUIET = {"hydra": "quiet"}
-_log = logging.getLogger(__name__)
 
 
-def run_command(command: Command, words: list[str]) -> None:
-    """Run ``command`` with the flags and overrides in ``words``.
+def run_once(command: Command, overrides: list[str]) -> None:
+    """Let Hydra compose the configuration and run ``command`` with it.
 
     Raises:
-        AerialError: for every mistake in the words; whatever the command itself raises.
+        AerialError: for every mistake in ``overrides``; whatever the command itself raises.
     """
-    overrides = prepare(command, words)
-    register(command)
-    import hydra
-    from omegaconf import DictConfig
 
-    failures: list[Exception] = []
+    def job(cfg: Any) -> None:
+        with explained(command):
+            config = typed(command, cfg)
+        command.run(config)
 
-    def job(cfg: DictConfig) -> None:
-        try:  # Hydra would print its own words about an error; the other jobs of a sweep go on
-            with explained(command):
-                config = typed(command, cfg)
-            command.run(config)
-        except Exception as error:
-            failures.append(error)
+    _hydra(command, overrides, job)
 
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # hand exceptions on instead of printing and exiting
-    sys.argv = [f"aerial-il {command.name}", *overrides]
-    with explained(command):
-        hydra.main(version_base="1.3", config_path=None, config_name=command.name)(job)()
-    if len(failures) > 1:
-        _log.error("%d jobs failed; the first one with:", len(failures))
-    if failures:
-        raise failures[0]
+
+def planned(command: Command, overrides: list[str]) -> list[tuple[tuple[str, ...], str]]:
+    """Return, for each point of a sweep, the words that Hydra reads and the folder of its own, without running any.
+
+    None where ``overrides`` only ask for the configuration to be printed.
+    """
+    points, target = list[tuple[tuple[str, ...], str]](), keys.output_key(command.config)
+
+    def note(cfg: Any) -> None:
+        from hydra.core.hydra_config import HydraConfig
+
+        folder = os.path.relpath(HydraConfig.get().runtime.output_dir)
+        own = (f"{target}={literal(folder)}",) if target else ()
+        said = [word for word in HydraConfig.get().overrides.task if not (target and word.startswith(f"{target}="))]
+        points.append(((*said, *own), folder))
+
+    _hydra(command, overrides, note)
+    return points
+
+
+def perform(name: str, overrides: Sequence[str]) -> None:
+    """Run the command ``name`` with words that are as Hydra reads them, such as :func:`planned` returns."""
+    command = commands.find(name)
+    command.run(_composed(command, list(overrides)))
 
 
 def compose(command: Command, words: list[str]) -> Any:
     """Return the typed configuration that ``words`` lead to, without running anything."""
-    overrides = prepare(command, words)
+    return _composed(command, prepare(command, words))
+
+
+def _composed(command: Command, overrides: list[str]) -> Any:
     register(command)
     from hydra import compose as hydra_compose
     from hydra import initialize
@@ -62,6 +73,27 @@ def compose(command: Command, words: list[str]) -> Any:
     GlobalHydra.instance().clear()
     with explained(command), initialize(config_path=None, version_base="1.3"):
         return typed(command, hydra_compose(command.name, overrides))
+
+
+def _hydra(command: Command, overrides: list[str], job: Callable[[Any], None]) -> None:
+    """Hand ``job`` to Hydra's own entry."""
+    register(command)
+    import hydra
+
+    failures: list[Exception] = []
+
+    def kept(cfg: Any) -> None:
+        try:  # Hydra would print its own words about an error
+            job(cfg)
+        except Exception as error:
+            failures.append(error)
+
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # hand exceptions on instead of printing and exiting
+    sys.argv = [f"aerial-il {command.name}", *overrides]
+    with explained(command):
+        hydra.main(version_base="1.3", config_path=None, config_name=command.name)(kept)()
+    if failures:
+        raise failures[0]
 
 
 def register(command: Command) -> None:
@@ -82,13 +114,8 @@ def register(command: Command) -> None:
 
 def typed(command: Command, cfg: Any) -> Any:
     """Turn a composed configuration into an instance of the command's dataclass."""
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
     from omegaconf import OmegaConf
 
-    target = keys.output_key(command.config)
-    if target and HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN:
-        cfg[target] = uninterpolated(os.path.relpath(HydraConfig.get().runtime.output_dir))
     missing = sorted(OmegaConf.missing_keys(cfg))
     if missing:
         wanted = " ".join(f"{name.removesuffix('.path').removesuffix('.name')}=..." for name in missing)

@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from aerial_il import algorithms, benchmarks, policies, robots
+from aerial_il.cli import launchers
 from aerial_il.cli.configuration.defaults import TARGET, classes, completed, has_method
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tasks
@@ -25,6 +26,7 @@ Names = Callable[[], Iterable[str]]
 CONSTRUCTED: Mapping[str, tuple[str, Names, str]] = {
     "algorithm": (algorithms.__name__, algorithms.list_algorithms, "train"),
     "bench": (benchmarks.__name__, benchmarks.names, "run"),
+    "launcher": (launchers.__name__, launchers.names, "launch"),
     "policy": (policies.__name__, policies.list_policies, "build"),
 }
 NAMED: Mapping[str, Names] = {"robot": robots.names, "task": tasks.names}  # only their name is chosen

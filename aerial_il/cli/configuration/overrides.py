@@ -45,10 +45,15 @@ def prepare(command: Command, words: list[str]) -> list[str]:
     chosen |= {key: value for key, _, value in [word.partition("=") for word in words] if key in chosen}
     for group in chosen.keys() - {field.name for field in fields(command.config)}:
         _check_fits(group, chosen)
-    several, texts = bool(_SWEEPING & set(flags)), _texts(command, chosen)
+    several, texts = sweeps(flags), _texts(command, chosen)
     words = [word for word in words if not _says_the_usual_nothing(command, word)]
     prepared = [_prepared(command, word, chosen, texts, literals if several else literal) for word in words]
     return flags + prepared + (_sweep_folders(command, prepared) if several else [])
+
+
+def sweeps(words: Collection[str]) -> bool:
+    """Whether a flag among ``words`` asks for one run for each combination of values."""
+    return not _SWEEPING.isdisjoint(words)
 
 
 def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ...]:
@@ -63,7 +68,7 @@ def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ..
         found.append(group)
         if option in groups.options(group):
             content = groups.read_option(group, str(option))
-            prefix = f"{group}." if group in hints else ""
+            prefix = f"{group}." if group in hints or group == "launcher" else ""
             found += [prefix + leaf for leaf in groups.leaf_keys(content) if leaf != "defaults"]
     return tuple(dict.fromkeys(found))
 
@@ -143,6 +148,8 @@ def _prepared(
 ) -> str:
     """Return one override as Hydra takes it: its name checked, a path where it belongs, and what is text ``quoted``."""
     name, equals, value = word.partition("=")
+    if name == "hydra/launcher" and value != "basic":
+        raise InvalidValueError(f"{word}: jobs of a sweep are started by our own launchers, e.g. launcher=processes.")
     sign = name[: len(name) - len(name.lstrip("+~"))]
     plain_name = name.lstrip("+~").split("@")[0]
     if (not equals and not sign) or re.split(r"[./]", plain_name)[0] == "hydra":

@@ -43,14 +43,14 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     from aerial_il.policies import load_policy
 
     settings = run.config.get("settings", {})
-    told, path = run.command.get("dataset", {}), _dataset_of(run, dataset)
+    recorded, path = run.command.get("dataset", {}), _dataset_of(run, dataset)
     if run.algorithm != "bc" or "selection" not in settings:
         raise InvalidValueError(f"which demonstrations {run.algorithm} held out is not known.")
     if path is None:
         raise InvalidValueError("the run does not say where its dataset lies. Give dataset=PATH.")
     policy = load_policy(run.path).config
     algorithm = BehaviourCloning(selection=Selection(**settings["selection"]), validation=settings["validation"])
-    limit = told.get("episodes") if path == told.get("path") else None
+    limit = recorded.get("episodes") if path == recorded.get("path") else None
     divided = algorithm.divide(
         demonstrations.open_demonstrations(path, limit=limit, images=policy.images, algorithm=algorithm),
         policy,

@@ -64,7 +64,7 @@ class _Function:
         return np.asarray(self._function(obs), float)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        """Nothing is remembered."""
+        """It has no state."""
 
 
 @contextmanager

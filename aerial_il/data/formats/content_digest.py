@@ -19,8 +19,8 @@ ARRAYS = (
 
 def content_digest(episode: Episode) -> str:
     """Return the SHA-256 of all values of an episode, their shapes and types, whatever file they lie in."""
-    told = {"uid": episode.uid, "success": episode.success, "model": episode.model_xml}
-    sha = hashlib.sha256(sealed({**told, "spec": episode.spec.to_dict(), "provenance": dict(episode.provenance)}))
+    identity = {"uid": episode.uid, "success": episode.success, "model": episode.model_xml}
+    sha = hashlib.sha256(sealed({**identity, "spec": episode.spec.to_dict(), "provenance": dict(episode.provenance)}))
     arrays = {name: getattr(episode, name) for name in ARRAYS} | {f"obs/{k}": v for k, v in episode.obs.items()}
     for name, values in sorted(arrays.items()):
         sha.update(f"{name} {values.dtype.str} {values.shape}".encode())

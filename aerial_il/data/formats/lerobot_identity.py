@@ -22,8 +22,8 @@ def identity(spec: EnvSpec) -> list[str]:
     return [json.dumps({**spec.to_dict(), **OF_ONE_FLIGHT}, sort_keys=True)]
 
 
-def told(features: Mapping[str, Any]) -> EnvSpec | None:
-    """Return the specification that a dataset's features tell, or None for one of somebody else's.
+def declared_spec(features: Mapping[str, Any]) -> EnvSpec | None:
+    """Return the specification that a dataset's features declare, or None for one of somebody else's.
 
     Raises:
         ValueError, AerialError: what stands there is no specification.

@@ -23,7 +23,7 @@ from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.core.specs import NO_CONTROLLER, UNKNOWN, ActionSpec, EnvSpec, Field, Group, ObservationSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.content_digest import sealed
-from aerial_il.data.formats.lerobot_identity import UID, distinct, told
+from aerial_il.data.formats.lerobot_identity import UID, declared_spec, distinct
 from aerial_il.data.formats.lerobot_states import PROVENANCE
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
@@ -200,7 +200,7 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
         except AerialError as error:
             raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
     features = info["features"]
-    if (ours := told(features)) is not None:
+    if (ours := declared_spec(features)) is not None:
         return ours
     if ACTION not in features or STATE not in features:
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))

@@ -10,7 +10,7 @@ topic                  type                        content
 ``/tf``                TFMessage                   the same poses as a tree under ``world``
 ``/action``            JointState                  the commanded action, named
 ``/reward``            Float64MultiArray           one element
-``/<extra>``           JointState                  what else a recorder was told to keep, e.g. ``/device``
+``/<extra>``           JointState                  what else a recorder was numbers to keep, e.g. ``/device``
 ``/camera/<name>``     CompressedImage             JPEG (RGB) or PNG (depth in mm, segmentation id + 1)
 =====================  ==========================  ==========================================================
 
@@ -59,12 +59,12 @@ class Layout:
         observed, action = self.spec.observation.size(self.spec.observation.state_names), self.spec.action.size
         sizes = {"observation": observed, "state": self.spec.state_size}
         outcome = {"ctrl": self.ctrl_size, "action": action, "executed_action": action}
-        told = {"expert_action": action, **{name: len(labels) for name, labels in self.extras.items()}}
+        further = {"expert_action": action, **{name: len(labels) for name, labels in self.extras.items()}}
         numbers: list[tuple] = [
             ("sim_time", "<f8"),
             *((name, "<f8", (size,)) for name, size in sizes.items()),
             *((name, "<f8") for name in ("reward", "phase", *FLAGS)),
-            *((name, "<f8", (size,)) for name, size in {**outcome, **told}.items()),
+            *((name, "<f8", (size,)) for name, size in {**outcome, **further}.items()),
         ]
         return np.dtype(numbers)
 

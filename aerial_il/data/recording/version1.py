@@ -38,8 +38,8 @@ class Version1:
         sources = _whole(last, ("step", "sim_time", "state"))
         self.terminal = FixedTopic(next(channels), "/terminal", messages.STEP, last, sources)
         self.cameras = layout.views.cameras(channels)
-        self.told = layout.views.told(channels)
-        self.definitions = definitions_of([*self.observed, *self.acted, *self.told, self.terminal, *self.cameras])
+        self.further = layout.views.further(channels)
+        self.definitions = definitions_of([*self.observed, *self.acted, *self.further, self.terminal, *self.cameras])
 
     def read(self, report: Report, contents: Contents, steps: int) -> Messages:
         """Decode and check a whole episode of ``steps`` steps."""
@@ -52,7 +52,7 @@ class Version1:
 
     def read_whole_steps(self, report: Report, contents: Contents) -> Messages:
         """Decode and check as many steps as have all their messages, of an episode that may lack its end."""
-        topics = [*self.observed, *self.acted, *self.told, *self.cameras]
+        topics = [*self.observed, *self.acted, *self.further, *self.cameras]
         steps = min(len(contents.messages[topic.channel]) for topic in topics)
         for topic in topics:
             contents.messages[topic.channel] = contents.messages[topic.channel].first(steps)
@@ -61,7 +61,7 @@ class Version1:
     def _records(self, report: Report, contents: Contents, *, observed: int, acted: int) -> dict[str, np.ndarray]:
         steps = np.arange(observed)
         records = {topic.name: read_records(report, topic, contents, steps) for topic in self.observed}
-        acting = [*self.acted, *self.told]
+        acting = [*self.acted, *self.further]
         return records | {topic.name: read_records(report, topic, contents, steps[:acted]) for topic in acting}
 
     def _messages(
@@ -85,7 +85,7 @@ class Version1:
             check_shown(report, topic, records[topic.name], times, seen)
         for topic in self.acted:
             check_shown(report, topic, records[topic.name], times[: len(body)], acted)
-        for topic in self.told:
+        for topic in self.further:
             report.check_equal(topic.name, "log_time", records[topic.name]["log_time"], times[: len(body)])
         report.check_equal("/step", "sim_time", nanoseconds(body["sim_time"]), times[: len(body)])
         images = {c.field: read_images(report, c, contents, times) for c in self.cameras}

@@ -34,7 +34,7 @@ class Version2:
     def __init__(self, layout: Layout) -> None:
         self.layout, views, channels = layout, layout.views, count(STEP_CHANNEL)
         self.step = Topic(next(channels), STEP, messages.STEPS)
-        self.views = [*views.observed(channels), *views.acted(channels), *views.told(channels)]
+        self.views = [*views.observed(channels), *views.acted(channels), *views.further(channels)]
         self.cameras = views.cameras(channels)
         self.definitions = definitions_of([self.step, *self.views, *self.cameras])
         self.stride = max(1, round(VIEW_PERIOD_S / layout.spec.control_dt_s))

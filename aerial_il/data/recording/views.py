@@ -44,7 +44,7 @@ class Views:
             FixedTopic(next(channels), "/reward", messages.FLOAT_ARRAY, reward, {"data": ("reward", ALL)}),
         ]
 
-    def told(self, channels: Iterator[int]) -> list[FixedTopic]:
+    def further(self, channels: Iterator[int]) -> list[FixedTopic]:
         """Return the topics of further numbers."""
         return [
             FixedTopic(next(channels), f"/{name}", messages.JOINT_STATE, messages.joint_state(labels), _whole(name))

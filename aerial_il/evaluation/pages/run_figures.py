@@ -36,7 +36,7 @@ SMALL, TALL = 130.0, 260.0  # heights of one of many charts, and of one that sta
 
 
 def success(run: TrainingRun) -> Figure | None:
-    """Draw success in the rollouts over training, with 95 % intervals; the best one is marked, the last one told."""
+    """Draw success in the rollouts over training, with 95 % intervals; the best is marked, the last labelled."""
     rollouts = run.rollouts
     if not rollouts:
         return None
@@ -211,13 +211,13 @@ def _last(each: Each) -> float:
 
 
 def _draw_groups(
-    plot: Plot, groups: Groups, each: Each, means: Mapping[str, Sequence[Mean]], told: Callable[[float], str]
+    plot: Plot, groups: Groups, each: Each, means: Mapping[str, Sequence[Mean]], written: Callable[[float], str]
 ) -> None:
     """Draw each run thin and each group's mean thick, with its intervals, in the hue that its place among all has.
 
     Args:
         plot: where. groups: label -> runs. each: run -> (step, value). means: label -> means over its seeds.
-        told: value -> how it is written.
+        written: value -> how it is written.
     """
     for hue, (label, runs) in enumerate(groups.items()):
         for run in (run for run in runs if run in each and len(runs) > 1):
@@ -229,16 +229,16 @@ def _draw_groups(
         for step, mean, interval in means[label]:
             if interval:
                 plot.whisker(step, *interval, f"reach hue{hue % 8}")
-            title = f"{label}, {runs[0].unit.split()[-1]} {step:g}: {told(mean)}"
+            title = f"{label}, {runs[0].unit.split()[-1]} {step:g}: {written(mean)}"
             plot.dot(step, mean, f"spot hue{hue % 8}", radius=3.5, title=title)
 
 
 def mean_success(runs: Sequence[TrainingRun]) -> list[Mean]:
     """Return the mean success with its 95 % interval at every step at which all of ``runs`` were evaluated."""
-    told = [{r.step: r for r in run.rollouts} for run in runs]
+    by_step = [{r.step: r for r in run.rollouts} for run in runs]
     means: list[Mean] = []
-    for step in _common(told):
-        points = [one[step] for one in told]
+    for step in _common(by_step):
+        points = [one[step] for one in by_step]
         episodes = min(point.episodes for point in points)
         rate = float(np.mean([point.rate for point in points]))
         counts = [round(point.rate * episodes) for point in points]
@@ -253,15 +253,15 @@ def mean_success(runs: Sequence[TrainingRun]) -> list[Mean]:
 
 def mean_rewards(runs: Sequence[TrainingRun]) -> list[Mean]:
     """Return the mean reward at every step at which all of ``runs`` were evaluated; of one run, without interval."""
-    told = [dict(run.rewards) for run in runs]
+    by_step = [dict(run.rewards) for run in runs]
     means: list[Mean] = []
-    for step in _common(told):
-        values = np.array([one[step] for one in told])
+    for step in _common(by_step):
+        values = np.array([one[step] for one in by_step])
         rng = named_rng(0, "evaluation", "reward over training", str(step))
         interval = statistics.bootstrap_mean(values, rng=rng) if len(runs) > 1 else None
         means.append((float(step), float(values.mean()), interval))
     return means
 
 
-def _common(told: Sequence[Mapping[int, object]]) -> list[int]:
-    return sorted(set.intersection(*(set(one) for one in told))) if told else []
+def _common(by_step: Sequence[Mapping[int, object]]) -> list[int]:
+    return sorted(set.intersection(*(set(one) for one in by_step))) if by_step else []

@@ -69,7 +69,7 @@ class ChunkPolicy:
             InvalidValueError: n changed without a :meth:`reset`, or an image has another size.
             NonFiniteActionError: NaN or infinity in an observation or in the network's output.
         """
-        obs = self._told(obs)
+        obs = self._with_task(obs)
         frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
         self._count(len(frame))
         history = self._history.push(frame)
@@ -184,7 +184,7 @@ class ChunkPolicy:
     def _device(self) -> torch.device:
         return next(self.network.parameters()).device
 
-    def _told(self, obs: Observation) -> Observation:
+    def _with_task(self, obs: Observation) -> Observation:
         """Return ``obs`` with the task that is flown, where the policy knows several."""
         tasks = tasks_of(self.spec)
         if tasks == (self.spec.task,):

@@ -76,7 +76,7 @@ class Sb3Policy:
             raise InvalidValueError(f"{self.path} {mapped}; {there}.")
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        """Nothing is remembered."""
+        """It has no state."""
 
     def act(self, obs: Observation) -> np.ndarray:
         """Return actions (n, Da) within the bounds."""
@@ -94,12 +94,12 @@ def _read(path: Path) -> tuple[nn.Sequential, tuple[str, ...], bool]:
         wanted = [archive.getinfo(name) for name in ("data", "policy.pth")]
         if (size := sum(entry.file_size for entry in wanted)) > MAX_UNPACKED_BYTES:
             raise CheckpointError(path, f"would unpack to {size} bytes.")
-        told, raw = parse_json(archive.read("data")), archive.read("policy.pth")
+        saved, raw = parse_json(archive.read("data")), archive.read("policy.pth")
     weights = torch.load(io.BytesIO(raw), map_location="cpu", weights_only=True)
     for parts, (activation, bounded) in KINDS.items():
         layers = [layer for part in parts for layer in _layers(weights, part)]
         if layers and any(name.startswith(f"{parts[-1]}.") for name in weights):
-            return _network(layers, _activation(path, told, activation)), _fields(told), bounded
+            return _network(layers, _activation(path, saved, activation)), _fields(saved), bounded
     raise CheckpointError(path, "is no perceptron of PPO, A2C, SAC, TD3 or DDPG.", "Fly it as policy=MODULE:FACTORY.")
 
 
@@ -119,8 +119,8 @@ def _network(layers: Sequence[tuple[Tensor, Tensor]], activation: Callable[[], n
     return nn.Sequential(*modules[:-1]).eval()
 
 
-def _activation(path: Path, told: Mapping[str, Any], usual: str) -> Callable[[], nn.Module]:
-    said = str((told.get("policy_kwargs") or {}).get("activation_fn", usual))
+def _activation(path: Path, saved: Mapping[str, Any], usual: str) -> Callable[[], nn.Module]:
+    said = str((saved.get("policy_kwargs") or {}).get("activation_fn", usual))
     name = re.split(r"\W", said.rstrip("'>"))[-1]
     if name not in ACTIVATIONS:
         raise CheckpointError(
@@ -129,6 +129,6 @@ def _activation(path: Path, told: Mapping[str, Any], usual: str) -> Callable[[],
     return ACTIVATIONS[name]
 
 
-def _fields(told: Mapping[str, Any]) -> tuple[str, ...]:
-    space = told.get("observation_space") or {}
+def _fields(saved: Mapping[str, Any]) -> tuple[str, ...]:
+    space = saved.get("observation_space") or {}
     return tuple(_FIELD.findall(str(space.get("spaces", ""))))

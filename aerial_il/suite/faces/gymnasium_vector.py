@@ -114,11 +114,11 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
             last[world] = {name: values[world].copy() for name, values in obs.items()}
         started, nothing = self._start(ended), np.zeros((self.num_envs, self.aerial.spec.action.size))
         begun = self._with_masks(info_of(self.aerial.simulation.assessment, nothing), ended)
-        told = {name: np.where(_along(ended, v), begun[name], v) for name, v in final.items() if name[0] != "_"}
+        merged = {name: np.where(_along(ended, v), begun[name], v) for name, v in final.items() if name[0] != "_"}
         masks = {name: np.where(ended, begun[name], v) for name, v in final.items() if name[0] == "_"}
         final |= {name: v & ended for name, v in final.items() if name[0] == "_"}
         return started, {
-            **told,
+            **merged,
             **masks,
             "final_obs": last,
             "_final_obs": ended,

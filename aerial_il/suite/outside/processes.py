@@ -153,7 +153,7 @@ class _Elsewhere:
     def answer(self) -> Any:
         """Return what was last asked for, or raise the error that it met."""
         try:
-            while (answered := told(self._pipe))[0] != self._asked:
+            while (answered := received(self._pipe))[0] != self._asked:
                 pass  # the answer to a question whose asker was interrupted before it listened
         except (EOFError, OSError) as error:
             raise InvalidValueError(ENDED) from error
@@ -187,14 +187,14 @@ def serve(pipe: Connection, make: MakeBatch, worlds: int) -> None:
     batch = attempt(make, worlds)
     try:
         while True:
-            question, name, rows = told(pipe)
+            question, name, rows = received(pipe)
             pipe.send((question, batch if isinstance(batch, Exception) else attempt(answer, batch, name, rows)))
     except (EOFError, OSError):
         if not isinstance(batch, Exception):
             batch.close()
 
 
-def told(pipe: Any) -> Any:
+def received(pipe: Any) -> Any:
     """Return what is said next through a connection, watching it for a while: to be woken takes longer than to look."""
     watched = select.poll()
     watched.register(pipe, select.POLLIN)

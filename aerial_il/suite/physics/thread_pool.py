@@ -9,10 +9,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 import numpy as np
 
 FEWEST_WORLDS = 4  # below this, waking a thread costs more than it saves
+CORES = "AERIAL_IL_CORES"  # environment: how many cores a process may use, where several share a machine
 
 
 def available_cores() -> int:
     """Cores this process may use."""
+    if (told := os.environ.get(CORES, "")).isdecimal():
+        return max(1, int(told))
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 

@@ -26,7 +26,7 @@ class DriverOperator:
     def __init__(self, *, seed: int = 0, judgement: Judgement | None = None) -> None:
         self._seed, self._judgement = seed, judgement
 
-    def told(self, rounds: Sequence[object], message: str) -> None:
+    def notify(self, rounds: Sequence[object], message: str) -> None:
         pass
 
     def record(

@@ -134,6 +134,7 @@ class Flown(Drift):
 # -- rlpd
 
 
+@pytest.mark.slow
 def test_rlpd_learns_from_demonstrations_what_it_does_not_learn_from_random_flights(tmp_path: Path) -> None:
     """A few steps of its own, the same for both."""
     settings = {"steps": 640, "utd_ratio": 2.0, "actor_every": 2, "critics": 4, "entropy": -3.0}

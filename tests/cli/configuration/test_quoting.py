@@ -163,7 +163,10 @@ def test_a_wrong_key_is_still_told() -> None:
         prepare(TRAIN, ["a/b=x"])
 
 
-@pytest.mark.parametrize("name", ["数据", "a=b", "com,ma", "br[a]", "it's", "$HOME ${x}"])
+NAMES = ("数据", "a=b", "com,ma", "br[a]", "it's", "$HOME ${x}")
+
+
+@pytest.mark.parametrize("name", [" ".join(NAMES), *(pytest.param(name, marks=pytest.mark.slow) for name in NAMES)])
 def test_flights_are_recorded_and_described_under_any_name(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

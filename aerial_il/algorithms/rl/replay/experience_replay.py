@@ -1,4 +1,4 @@
-"""What an off-policy learner remembers of its own flights: transitions, in hindsight too, and how they varied."""
+"""An off-policy learner's own flights: its replay buffer, goals relabelled in hindsight, and moments of what it saw."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ExperienceReplay:
         return {name: part for name, part in found.items() if part is not None}
 
     def step(self, explorer: Explorer) -> None:
-        """Take one step in all worlds with actions drawn by ``explorer``, and remember it."""
+        """Take one step in all worlds with actions drawn by ``explorer``, and add it to the replay buffer."""
         run = self._run
         frames = run.collector.frames
         actions = np.asarray(explorer.explore(encode(run.interface, frames)), np.float32)
@@ -56,10 +56,10 @@ class ExperienceReplay:
         """Draw ``count`` transitions with replacement."""
         return self._buffer.sample(count)
 
-    def settle(self) -> None:
-        """End the warm-up: where observations are to be standardised they are from now on, remembered ones too."""
-        if self._norm and not self._norm.settled:
-            self._norm.settle()
+    def finish_warmup(self) -> None:
+        """End the warm-up: where observations are to be standardised they are from now on, those in the buffer too."""
+        if self._norm and not self._norm.frozen:
+            self._norm.freeze()
             self._buffer.standardise(self._run.interface)
 
     def _keep(
@@ -82,29 +82,29 @@ class WarmupNorm:
     """
 
     def __init__(self, run: OnlineRun) -> None:
-        self._run, self._moments, self.settled = run, RunningMoments(run.sizes[0]), False
+        self._run, self._moments, self.frozen = run, RunningMoments(run.sizes[0]), False
 
     def add(self, frames: np.ndarray) -> None:
         """Take frames (n, Do) in, while they still count."""
-        if not self.settled:
+        if not self.frozen:
             self._moments.add(self._run.interface.layout.relate(frames))
 
-    def settle(self) -> None:
+    def freeze(self) -> None:
         """Standardise from now on."""
-        self._run.interface, self.settled = standardised(self._run.interface, self._moments), True
+        self._run.interface, self.frozen = standardised(self._run.interface, self._moments), True
 
     def snapshot(self) -> Snapshot:
         arrays, values = self._moments.snapshot()
-        return Snapshot(arrays, {**values, "settled": self.settled})
+        return Snapshot(arrays, {**values, "settled": self.frozen})
 
     def restore(self, saved: Snapshot) -> None:
         self._moments.restore(saved)
         if saved.values["settled"]:
-            self.settle()
+            self.freeze()
 
 
 def relabeller(settings: OffPolicyReinforcement, run: OnlineRun) -> Relabeller:
-    """Return what remembers episodes with other goals.
+    """Return what relabels episodes with other goals.
 
     Raises:
         InvalidValueError: the environment tells no goal, or the policy does not see it.

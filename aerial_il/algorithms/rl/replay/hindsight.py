@@ -1,4 +1,4 @@
-"""Hindsight experience replay: an episode that missed its goal is remembered as one that reached what it did reach.
+"""Hindsight experience replay: an episode that missed its goal is stored again as one that reached what it did reach.
 
 An environment says which fields of its observations tell the goal, and what another would have paid
 (:mod:`aerial_il.core.goals`). All transitions are paid by that rule, those with the original goal too. An end by
@@ -29,7 +29,7 @@ class Hindsight:
     """Settings.
 
     Attributes:
-        goals: how many other goals each step is remembered with; 0 for no hindsight. The source's is 4.
+        goals: how many other goals each step is stored with; 0 for no hindsight. The source's is 4.
         strategy: where they were achieved: at a random step of the same episode from then on (``future``), or at its
             ``final`` one, which is a single goal.
         tolerance: share of the goal's own tolerance that is paid. A policy that is paid at its edge comes to rest

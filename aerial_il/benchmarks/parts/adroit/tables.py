@@ -107,13 +107,13 @@ def expert_row(task: str, found: Flown) -> Row:
 def arm_row(found: Mapping[Point, Flown]) -> Row:
     any_of = next(iter(found))
     head = {"task": any_of.task, "policy": any_of.place.parts[3], "demos": any_of.demos, "noise_free": any_of.clean}
-    told = [_told(point, one) for point, one in found.items()]
-    means = {name: round(float(np.mean([row[name] for row in told]))) for name in told[0]}
+    rows = [_row(point, one) for point, one in found.items()]
+    means = {name: round(float(np.mean([row[name] for row in rows]))) for name in rows[0]}
     return {**head, "seeds": len(found), **_numbers(any_of.task, list(found.values())), **means}
 
 
-def _told(point: Point, found: Flown) -> dict[str, float]:
-    """Return for how many steps the learner was told what the expert does, and for how many of them it asked."""
+def _row(point: Point, found: Flown) -> dict[str, float]:
+    """Return for how many steps the learner was rows what the expert does, and for how many of them it asked."""
     assert found.run is not None
     last = read_metrics(found.run)[-1]
     if "total/queries" not in last:

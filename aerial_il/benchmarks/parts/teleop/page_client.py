@@ -1,4 +1,4 @@
-"""What a page says to the server of a flight, without a browser: inputs fifty times a second, and what is told back."""
+"""What a page says to the server of a flight, without a browser: inputs fifty times a second; and what comes back."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PageClient:
     """A page that somebody sits at.
 
     Attributes:
-        held: names of controls that are down. status: what was told last. spoke: when it last said something, s.
+        held: names of controls that are down. status: what was status last. spoke: when it last said something, s.
     """
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
@@ -61,10 +61,10 @@ class PageClient:
                 await asyncio.sleep(PERIOD_S)
 
     async def hear(self) -> None:
-        """Take note of what is told, until the server is gone."""
+        """Keep the newest status, until the server is gone."""
         async for message in self._socket:
-            if message.type is aiohttp.WSMsgType.TEXT and (told := json.loads(message.data))["type"] == "status":
-                self.status = told
+            if message.type is aiohttp.WSMsgType.TEXT and (status := json.loads(message.data))["type"] == "status":
+                self.status = status
 
 
 @asynccontextmanager

@@ -66,7 +66,7 @@ class Config:
     host: str = key("127.0.0.1", "where the page is served; another one than this machine's own needs expose=true")
     expose: bool = key(False, "let other machines reach the page, over https")
     tls: bool | None = key(None, "serve over https (null: where other machines reach it)")
-    certificate: str | None = key(None, "PEM file for https (null: one is made, and its fingerprint told)")
+    certificate: str | None = key(None, "PEM file for https (null: one is made, and its fingerprint printed)")
     key_file: str | None = key(None, "PEM file of the certificate's key")
     port: int = key(8642, "of the page; 0 for any that is free")
     size: list[int] = key([360, 480], "height and width of the pictures")
@@ -192,9 +192,9 @@ def _tls(config: Config) -> ssl.SSLContext | None:
             )
         return None
     if config.certificate is not None and config.key_file is not None:
-        context, told = own_certificate(config.certificate, config.key_file)
+        context, fingerprint = own_certificate(config.certificate, config.key_file)
     else:
-        context, told = fresh_certificate([*LOOPBACK, own_address(), *own_names()])
+        context, fingerprint = fresh_certificate([*LOOPBACK, own_address(), *own_names()])
         print("The browser will not know this certificate; compare its fingerprint before you go on.", flush=True)
-    print(f"SHA-256 fingerprint: {told}", flush=True)
+    print(f"SHA-256 fingerprint: {fingerprint}", flush=True)
     return context

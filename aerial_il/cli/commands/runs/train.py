@@ -132,7 +132,7 @@ def learn(config: Config) -> None:
     episodes = _demonstrations(config, algorithm, policy)
     with (
         track_with(config.tracker),
-        _told(config),
+        _recording_the_command(config),
         _rollout_evaluator(config, algorithm) as evaluator,
         _training_resources(config, algorithm, policy) as handed,
     ):
@@ -185,7 +185,7 @@ def _rollout_evaluator(config: Config, algorithm: Algorithm) -> Iterator[Rollout
 
 
 @contextmanager
-def _told(config: Config) -> Iterator[None]:
+def _recording_the_command(config: Config) -> Iterator[None]:
     """Keep in the run's folder what was typed, once the training has ended or been stopped: then the run is ours."""
     from aerial_il.core.files import write_json
 

@@ -63,6 +63,7 @@ def test_a_recording_becomes_a_page_with_its_sub_tasks(
     assert "within 10 cm" in Path("x.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_a_film_alone(flight: Path) -> None:
     assert main(["view", f"recording={flight}", "out=x.mp4", "progress=false"]) == 0

@@ -1,0 +1,54 @@
+"""What the agents of off-policy learning have in common: networks in training, as one part of a run's state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+
+from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
+from aerial_il.algorithms.run.train_state import TrainState
+from aerial_il.core.tensors import tensor
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+
+class Agent:
+    """Networks in training and the targets that follow them; what they learn stands in the file of each algorithm.
+
+    Args:
+        trained: by the names that their state is kept under. targets: likewise.
+
+    Attributes:
+        updates: how often the critics have been improved.
+    """
+
+    def __init__(self, trained: Mapping[str, TrainState], targets: Mapping[str, Target]) -> None:
+        self._trained, self.updates = trained, 0
+        self._parts: Mapping[str, Stateful] = {**trained, **targets}
+
+    def set_lr(self, lr: float) -> None:
+        """Take all steps that follow at the learning rate ``lr``."""
+        for part in self._trained.values():
+            part.set_lr(lr)
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot(joined(self._parts).arrays, {"updates": self.updates})
+
+    def restore(self, saved: Snapshot) -> None:
+        separate(saved, self._parts)
+        self.updates = saved.values["updates"]
+
+
+@torch.no_grad()
+def sampled(actor: SquashedGaussian, obs: np.ndarray) -> np.ndarray:
+    """Draw actions (n, Da) of ``actor`` for encoded observations (n, Do)."""
+    return actor.sample(tensor(obs)[:, None])[0].numpy()
+
+
+@torch.no_grad()
+def noisy(actor: SquashedGaussian, obs: np.ndarray, noise: float) -> np.ndarray:
+    """Return the centre of ``actor``'s actions (n, Da) for encoded observations (n, Do), with Gaussian noise on it."""
+    actions = actor(tensor(obs)[:, None])[:, 0]
+    return (actions + noise * torch.randn_like(actions)).clamp(-1, 1).numpy()

@@ -1,0 +1,298 @@
+"""Reinforcement learning from a clone of few demonstrations, with a sparse reward: what practice adds to being shown.
+
+Every arm begins with the same few demonstrations of its draw. The improving ones fly on by themselves and are told
+nothing but whether a flight succeeded. Beside them stand the clone that they begin with, filtered cloning, which any
+of them has to beat, and cloning of many demonstrations, which is what the flown steps would buy from an expert. The
+final policies are flown on the same unseen seeds, in the tier they practised in and in a harder one that they have
+never seen. Every stage is kept by all that decides it: killed at any moment, the same call continues.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.expert_iteration import ExpertIteration
+from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    Cloned,
+    Stages,
+    all_that_decides,
+    check_seeds,
+    described,
+)
+from aerial_il.collection.collect import collect
+from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.settings import plain
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.network import PolicyConfig
+
+CLONE, SHOWN_MORE = "bc, first demonstrations", "bc, many demonstrations"
+JUDGED = "expert_iteration"
+WANTED: Mapping[tuple[str, int], float] = {("pick_place", 10): 90.0, ("pick_place", 40): 98.0}  # %, in the own tier
+WANTED_HARDER, MOST_DIP = 85.0, 5.0
+NOTES = (
+    "The reward is sparse: whether a flight succeeded. The final policy of each training, flown in the tier it was "
+    "trained in and in one it was not. Trainings of an arm differ in their draw: in demonstrations and flights (other "
+    "seeds), weights and minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. "
+    "Trainings: Student's 95 % interval with a training as the unit.",
+    "Flown: control steps of the practice of the mean training. Minutes: optimisation of the mean training.",
+    "Dip: by how much the policy at the start of any round flew worse than the one that practice began with, on the "
+    "starts of the round before anything was learned from them; the largest over all draws and rounds. Rounds of "
+    "filtered cloning fly with noise, so that theirs is of the noisy policy.",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Practised:
+    """A policy that goes on from its demonstrations by flying.
+
+    Attributes:
+        method: name for people. source: of the demonstrations; its draw is the training's seed. demos: how many.
+        policy: what is trained. algorithm: how.
+    """
+
+    method: str
+    source: Source
+    demos: int
+    policy: PolicyConfig
+    algorithm: ExpertIteration | FilteredCloning
+
+    @property
+    def label(self) -> str:
+        return (
+            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
+        )
+
+    def decided_by(self) -> dict[str, Any]:
+        return all_that_decides(self, "bc", self.algorithm.name, *_beside(self.algorithm))
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        env = stages.environment(self.source, self.source.tier, self.algorithm.worlds)
+        try:
+            return self.algorithm.train(
+                stages.demonstrations(self.source, self.demos),
+                self.policy,
+                run=run,
+                env=env,
+                collect=collect,
+                seed=self.source.draw,
+                progress=stages.progress,
+            )
+        finally:
+            env.close()
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One training and what it stands for.
+
+    Attributes:
+        name: of the arm. demos: that its arm begins with. training: what is trained.
+    """
+
+    name: str
+    demos: int
+    training: Cloned | Practised
+
+    @property
+    def cell(self) -> tuple[str, int]:
+        """Its task and the number of demonstrations to begin with."""
+        return self.training.source.task, self.demos
+
+
+Results = Mapping[tuple[Arm, str], EvaluationResult]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FromPrior:
+    """Settings.
+
+    Attributes:
+        expert: what demonstrates. policy: what is trained. cloning: how clones are made.
+        practising: arms by name. arms: which of them; empty for all.
+        robot, tier: what is flown. starts: task -> numbers of demonstrations to begin with.
+        many: demonstrations of the clone that was shown more.
+        harder: the tier that none has practised in. draws: one training each. episodes: unseen seeds per evaluation.
+        num_envs: worlds flown at once there. threads: of the simulation; 0 for all cores.
+    """
+
+    name: ClassVar[str] = "from_prior"
+    question: ClassVar[str] = "What does practice with nothing but success add to a clone of few demonstrations?"
+
+    expert: Mapping[str, Any] = field(default_factory=usual_expert)
+    policy: PolicyConfig = field(default_factory=MlpConfig)
+    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
+    practising: Mapping[str, ExpertIteration | FilteredCloning] = field(
+        default_factory=lambda: {JUDGED: ExpertIteration(), "filtered_bc": FilteredCloning()}
+    )
+    arms: tuple[str, ...] = ()
+    robot: str = "fa_hexa_arm4"
+    starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40)})
+    many: int = 400
+    tier: str = "calm"
+    harder: str = "gusts"
+    draws: tuple[int, ...] = (0, 1, 2)
+    episodes: int = 200
+    num_envs: int = 50
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        for name in self.arms:
+            if name not in self.practising:
+                raise UnknownNameError("arm", name, self.practising)
+        counts = [count for task in self.starts.values() for count in task]
+        if min([self.many, self.episodes, self.num_envs, *counts]) < 1 or not (self.draws and counts):
+            raise InvalidValueError(
+                "starts, many, episodes and num_envs start at 1; draws and starts name at least one."
+            )
+        check_seeds(EVALUATION_SEED, self.episodes)
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
+        stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
+        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._all_arms())
+        work = [(arm, tier) for arm in arms for tier in (self.tier, self.harder)]
+        results = {key: stages.judged(key[0].training, key[1], seeds) for key in bar(work, self.name, progress)}
+        groups = list(_grouped(arms))
+        pooled = [_row(group, tier, results, stages) for group in groups for tier in (self.tier, self.harder)]
+        practice = Practice(stages, [arm for arm in arms if isinstance(arm.training, Practised)])
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=json.loads(json.dumps(plain(self) | {"policy": described(self.policy)})),
+            targets=(*self._targets(pooled), *practice.targets()),
+            tables={"Success": pooled, "Dips": practice.dips, "Round by round": practice.rounds},
+            notes=(*NOTES, *stages.origins()),
+            details={
+                "failed_seeds": {f"{a.name}: {a.training.label}, {t}": failed_seeds(r) for (a, t), r in results.items()}
+            },
+            wall_time_s=stages.seconds(),
+        )
+
+    def _all_arms(self) -> Iterator[Arm]:
+        """Yield what is trained, draw by draw."""
+        for draw, (task, counts) in product(self.draws, self.starts.items()):
+            source = Source(robot=self.robot, task=task, tier=self.tier, noise=self.expert["noise"], draw=draw)
+            many = Cloned("bc", source, self.many, self.policy, self.cloning)
+            for count in counts:
+                yield Arm(CLONE, count, Cloned("bc", source, count, self.policy, self.cloning))
+                for name in self.arms or tuple(self.practising):
+                    yield Arm(name, count, Practised(name, source, count, self.policy, self.practising[name]))
+                yield Arm(SHOWN_MORE, count, many)
+
+    def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:
+        """Yield what expert iteration must reach."""
+        for row in pooled:
+            wanted = WANTED.get((row["task"], row["demos"]))
+            if row["arm"] == JUDGED and wanted is not None:
+                own = row["tier"] == self.tier
+                what = f"{row['task']} from {row['demos']}, {row['tier']}: {JUDGED}"
+                yield pooled_target(what, wanted if own else WANTED_HARDER, row)
+
+
+@dataclass(frozen=True, eq=False)
+class Practice:
+    """What the rounds of the practising arms cost and brought.
+
+    Attributes:
+        stages: of the study. arms: those that practised.
+    """
+
+    stages: Stages
+    arms: Sequence[Arm]
+
+    @cached_property
+    def rounds(self) -> list[Row]:
+        """One row for each round of each training; the first row of a training tells of its prior."""
+        return [row for arm in self.arms for row in self._rounds(arm)]
+
+    @cached_property
+    def dips(self) -> list[Row]:
+        """One row for each arm: the largest dip of any of its trainings below what it began with, in points."""
+        return [self._dip(group) for group in _grouped(self.arms)]
+
+    def targets(self) -> Iterator[Target]:
+        """Yield that no arm may fall far below its prior."""
+        for row in self.dips:
+            if row["arm"] == JUDGED:
+                what = f"{row['task']} from {row['demos']}: largest dip below the prior"
+                yield Target(what, "at most", MOST_DIP, row["dip"], "points", f"{row['rounds']} rounds of flights")
+
+    def _rounds(self, arm: Arm) -> Iterator[Row]:
+        flown = 0
+        for row in read_metrics(self.stages.run_of(arm.training))[1:]:
+            flown += int(row["flight_steps"])
+            first = row.get("starts_solved_first", row["flights_solved"] / row["flights"])
+            yield {
+                "arm": arm.name,
+                "task": arm.cell[0],
+                "demos": arm.demos,
+                "draw": arm.training.source.draw,
+                "round": int(row["step"]),
+                "first_percent": round(100 * first, 1),
+                "solved_percent": round(100 * row.get("starts_solved", first), 1),
+                "flown": flown,
+            }
+
+    def _dip(self, group: Sequence[Arm]) -> Row:
+        flown = [[row["first_percent"] for row in self._rounds(arm)] for arm in group]
+        dips = [max(0.0, rates[0] - min(rates)) for rates in flown]
+        head = {"arm": group[0].name, "task": group[0].cell[0], "demos": group[0].demos}
+        return {**head, "dip": round(max(dips), 1), "rounds": sum(map(len, flown))}
+
+
+def _beside(algorithm: ExpertIteration | FilteredCloning) -> tuple[str, ...]:
+    """Return the other algorithms whose code an algorithm flies with."""
+    return ("dart",) if isinstance(algorithm, FilteredCloning) else ()
+
+
+def _grouped(arms: Sequence[Arm]) -> Iterator[list[Arm]]:
+    """Yield the trainings of each arm, which differ in their draws only."""
+    groups: dict[tuple[Any, ...], list[Arm]] = {}
+    for arm in arms:
+        groups.setdefault((*arm.cell, arm.name), []).append(arm)
+    yield from groups.values()
+
+
+def _row(group: Sequence[Arm], tier: str, results: Results, stages: Stages) -> Row:
+    """Return success of the trainings of one arm in a tier, and what the mean one cost."""
+    judged = [results[arm, tier] for arm in group]
+    times = [e.time_to_success_s for result in judged for e in result.episodes if e.time_to_success_s is not None]
+    return {
+        "task": group[0].cell[0],
+        "demos": group[0].demos,
+        "arm": group[0].name,
+        "tier": tier,
+        "flown": round(float(np.mean([_flown(arm, stages) for arm in group]))),
+        "minutes": stages.minutes(arm.training for arm in group),
+        **pooled_row(judged),
+        "time_s": round(float(np.mean(times)), 2) if times else None,
+    }
+
+
+def _flown(arm: Arm, stages: Stages) -> int:
+    """Return the control steps that a training has flown by itself."""
+    if isinstance(arm.training, Cloned):
+        return 0
+    return sum(int(row["flight_steps"]) for row in read_metrics(stages.run_of(arm.training)))
+
+
+BENCHMARK = FromPrior

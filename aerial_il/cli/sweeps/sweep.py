@@ -1,0 +1,96 @@
+"""Run the jobs of a sweep by the launcher that was chosen, and say what became of each."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from aerial_il.cli import launchers
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
+from aerial_il.cli.launchers import Launcher
+from aerial_il.cli.sweeps.board import Board, Outcome
+from aerial_il.cli.sweeps.job import Job
+from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
+
+LAUNCHER = "launcher"
+_REASONS = 3  # told in an error; the table has all
+
+
+class JobsFailedError(AerialError):
+    """Some jobs of a sweep failed; the others did their work.
+
+    Args:
+        told: which, and why. status: of the console script.
+    """
+
+    def __init__(self, told: str, status: int) -> None:
+        super().__init__(told)
+        self.status = status
+
+
+def parted(words: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """Part ``launcher=NAME`` and ``launcher.KEY=VALUE`` from the words of a command."""
+    mine = [word for word in words if word.partition("=")[0].partition(".")[0] == LAUNCHER]
+    told = {key: value for key, _, value in (word.partition("=") for word in mine)}
+    return told, [word for word in words if word not in mine]
+
+
+def launcher_of(told: Mapping[str, str]) -> Launcher:
+    """Build the launcher that words chose.
+
+    Raises:
+        UnknownNameError: there is none of that name, or it has no such key.
+        InvalidValueError: a value of another type, or beyond its limits.
+    """
+    name = told.get(LAUNCHER, launchers.USUAL)
+    settings = groups.read_option(LAUNCHER, name)
+    known = [f"{LAUNCHER}.{key}" for key in groups.leaf_keys(settings) if key]
+    for key, value in told.items():
+        if key != LAUNCHER:
+            if key not in known:
+                raise UnknownNameError("key", key, known, f"They are those of {LAUNCHER}={name}.")
+            settings[key.partition(".")[2]] = _value(key, value)
+    return build(settings)
+
+
+def run_sweep(jobs: Sequence[Job], launcher: Launcher, again: str) -> None:
+    """Run ``jobs`` and print what became of them.
+
+    Args:
+        jobs: at least one. launcher: how. again: the command line that continues.
+
+    Raises:
+        JobsFailedError: not all of them did their work.
+    """
+    board = Board(jobs)
+    try:
+        launcher.launch(jobs, board)
+    except (KeyboardInterrupt, SystemExit):
+        board.close()
+        print(f"Stopped with {len(board.outcomes)} of {len(jobs)} jobs done. Continue: {again}", file=sys.stderr)
+        raise
+    board.close()
+    print(board.table())
+    if board.failed:
+        raise JobsFailedError(f"{_told(board.failed, len(jobs))} Again: {again}", board.status)
+
+
+def _told(failed: Sequence[Outcome], count: int) -> str:
+    """Return which jobs failed, each reason once, and where the first one's words are."""
+    reasons: dict[str, list[str]] = {}
+    for outcome in failed:
+        reasons.setdefault(outcome.reason, []).append(outcome.job.name)
+    told = " ".join(f"{', '.join(names)}: {reason}" for reason, names in list(reasons.items())[:_REASONS])
+    log = failed[0].job.log
+    return f"{len(failed)} of {count} jobs failed. {told}" + (f" See {log}." if log.exists() else "")
+
+
+def _value(key: str, text: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InvalidValueError(f"{key}={text} cannot be read as a value.") from error

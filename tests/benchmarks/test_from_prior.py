@@ -1,0 +1,104 @@
+"""The study of learning from a prior: a small one runs beside its controls, once, and its targets can be missed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.expert_iteration import ExpertIteration
+from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.benchmarks.from_prior import CLONE, JUDGED, SHOWN_MORE, Arm, FromPrior, Practice, Practised
+from aerial_il.benchmarks.parts.training.demonstrations import Source
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.policies.mlp import MlpConfig
+
+CLONING = BehaviourCloning(steps=10, batch_size=16)
+ROUNDS: dict[str, Any] = {"rounds": 2, "episodes": 2, "training": CLONING, "between_steps": 5, "evaluate_every": 0}
+SMALL: dict[str, Any] = {
+    "policy": MlpConfig(hidden=(16,)),
+    "cloning": CLONING,
+    "practising": {
+        JUDGED: ExpertIteration(**{**ROUNDS, "training": replace(CLONING, validation=0.0)}, attempts=2),
+        "filtered_bc": FilteredCloning(**ROUNDS),
+    },
+    "starts": {"reach": (2,)},
+    "many": 3,
+    "harder": "hard",
+    "draws": (0,),
+    "episodes": 1,
+    "num_envs": 1,
+    "threads": 1,
+}
+
+
+@pytest.mark.slow
+def test_a_small_study_stands_beside_its_controls_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    report = FromPrior(**SMALL).run(tmp_path, progress=False)
+    success = report.tables["Success"]
+    assert [(row["arm"], row["tier"]) for row in success] == [
+        (arm, tier) for arm in (CLONE, JUDGED, "filtered_bc", SHOWN_MORE) for tier in ("calm", "hard")
+    ]
+    flown = {row["arm"]: row["flown"] for row in success}
+    assert flown[CLONE] == flown[SHOWN_MORE] == 0
+    for name in (JUDGED, "filtered_bc"):
+        (run,) = {
+            file.parent for file in tmp_path.glob(f"training/{name}/**/metrics.jsonl") if "rounds" not in file.parts
+        }
+        assert flown[name] == sum(row["flight_steps"] for row in read_metrics(run)) > 0
+
+    files = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
+    again = FromPrior(**SMALL).run(tmp_path, progress=False)
+    assert again.tables == report.tables
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == files
+
+
+def rounds_of(tmp_path: Path, *first: float) -> Practice:
+    """A practice of one training whose rounds began with these shares of starts solved."""
+    algorithm = SMALL["practising"][JUDGED]
+    arm = Arm(JUDGED, 2, Practised(JUDGED, Source(robot="z1", task="reach"), 2, SMALL["policy"], algorithm))
+
+    class Told(Practice):
+        def _rounds(self, arm: Arm) -> Any:
+            return ({"arm": arm.name, "first_percent": 100 * share} for share in first)
+
+    del tmp_path
+    return Told(None, [arm])  # type: ignore[arg-type]  # no stage is asked
+
+
+@pytest.mark.parametrize(("shares", "dip", "met"), [((0.5, 0.6), 0.0, True), ((0.5, 0.44, 0.9), 6.0, False)])
+def test_the_dip_is_the_largest_on_the_way_however_it_ends(
+    tmp_path: Path, shares: tuple[float, ...], dip: float, met: bool
+) -> None:
+    (target,) = rounds_of(tmp_path, *shares).targets()
+    assert (round(target.measured, 1), target.met) == (dip, met)
+
+
+def test_what_expert_iteration_must_reach_can_be_missed() -> None:
+    study = FromPrior()
+    row = {"arm": JUDGED, "task": "pick_place", "demos": 10, "flights_low": 0, "flights_high": 0, "trainings_low": None}
+    rows = [{**row, "tier": tier, "percent": 87.0} for tier in ("calm", "gusts")]
+    assert [(target.limit, target.met) for target in study._targets(rows)] == [(90.0, False), (85.0, True)]
+    assert not list(study._targets([{**rows[0], "arm": "filtered_bc"}, {**rows[0], "demos": 11}]))
+
+
+def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
+    study = build(groups.read_option("bench", "from_prior"))
+    assert study.practising == {name: build(groups.read_option("algorithm", name)) for name in study.practising}
+
+
+@pytest.mark.parametrize("wrong", [{"starts": {}}, {"starts": {"reach": (0,)}}, {"draws": ()}, {"many": 0}])
+def test_a_study_of_nothing_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InvalidValueError):
+        FromPrior(**wrong)
+
+
+def test_an_arm_that_is_none_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="filtered_bc"):
+        FromPrior(arms=("ppo",))

@@ -1,0 +1,187 @@
+"""Sweeps: what becomes of their jobs, whichever of them fails, is killed, or is done by somebody else already."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli.commands import find
+from aerial_il.cli.configuration.overrides import prepare
+from aerial_il.cli.launchers import processes, serial
+from aerial_il.cli.main import main
+from aerial_il.cli.sweeps import job as jobs_of
+from aerial_il.cli.sweeps.board import Board
+from aerial_il.cli.sweeps.job import Job
+from aerial_il.cli.sweeps.sweep import launcher_of, parted
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+HOVER = ("robot=quad", "task=hover", "progress=false", "num_envs=2")
+
+
+def collect(folder: Path, *more: str) -> Job:
+    return Job("collect", (*HOVER, *more, f"out='{folder}'"), str(folder))
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """Return each recording of a dataset with its SHA-256; there must be some."""
+    found = {file.name: sha256(file.read_bytes()).hexdigest() for file in sorted(folder.glob("demos/*.mcap"))}
+    assert found
+    return found
+
+
+def test_launchers_give_the_same_bytes(tmp_path: Path) -> None:
+    found = []
+    for name, launcher in (
+        ("serial", serial.Serial()),
+        ("one", processes.Processes(jobs=1)),
+        ("two", processes.Processes(jobs=2)),
+    ):
+        jobs = [collect(tmp_path / name / f"seed={seed}", "episodes=2", f"seed={seed}") for seed in (0, 2)]
+        board = Board(jobs)
+        launcher.launch(jobs, board)
+        assert [outcome.state for outcome in board.outcomes.values()] == ["finished"] * 2, board.table()
+        found.append([digests(Path(job.folder)) for job in jobs])
+    assert found[0] == found[1] == found[2]
+    assert found[0][0] != found[0][1]
+
+
+def test_a_job_that_is_killed_or_wrong_does_not_stop_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(job: Job, **limits: int) -> subprocess.Popen[bytes]:
+        process = jobs_of.start(job, **limits)
+        if job.name == "killed":
+            process.kill()
+        return process
+
+    monkeypatch.setattr(processes, "start", killed)
+    jobs = [
+        collect(tmp_path / "killed", "episodes=1"),
+        collect(tmp_path / "wrong", "episodes=-1"),
+        collect(tmp_path / "right", "episodes=1"),
+    ]
+    board = Board(jobs)
+    processes.Processes(jobs=2).launch(jobs, board)
+    assert [board.outcomes[job].status for job in jobs] == [-signal.SIGKILL, 2, 0]
+    assert "SIGKILL" in board.outcomes[jobs[0]].reason
+    assert "episodes=-1" in board.outcomes[jobs[1]].reason
+    assert board.status == 1
+    assert "not run" not in board.table()
+
+
+def test_a_sweep_whose_coordinator_is_killed_leaves_no_job_behind_and_is_continued(tmp_path: Path) -> None:
+    words = ["collect", "-m", *HOVER, "episodes=40", "seed=0,40", "out=sweep", "launcher=processes", "launcher.jobs=2"]
+    command = [sys.executable, "-m", "aerial_il", *words]
+    sweep = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    folders = [tmp_path / "sweep" / f"seed={seed}" for seed in (0, 40)]
+    deadline = time.monotonic() + 120
+    while not all(len(list(folder.glob("demos/*.mcap"))) >= 2 for folder in folders):
+        assert sweep.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    sweep.kill()
+    sweep.wait()
+    assert any(len(digests(folder)) < 40 for folder in folders), "it was killed too late to tell anything"
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert [len(digests(folder)) for folder in folders] == [40, 40]
+    whole = tmp_path / "whole"
+    subprocess.run([sys.executable, "-m", "aerial_il", "collect", *HOVER, "episodes=40", f"out={whole}"], check=True)
+    assert digests(folders[0]) == digests(whole)
+
+
+def test_the_same_job_is_not_done_twice_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jobs_of, "PATIENCE_S", 0.0)
+    job = collect(tmp_path / "one", "episodes=200")
+    first = jobs_of.start(job, threads=1, cores=1)
+    with pytest.raises(InvalidValueError, match="another process"):
+        jobs_of.start(job, threads=1, cores=1)
+    jobs_of.stop([first])
+    assert first.returncode in (-signal.SIGTERM, 128 + signal.SIGTERM)
+    jobs_of.stop([jobs_of.start(job, threads=1, cores=1)])
+
+
+def test_ctrl_c_stops_the_jobs_and_says_how_to_continue(tmp_path: Path) -> None:
+    words = ["collect", "-m", *HOVER, "episodes=5000", "seed=0,5000", "out=s", "launcher=processes", "launcher.jobs=2"]
+    sweep = subprocess.Popen(
+        [sys.executable, "-m", "aerial_il", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    assert sweep.stderr is not None
+    while "seed=5000: started" not in sweep.stderr.readline():
+        assert sweep.poll() is None
+    time.sleep(0.5)
+    sweep.send_signal(signal.SIGINT)
+    said = sweep.communicate(timeout=60)[1]
+    assert sweep.returncode == 128 + signal.SIGINT
+    assert f"Continue: aerial-il {' '.join(words)}" in said
+    logs = [str(file) for file in tmp_path.glob("s/*/job.log")]
+    assert len(logs) == 2
+    assert not [file for log in logs for file in open_files() if file == log]
+
+
+def open_files() -> list[str]:
+    """Return the files that any process of ours has open."""
+    found = []
+    for link in Path("/proc").glob("[0-9]*/fd/*"):
+        try:
+            found.append(os.readlink(link))
+        except OSError:
+            continue
+    return found
+
+
+def test_words_choose_a_launcher() -> None:
+    told, rest = parted(["-m", "launcher=processes", "launcher.jobs=3", "seed=0,1"])
+    assert rest == ["-m", "seed=0,1"]
+    assert launcher_of(told) == processes.Processes(jobs=3)
+    assert launcher_of({}) == serial.Serial()
+    with pytest.raises(UnknownNameError, match="Did you mean 'processes'"):
+        launcher_of({"launcher": "process"})
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'launcher\.jobs'"):
+        launcher_of({"launcher": "processes", "launcher.job": "3"})
+    with pytest.raises(InvalidValueError, match="jobs='many'"):
+        launcher_of({"launcher": "processes", "launcher.jobs": "many"})
+    with pytest.raises(InvalidValueError, match="jobs=-1"):
+        launcher_of({"launcher": "processes", "launcher.jobs": "-1"})
+    with pytest.raises(InvalidValueError, match="launcher=processes"):
+        prepare(find("train"), ["-m", "seed=0,1", "hydra/launcher=joblib"])
+
+
+def test_a_launcher_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["collect", "out=x", "launcher=processes"]) == 2
+    assert "add -m" in capsys.readouterr().err
+
+
+def test_a_board_in_a_log_tells_what_jobs_said_last(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aerial_il.cli.sweeps.board._LINES_EVERY_S", 0.0)
+    job = Job("train", (), str(tmp_path))
+    job.log.write_bytes(b"begun\ntrain: 10 %\rtrain: 20 %\n")
+    board = Board([job])
+    board.started(job)
+    board.refresh()
+    assert "train: 20 %" in capsys.readouterr().err
+    job.log.write_bytes(b"aerial-il: the reason\nlast words\n")
+    board.ended(job, 2)
+    assert board.failed[0].reason == "the reason"
+    assert board.status == 2
+
+
+def test_a_job_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
+    job = collect(tmp_path / "orphan", "episodes=5000")
+    process = jobs_of.start(job, threads=1, cores=1)
+    while not list(Path(job.folder).glob("**/*.part")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    assert process.stdin is not None
+    threading.Timer(0.1, process.stdin.close).start()  # as the kernel does for a killed process
+    assert process.wait(jobs_of.GRACE_S) != 0
