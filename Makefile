@@ -40,7 +40,7 @@ bench: setup ## run every benchmark (aerial-il bench NAME runs one)
 	@$(BIN)/aerial-il bench
 
 docs: setup ## build the documentation into build/site (aerial-il docs open=true shows it)
-	@$(BIN)/aerial-il docs
+	@$(BIN)/aerial-il docs out=null
 
 lock: setup ## resolve pyproject.toml anew into requirements.lock, keeping the versions that still fit
 	@PATH="$$PATH:.tools/bin" uv pip compile pyproject.toml --extra dev --universal --python-version 3.12 \

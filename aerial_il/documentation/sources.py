@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatch
@@ -43,8 +44,7 @@ def assemble(folder: Path, generated: Mapping[str, str | bytes], root: Path = RO
     led = {**places, FRONT: START}
     contents = dict(generated)
     for source, place in places.items():
-        data = (root / source).read_bytes()
-        contents[place] = with_films(moved(data.decode(), source, led)) if place.endswith(".md") else data
+        contents[place] = _content(root / source, source, led)
     for name in [name for name in contents if name.endswith(("/index.md", "/index.rst"))]:
         contents[name] = _with_siblings(name, str(contents[name]), contents)
     contents[START] = with_contents(str(contents[START]), contents)
@@ -52,6 +52,19 @@ def assemble(folder: Path, generated: Mapping[str, str | bytes], root: Path = RO
         place = folder / (COPIED if name.endswith((*FILMS, ".cff")) else PAGES) / name
         _write(place, content.encode() if isinstance(content, str) else content)
     _remove_others(folder, contents)
+
+
+def _content(file: Path, source: str, places: Mapping[str, str]) -> str | bytes:
+    """Return a file as it stands on the site: links of Markdown, and of a notebook's Markdown, lead to their places."""
+    if file.suffix == ".md":
+        return with_films(moved(file.read_text(encoding="utf-8"), source, places))
+    if file.suffix != ".ipynb":
+        return file.read_bytes()
+    notebook = json.loads(file.read_text(encoding="utf-8"))
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "markdown":
+            cell["source"] = moved("".join(cell["source"]), source, places)
+    return json.dumps(notebook)
 
 
 def _remove_others(folder: Path, contents: Mapping[str, object]) -> None:

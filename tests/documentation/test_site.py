@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import re
 from functools import cache
 from html.parser import HTMLParser
@@ -157,3 +158,20 @@ def test_a_page_that_is_as_it_was_keeps_its_time(tmp_path: Path) -> None:
     before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.md")}
     assemble(tmp_path, {})
     assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.md")} == before
+
+
+def test_links_of_a_notebook_lead_to_the_pages(tmp_path: Path) -> None:
+    root = tmp_path / "repository"
+    (root / "docs").mkdir(parents=True)
+    (root / "notebooks").mkdir()
+    for name in ("docs/index.md", "docs/tiers.md", "CONTRIBUTING.md", "CHANGELOG.md", "CITATION.cff"):
+        (root / name).write_text("# a page\n")
+    cells = [
+        {"cell_type": "markdown", "metadata": {}, "source": ["# Air\n", "see [tiers](../docs/tiers.md)"]},
+        {"cell_type": "code", "metadata": {}, "source": "'[tiers](../docs/tiers.md)'", "outputs": []},
+    ]
+    (root / "notebooks" / "air.ipynb").write_text(json.dumps({"cells": cells, "metadata": {}, "nbformat": 4}))
+    assemble(tmp_path / "work", {}, root=root)
+    laid = json.loads((tmp_path / "work" / "source" / "notebooks" / "air.ipynb").read_text())
+    assert laid["cells"][0]["source"] == "# Air\nsee [tiers](../tiers.md)"
+    assert laid["cells"][1]["source"] == "'[tiers](../docs/tiers.md)'"

@@ -14,6 +14,8 @@ from pathlib import Path
 
 from aerial_il.cli.configuration.keys import key
 
+FRAMES_OF = "fa_hexa_arm4"  # whose picture shows the frames
+
 
 @dataclass
 class Config:
@@ -44,18 +46,21 @@ def write_pages(folder: str, *, films: bool) -> list[Path]:
     from aerial_il.evaluation.pages import robot_pages, task_pages
 
     pictures = write_films(Path(folder)) if films else []
-    return [*pictures, *write_architecture(folder), *robot_pages.write_pages(folder), *task_pages.write_pages(folder)]
+    return [*pictures, *write_drawings(folder), *robot_pages.write_pages(folder), *task_pages.write_pages(folder)]
 
 
-def write_architecture(folder: str) -> list[Path]:
-    """Draw the rooms, where this is a checkout, whose contract says how they stand."""
+def write_drawings(folder: str) -> list[Path]:
+    """Draw the frames, and the rooms where this is a checkout, whose contract says how they stand."""
+    from aerial_il import robots
     from aerial_il.core.files import write_atomic
     from aerial_il.documentation import layers
     from aerial_il.documentation.sources import ROOT
+    from aerial_il.evaluation.pages import frames
 
-    if not (ROOT / layers.CONTRACT).exists():
-        return []
-    return [write_atomic(Path(folder) / "architecture.svg", layers.drawing(ROOT))]
+    drawn = {"frames.svg": frames.drawing(robots.get(FRAMES_OF))}
+    if (ROOT / layers.CONTRACT).exists():
+        drawn["architecture.svg"] = layers.drawing(ROOT)
+    return [write_atomic(Path(folder) / name, drawing) for name, drawing in drawn.items()]
 
 
 def write_films(folder: Path) -> list[Path]:
