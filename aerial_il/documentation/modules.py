@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from collections import defaultdict
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +12,8 @@ ROOMS = (  # in the order of the layers, from what people call to what everythin
     *("cli", "documentation", "benchmarks", "algorithms", "evaluation", "collection", "bridges", "inspection"),
     *("experts", "policies", "teleop", "suite", "data", "robots", "control", "core"),
 )
+LOGGER = "log"
+LONG = 90  # characters of a value that is left to the source
 INTRODUCTION = """\
 # Python
 
@@ -47,29 +48,52 @@ def public_names() -> set[str]:
 
 @cache
 def defined(module: str) -> frozenset[str]:
-    """Return the public names that a module defines itself, at its top level."""
-    names = _bound(ast.parse(modules()[module].read_text(encoding="utf-8")).body)
-    return frozenset(name for name in names if not name.startswith("_"))
+    """Return the public names that a module defines itself, at its top level; its logger is nobody's business."""
+    return frozenset(_callables(module)) | frozenset(_constants(module))
 
 
-def _bound(body: list[ast.stmt]) -> Iterator[str]:
-    for statement in body:
-        match statement:
-            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
-                yield statement.name
-            case ast.TypeAlias(name=ast.Name(id=name)) | ast.AnnAssign(target=ast.Name(id=name)):
-                yield name
-            case ast.Assign(targets=targets):
-                yield from (node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name))
+def _callables(module: str) -> list[str]:
+    """Return the public functions and classes that a module defines."""
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+    return [node.name for node in _body(module) if isinstance(node, kinds) and not node.name.startswith("_")]
+
+
+def _constants(module: str) -> dict[str, str]:
+    """Return the public constants and aliases that a module defines, each with the source of its value."""
+    found = {}
+    for node in _body(module):
+        match node:
+            case ast.TypeAlias(name=target, value=value) | ast.AnnAssign(target=target, value=value):
+                targets = [target]
+            case ast.Assign(targets=targets, value=value):
+                pass
+            case _:
+                continue
+        text = ast.unparse(value) if value else ""
+        names = [leaf.id for each in targets for leaf in ast.walk(each) if isinstance(leaf, ast.Name)]
+        found |= {name: text for name in names if not name.startswith("_") and name != LOGGER}
+    return found
+
+
+@cache
+def _body(module: str) -> list[ast.stmt]:
+    return ast.parse(modules()[module].read_text(encoding="utf-8")).body
 
 
 def _page(package: str, members: list[str]) -> str:
     parts = [_title(package, "=")]
     for module in members:
-        heading = "" if module == package else _title(module.removeprefix(f"{package}."), "-")
-        names = ", ".join(sorted(defined(module)))
-        parts += [heading, f".. automodule:: {module}\n{f'   :members: {names}{chr(10)}' if names else ''}"]
+        parts += ["" if module == package else _title(module.removeprefix(f"{package}."), "-"), _module(module)]
     return "\n".join(parts)
+
+
+def _module(module: str) -> str:
+    """Return the directives that show a module; constants are named one by one, for most have no docstring."""
+    names = ", ".join(sorted(_callables(module)))
+    lines = [f".. automodule:: {module}", *([f"   :members: {names}"] if names else []), ""]
+    for name, value in _constants(module).items():
+        lines += [f".. py:data:: {module}.{name}", *([f"   :value: {value}"] if 0 < len(value) <= LONG else []), ""]
+    return "\n".join(lines)
 
 
 def _title(text: str, line: str) -> str:

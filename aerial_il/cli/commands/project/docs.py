@@ -14,6 +14,7 @@ from pathlib import Path
 
 from aerial_il.cli.configuration.keys import key
 
+NOWHERE = ("null", "false", "")  # a path is taken as it stands, these words too
 FRAMES_OF = "fa_hexa_arm4"  # whose picture shows the frames
 
 
@@ -24,6 +25,10 @@ class Config:
     site: str | None = key("build/site", "folder of the site; null for none")
     open: bool = key(False, "open the site in a browser, or say how where there is no screen")
     strict: bool = key(True, "a warning about a page is an error")
+
+    def __post_init__(self) -> None:
+        self.out = None if self.out in NOWHERE else self.out
+        self.site = None if self.site in NOWHERE else self.site
 
 
 def run(config: Config) -> None:
