@@ -6,7 +6,7 @@ ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
-.PHONY: help setup demo test test-all fuzz check format bench docs lock clean
+.PHONY: help setup demo test test-all fuzz check format bench docs lock slurm clean
 
 help: ## list these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -45,6 +45,9 @@ docs: setup ## build the documentation into build/site (aerial-il docs open=true
 lock: setup ## resolve pyproject.toml anew into requirements.lock, keeping the versions that still fit
 	@PATH="$$PATH:.tools/bin" uv pip compile pyproject.toml --extra dev --universal --python-version 3.12 \
 	  --generate-hashes --no-emit-index-url --no-header --no-annotate --quiet --output-file requirements.lock
+
+slurm: ## start a SLURM of one node on this machine, installing it if need be (as root): to try launcher=slurm
+	@setup/slurm.sh
 
 clean: ## remove caches and the environment; recordings and runs stay
 	rm -rf .venv .tools .cache .pytest_cache .ruff_cache .import_linter_cache dist build *.egg-info

@@ -1,11 +1,12 @@
-"""Run a command as it was typed: once, or as a sweep once for each combination of values."""
+"""Run a command as it was typed: once, in parts, or as a sweep once for each combination of values."""
 
 from __future__ import annotations
 
 from aerial_il.cli.commands import Command
-from aerial_il.cli.configuration.compose import planned, run_once
+from aerial_il.cli.configuration.compose import compose, planned, run_once
 from aerial_il.cli.configuration.overrides import prepare, sweeps
 from aerial_il.cli.configuration.quoting import command_line
+from aerial_il.cli.launchers import Launcher
 from aerial_il.cli.sweeps.job import Job
 from aerial_il.cli.sweeps.sweep import launcher_of, parted, run_sweep
 from aerial_il.core.errors import InvalidValueError
@@ -18,13 +19,22 @@ def run_command(command: Command, words: list[str]) -> None:
         AerialError: for every mistake in the words; whatever the command itself raises.
     """
     launched, rest = parted(words)
-    overrides = prepare(command, rest)
-    if not sweeps(rest):
-        if launched:
-            raise InvalidValueError(f"{next(iter(launched))}= says how the jobs of a sweep run: add -m to sweep.")
+    overrides, again = prepare(command, rest), command_line([command.name, *words])
+    if sweeps(rest):
+        launcher = launcher_of(launched)
+        if jobs := [Job(command.name, said, folder) for said, folder in planned(command, overrides)]:
+            run_sweep(jobs, launcher, again)
+    elif launched:
+        _run_divided(command, rest, launcher_of(launched), again)
+    else:
         run_once(command, overrides)
-        return
-    launcher = launcher_of(launched)
-    jobs = [Job(command.name, said, folder) for said, folder in planned(command, overrides)]
-    if jobs:
-        run_sweep(jobs, launcher, command_line([command.name, *words]))
+
+
+def _run_divided(command: Command, words: list[str], launcher: Launcher, again: str) -> None:
+    """Run a command in parts, each a job, and then once as a whole, which does what is left and comes to an end."""
+    if command.shards is None:
+        raise InvalidValueError(f"launcher= says how jobs run, and {command.name} is a single one: add -m to sweep.")
+    overrides = prepare(command, words)
+    parts = command.shards(compose(command, words))
+    run_sweep([Job(command.name, (*overrides, *said), folder) for said, folder in parts], launcher, again)
+    run_once(command, overrides)

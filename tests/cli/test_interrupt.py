@@ -24,6 +24,7 @@ AT_ONCE = {
     "new",
     "recover",
     "reward",
+    "runs",
     "validate",
 }  # done before one presses
 LONG = {  # command -> what is typed, and the sign on stderr or stdout that it is at work

@@ -16,6 +16,7 @@ from aerial_il.cli.configuration.build import build, locate, parameters
 from aerial_il.cli.configuration.compose import compose
 from aerial_il.cli.configuration.defaults import defaults_of
 from aerial_il.cli.configuration.overrides import known_keys
+from aerial_il.cli.sweeps.sweep import launcher_of, parted
 from aerial_il.control import laws
 from aerial_il.suite import tiers
 
@@ -110,7 +111,9 @@ def test_the_examples_of_a_command_are_valid(name: str) -> None:
     command = commands.find(name)
     for line in command.doc.splitlines():
         if line.startswith(f"Example: aerial-il {name}"):
-            compose(command, line.split()[3:])
+            launched, words = parted(line.split()[3:])
+            compose(command, words)
+            launcher_of(launched)
 
 
 def _required(name: str) -> list[str]:

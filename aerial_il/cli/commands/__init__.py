@@ -25,12 +25,14 @@ class Command:
         doc: the module's docstring; its first line is the summary.
         config: dataclass of the keys.
         run: does the work; what it returns is printed by nobody.
+        shards: of a command whose work can be divided: configuration -> for each part, words and a folder for its log.
     """
 
     name: str
     doc: str
     config: type
     run: Callable[[Any], None]
+    shards: Callable[[Any], list[tuple[tuple[str, ...], str]]] | None = None
 
     @property
     def summary(self) -> str:
@@ -56,7 +58,7 @@ def find(name: str) -> Command:
     if name not in names():
         raise UnknownNameError("command", name, names(), "See: aerial-il --help")
     module = importlib.import_module(_modules()[name])
-    return Command(name, (module.__doc__ or "").strip(), module.Config, module.run)
+    return Command(name, (module.__doc__ or "").strip(), module.Config, module.run, getattr(module, "shards", None))
 
 
 @cache

@@ -27,19 +27,24 @@ class Processes:
     Attributes:
         jobs: at a time; 0 for as many as there are cores.
         threads: of torch and BLAS in each; results repeat bit for bit at a fixed number only.
+        retries: of a job that was killed, which then goes on where it was.
     """
 
     jobs: int = 0
     threads: int = 1
+    retries: int = 1
 
     def __post_init__(self) -> None:
-        if self.jobs < 0 or self.threads < 1:
-            raise InvalidValueError(f"jobs={self.jobs} and threads={self.threads} must be at least 0 and 1.")
+        if min(self.jobs, self.retries) < 0 or self.threads < 1:
+            raise InvalidValueError(
+                f"jobs={self.jobs} and retries={self.retries} must be at least 0, threads={self.threads} at least 1."
+            )
 
     def launch(self, jobs: Sequence[Job], board: Board) -> None:
         abreast = min(len(jobs), self.jobs or max(1, available_cores() // self.threads))
         cores = max(1, available_cores() // abreast)
         waiting, running = deque(jobs), dict[Job, subprocess.Popen[bytes]]()
+        left = dict.fromkeys(jobs, self.retries)
         try:
             while waiting or running:
                 while waiting and len(running) < abreast:
@@ -47,7 +52,11 @@ class Processes:
                 for job, process in list(running.items()):
                     if (status := process.poll()) is not None:
                         del running[job]
-                        board.ended(job, status)
+                        if status < 0 < left[job]:
+                            left[job] -= 1
+                            waiting.appendleft(job)
+                        else:
+                            board.ended(job, status)
                 board.refresh()
                 time.sleep(POLL_S)
         finally:

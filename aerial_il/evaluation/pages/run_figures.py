@@ -9,9 +9,10 @@ import numpy as np
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.curves import Curve, curves_of
-from aerial_il.evaluation.pages.charts import NARROW, WIDE, Figure, Plot, tick_label
+from aerial_il.evaluation.pages.charts import HEIGHT, NARROW, WIDE, Figure, Plot, tick_label
 from aerial_il.evaluation.pages.figures import CLOCK, logged
 from aerial_il.evaluation.predictions import Prediction
+from aerial_il.evaluation.run_collection import axes_of, settings_of
 from aerial_il.evaluation.training_run import EPISODES, REWARD, SUCCESS, TrainingRun
 
 Groups = Mapping[str, Sequence[TrainingRun]]  # label -> runs that only differ in seed
@@ -200,6 +201,29 @@ def reward_of_groups(groups: Groups) -> Figure | None:
     return Figure(
         REWARD_TITLE, plot.svg(), note + "Bars: 95 % intervals, resampling seeds; too narrow for few of them."
     )
+
+
+def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
+    """Draw the success in the last rollouts along a setting in which ``runs`` differ: each run, and means.
+
+    Values stand in their order at equal distances; None where no run was flown.
+    """
+    values = axes_of(runs)[axis]
+    ends = [[run.rollouts[-1].rate for run in runs if run.rollouts and settings_of(run).get(axis) == v] for v in values]
+    if not any(ends):
+        return None
+    means = [(k, float(np.mean(rates))) for k, rates in enumerate(ends, start=1) if rates]
+    told = ", ".join(f"{values[k - 1]} {100 * mean:.0f} %" for k, mean in means)
+    alt, x = f"Success at the end by {axis}: {told}", (0.5, len(values) + 0.5)
+    places = [float(k) for k in range(1, len(values) + 1)]
+    plot = Plot(
+        x=x, y=(0.0, 1.0), x_label="", y_label="", alt=alt, width=NARROW, height=HEIGHT, percent=True, x_ticks=places
+    )
+    for place, (value, rates) in enumerate(zip(values, ends, strict=True), start=1):
+        for rate in rates:
+            plot.dot(place, rate, "knot", radius=2.5, title=f"{axis}={value}: {100 * rate:.0f} %")
+    plot.line([place for place, _ in means], [mean for _, mean in means], "curve", title="mean")
+    return Figure(axis, plot.svg(), "; ".join(f"{k}: {values[k - 1]}, mean {100 * mean:.0f} %" for k, mean in means))
 
 
 def _all(groups: Groups) -> list[TrainingRun]:

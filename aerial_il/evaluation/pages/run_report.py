@@ -17,6 +17,7 @@ from aerial_il.evaluation.pages import run_figures
 from aerial_il.evaluation.pages.page import END_WORDS, flat, write_page
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.run_collection import axes_of
 from aerial_il.evaluation.training_run import TrainingRun
 
 MOST_SETTINGS = 4  # named in a label
@@ -68,8 +69,13 @@ def write_run_report(
     )
 
 
-def write_runs_report(path: str | os.PathLike[str], runs: Sequence[TrainingRun]) -> Path:
+def write_runs_report(
+    path: str | os.PathLike[str], runs: Sequence[TrainingRun], *, refused: Mapping[Path, str] | None = None
+) -> Path:
     """Write the page of several runs, grouped by their settings: one group per configuration, its seeds together.
+
+    Args:
+        path: destination, an HTML file. runs: what is reported. refused: folders that are no runs -> why.
 
     Raises:
         InvalidValueError: two runs are the same one.
@@ -84,6 +90,8 @@ def write_runs_report(path: str | os.PathLike[str], runs: Sequence[TrainingRun])
         runs=[(label, run) for label, members in groups.items() for run in members],
         rollouts=[drawn for draw in OVER_SEEDS if (drawn := draw(groups))],
         loss=run_figures.losses(groups),
+        axes=[drawn for axis in axes_of(runs) if (drawn := run_figures.success_along(axis, runs))],
+        refused=refused or {},
     )
 
 

@@ -156,7 +156,7 @@ def test_words_choose_a_launcher() -> None:
 
 
 def test_a_launcher_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["collect", "out=x", "launcher=processes"]) == 2
+    assert main(["train", "run=x", "launcher=processes"]) == 2
     assert "add -m" in capsys.readouterr().err
 
 

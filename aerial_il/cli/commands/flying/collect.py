@@ -2,9 +2,13 @@
 
 Each seed is one episode. Successes go to demos/, the others, labelled so, to failures/.
 
+launcher=processes, slurm or ray divides the seeds among jobs that record into the same folder, on one machine or many.
+The dataset is the same, byte for byte, however many there are.
+
 Example: aerial-il collect robot=fa_hexa_arm4 task=reach episodes=100 out=datasets/reach
 Example: aerial-il collect task=pick_place episodes=50 cameras=[wrist,scene] lerobot=true out=datasets/pick_seen
 Example: aerial-il collect robot=quad task=hover expert=my_pilot:make episodes=20 out=datasets/mine
+Example: aerial-il collect task=pick_place episodes=100000 launcher=processes out=datasets/large
 Example: aerial-il collect env=gymnasium:AdroitHandDoor-v1 policy=dapg_policies.npz success=success:25 out=datasets/door
 """
 
@@ -17,6 +21,8 @@ from aerial_il.cli.configuration import spelling
 from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
+
+SHARDS = ".shards"  # below the dataset: logs of the jobs that recorded it
 
 
 @dataclass
@@ -54,11 +60,12 @@ class Config:
     lerobot: bool = key(False, "derive a LeRobot dataset too, in derived/lerobot of the folder")
     num_envs: int = key(64, "worlds flown at once")
     threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
+    shard: int = key(1000, "episodes of each job, where launcher= divides the work")
     rerun: bool = key(False, "show the first world in rerun while it flies; a file where there is no screen")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
-        at_least(self, episodes=1, seed=0, num_envs=1, threads=0)
+        at_least(self, episodes=1, seed=0, num_envs=1, threads=0, shard=1)
         if len(self.image_size) != 2:
             raise InvalidValueError(f"image_size={self.image_size} is not height and width, e.g. image_size=[240,320].")
 
@@ -68,6 +75,18 @@ def run(config: Config) -> None:
     (record if config.env is None else record_outside)(config)
     name = config.task.name if config.env is None else config.env.partition(":")[2]
     print(f"Next: {command_line(['train', spelling.path('dataset', config.out), f'run=runs/{name}'])}")
+
+
+def shards(config: Config) -> list[tuple[tuple[str, ...], str]]:
+    """Return, for each part of the seeds, the words that choose it and a folder for its log."""
+    end = config.seed + config.episodes
+    return [
+        (
+            (f"seed={first}", f"episodes={min(config.shard, end - first)}", "lerobot=false", "rerun=false"),
+            f"{config.out}/{SHARDS}/seed={first}",
+        )
+        for first in range(config.seed, end, config.shard)
+    ]
 
 
 def record(config: Config) -> None:

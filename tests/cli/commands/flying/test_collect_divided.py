@@ -1,0 +1,71 @@
+"""One dataset recorded by several jobs: the same bytes however many there are, and whichever of them is killed."""
+
+from __future__ import annotations
+
+import subprocess
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli.commands import find
+from aerial_il.cli.commands.flying import collect
+from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.launchers import processes
+from aerial_il.cli.main import main
+from aerial_il.cli.sweeps import job as jobs_of
+from aerial_il.cli.sweeps.job import Job
+
+WORDS = ["collect", "robot=quad", "task=hover", "episodes=10", "seed=3", "num_envs=2", "progress=false"]
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Return all that a dataset holds but its diary, by its digest."""
+    files = [file for kind in ("demos", "failures", "models") for file in (folder / kind).glob("*")]
+    assert len(files) == 11, "ten episodes and the scene"
+    return {file.name: sha256(file.read_bytes()).hexdigest() for file in [*files, folder / "dataset.yaml"]}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What one process records."""
+    folder = tmp_path_factory.mktemp("whole") / "ds"
+    assert main([*WORDS, f"out={folder}"]) == 0
+    return contents(folder)
+
+
+def test_the_dataset_is_the_same_however_many_record_it(tmp_path: Path, whole: dict[str, str]) -> None:
+    assert main([*WORDS, f"out={tmp_path}/ds", "shard=4", "launcher=processes", "launcher.jobs=2"]) == 0
+    assert contents(tmp_path / "ds") == whole
+    assert len(list((tmp_path / "ds" / ".shards").iterdir())) == 3
+
+
+def test_a_worker_that_is_killed_loses_nothing(
+    tmp_path: Path, whole: dict[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed = set[str]()
+
+    def start(job: Job, **limits: int) -> subprocess.Popen[bytes]:
+        process = jobs_of.start(job, **limits)
+        if job.name not in killed:
+            killed.add(job.name)
+            while process.poll() is None and not list((tmp_path / "ds" / "demos").glob("*.mcap*")):
+                pass
+            process.kill()
+        return process
+
+    monkeypatch.setattr(processes, "start", start)
+    assert main([*WORDS, f"out={tmp_path}/ds", "shard=5", "launcher=processes", "launcher.jobs=2"]) == 0
+    assert killed == {"seed=3", "seed=8"}
+    found = contents(tmp_path / "ds")
+    assert found == whole
+
+
+def test_the_shards_hold_each_seed_once() -> None:
+    for episodes, shard in ((1, 1), (7, 3), (9, 3), (1000, 1000), (5, 100)):
+        config = compose(find("collect"), ["out=o", f"episodes={episodes}", f"shard={shard}", "seed=11"])
+        seeds: list[int] = []
+        for words, _ in collect.shards(config):
+            said = dict(word.split("=") for word in words)
+            seeds += range(int(said["seed"]), int(said["seed"]) + int(said["episodes"]))
+        assert seeds == list(range(11, 11 + episodes))

@@ -1,0 +1,92 @@
+"""The command over many runs: what it lists, compares and draws, and what it never removes."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli.main import main
+from tests.evaluation.outline import Outline
+from tests.evaluation.pages.test_run_report import make_run
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for seed, rate in enumerate((0.9, 0.7, 0.2)):
+        make_run(tmp_path / "runs" / f"seed={seed}", seed=seed, rates=(0.1, rate))
+    (tmp_path / "runs" / "foreign").mkdir()
+    (tmp_path / "runs" / "foreign" / "thesis.tex").write_text("x")
+    return tmp_path / "runs"
+
+
+def test_it_lists_what_fulfils_the_conditions_and_names_the_rest(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["runs", str(folder), "where=success>0.5", "sort=success"]) == 0
+    said = capsys.readouterr()
+    assert [line.split()[0] for line in said.out.splitlines()[2:]] == ["seed=1", "seed=0"]
+    assert "foreign: holds no training run" in said.err
+
+
+def test_json_has_rows_axes_and_what_was_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [row["success"] for row in found["runs"]] == [0.9, 0.7, 0.2]
+    assert found["axes"] == {"seed": [0, 1, 2]}
+    assert list(found["refused"]) == [str(folder / "foreign")]
+
+
+def test_columns_are_chosen_among_results_and_settings(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", str(folder), "columns=[success,algorithm]"]) == 0
+    assert capsys.readouterr().out.splitlines()[0].split() == ["run", "success", "algorithm"]
+
+
+def test_a_comparison_has_a_column_for_each_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", str(folder), "where=seed<2", "compare=true"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == ["seed=0", "seed=1"]
+    assert ["seed", "0", "1"] in lines
+    assert ["success", "0.9", "0.7"] in lines
+    assert main(["runs", str(folder), "where=seed=0", "compare=true"]) == 2
+
+
+def test_the_page_has_axes_curves_and_table(folder: Path) -> None:
+    assert main(["runs", str(folder), "page=true"]) == 0
+    html = (folder / "report.html").read_text()
+    assert {"axes", "rollouts", "loss", "runs", "refused"} <= set(Outline(html).ids)
+    assert "Success at the end by seed: 0 90 %, 1 70 %, 2 20 %" in html
+    assert "http://" not in html.replace("http://www.w3.org", "")
+
+
+def test_pruned_runs_go_to_the_trash_and_nothing_else_does(folder: Path) -> None:
+    assert main(["runs", str(folder), "where=success<0.8", "prune=trash"]) == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["foreign", "seed=0", "trash"]
+    assert sorted(path.name for path in (folder / "trash").iterdir()) == ["seed=1", "seed=2"]
+    assert (folder / "trash" / "seed=1" / "config.yaml").is_file()
+    make_run(folder / "seed=1", seed=1, rates=(0.1, 0.7))
+    assert main(["runs", str(folder), "where=seed=1", "prune=trash"]) == 0
+    assert sorted(path.name for path in (folder / "trash").iterdir()) == ["seed=1", "seed=1.1", "seed=2"]
+
+
+def test_deleting_needs_conditions_and_spares_what_is_no_run(folder: Path) -> None:
+    assert main(["runs", str(folder), "prune=delete"]) == 2
+    assert main(["runs", str(folder), "where=success>0.5", "prune=all"]) == 2
+    assert main(["runs", str(folder), "where=success>=0", "prune=delete"]) == 0
+    assert [path.name for path in folder.iterdir()] == ["foreign"]
+    assert (folder / "foreign" / "thesis.tex").is_file()
+
+
+def test_a_folder_that_is_itself_a_run_is_not_pruned(folder: Path) -> None:
+    assert main(["runs", str(folder / "seed=0"), "where=seed=0", "prune=delete"]) == 2
+    assert (folder / "seed=0" / "config.yaml").is_file()
+
+
+def test_a_run_that_is_being_trained_is_left_alone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with open(folder / "seed=1" / ".lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert main(["runs", str(folder), "where=seed>=0", "prune=delete"]) == 0
+    assert "being trained" in capsys.readouterr().out
+    assert sorted(path.name for path in folder.iterdir()) == ["foreign", "seed=1"]
