@@ -39,8 +39,8 @@ format: setup ## put the code in order
 bench: setup ## run every benchmark (aerial-il bench NAME runs one)
 	@$(BIN)/aerial-il bench
 
-docs: setup ## print every command with its keys, from the code itself
-	@$(BIN)/aerial-il help --all
+docs: setup ## build the documentation into build/site (aerial-il docs open=true shows it)
+	@$(BIN)/aerial-il docs out=null
 
 notebooks: setup ## execute the notebooks that changed (only=05 chooses, again=1 executes all); interrupted, it goes on
 	@$(BIN)/python setup/notebooks.py $(only) $(if $(again),--again)
