@@ -19,7 +19,7 @@ class Episode:
         uid: unique name, equal for equal flights.
         spec: the environment it was flown in.
         provenance: who flew it with what; plain JSON values.
-        obs: field name -> (T + 1, *shape); image fields only where they were asked for.
+        obs: field name -> ``(T + 1, *shape)``; image fields only where they were asked for.
         actions: (T, Da) as commanded.
         executed_actions: (T, Da) as executed, after clipping or a person's correction.
         expert_actions: (T, Da) what the expert would have done, NaN where nobody was asked.

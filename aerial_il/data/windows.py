@@ -111,7 +111,7 @@ class Windows:
         )
 
     def images(self, index: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Gather the images that the windows at ``index`` (B,) show, each (B, To, *shape)."""
+        """Gather the images that the windows at ``index`` (B,) show, each ``(B, To, *shape)``."""
         behind = np.arange(1 - self.history, 1)
         rows = np.maximum(self._step[index, None] + behind, 0)
         places = list(zip(self.episode[index].tolist(), rows, strict=True))

@@ -1,5 +1,7 @@
 """ACT: a transformer that plans a chunk for a style of doing it, and a style that training reads off the chunk.
 
+::
+
     training:  z ~ q(z | o, a) = N(mu, diag sigma^2),    loss = |a - pi(o, z)| + w KL(q || N(0, 1))
     flying:    a = pi(o, 0), overlapping chunks averaged with weights exp(-m i), oldest first
 

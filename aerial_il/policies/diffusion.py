@@ -1,5 +1,7 @@
 """Diffusion: the chunk is what is left when a network has taken the noise out of noise, step by step.
 
+::
+
     training:  x_t = sqrt(A_t) a + sqrt(1 - A_t) e,    loss = |y - f_theta(x_t, t, o)|^2,    e ~ N(0, 1), t uniform
     flying:    a_hat = what f_theta(x_t, t, o) says of a, limited to +-clip;
                x_s = sqrt(A_s) a_hat + sqrt(1 - A_s - v) e_hat + sqrt(v) z,    from x_T ~ N(0, 1) down to x_0 = a_hat

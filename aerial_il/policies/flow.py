@@ -1,5 +1,7 @@
 """Flow matching: a network learns the velocity that carries noise to a demonstrated chunk along straight lines.
 
+::
+
     training:  x_t = (1 - t) e + t a,    loss = |(a - e) - v_theta(x_t, t, o)|^2,    e ~ N(0, 1)
     flying:    x_0 = e,    x_(t + 1/N) = x_t + v_theta(x_t, t, o) / N,    a = x_1, limited to +-clip
 

@@ -67,6 +67,7 @@ class Renderer(mujoco.Renderer):
     """
 
     def close(self) -> None:
+        """Free what it holds, in its own context."""
         if self._gl_context is not None:
             self._gl_context.make_current()
         super().close()

@@ -18,7 +18,6 @@ from aerial_il.cli.main import main
 ANSWER_S = 2.0
 AT_ONCE = {
     "compare",
-    "docs",
     "doctor",
     "info",
     "list",
@@ -33,6 +32,7 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "collect": (["task=pick_place", "episodes=5000", "num_envs=8", "out=OUT/d"], "collect:"),
     "convert": (["demos", "out=OUT/l"], "convert:"),
     "demo": (["task=pick_place", "episodes=5000", "out=OUT/demo"], "collect:"),
+    "docs": (["out=null", "site=OUT/site"], "reading sources"),
     "evaluate": (["policy=run", "episodes=5000", "num_envs=8", "out=OUT/e"], "evaluate"),
     "film": (["out=OUT/f.webp"], "%"),
     "inspect": (["demos", "save=OUT/a.rrd"], ""),

@@ -65,3 +65,11 @@ def test_what_is_not_there_is_found() -> None:
     shown = "`aerial_il/new.py`\n\n```python\npass\n```"
     text = f"[a](nowhere.md) `aerial_il/gone.py` {there}\n\n{shown}\n"
     assert missing(ROOT / "README.md", text) == ["nowhere.md", "aerial_il/gone.py"]
+
+
+def test_every_page_is_listed_where_readers_begin() -> None:
+    """Or in the overview of its own folder, such as those of the robots and the tasks."""
+    docs = ROOT / "docs"
+    start = (docs / "index.md").read_text(encoding="utf-8")
+    lost = [page.name for page in docs.glob("*.md") if page.name != "index.md" and f"({page.name})" not in start]
+    assert lost == [], "name them in docs/index.md, under the heading of their kind"

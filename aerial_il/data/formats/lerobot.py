@@ -1,17 +1,17 @@
 """Derive a LeRobot v3 dataset from recordings, so that lerobot opens and trains on it without glue.
 
-============================  ======================================================================
-feature                       content
-============================  ======================================================================
-observation.state             all proprioceptive fields, concatenated, named element by element
-observation.environment_state all fields of the task, likewise
-observation.images.<camera>   one video per colour camera
-action                        the expert's label where there is one, else the executed action
-next.reward, next.done        of the step; done marks the last one
-next.success                  true on the last step of a success
-demo.uid                      key to ``meta/provenance.json``; its ``names`` tell the specification;
-                              survives delete, split and merge
-============================  ======================================================================
+=============================  ======================================================================
+feature                        content
+=============================  ======================================================================
+observation.state              all proprioceptive fields, concatenated, named element by element
+observation.environment_state  all fields of the task, likewise
+observation.images.<camera>    one video per colour camera
+action                         the expert's label where there is one, else the executed action
+next.reward, next.done         of the step; done marks the last one
+next.success                   true on the last step of a success
+demo.uid                       key to ``meta/provenance.json``; its ``names`` tell the specification;
+                               survives delete, split and merge
+=============================  ======================================================================
 
 Frames are the T observations that an action follows; the terminal one is left out. The dataset is built in a temporary
 folder from whole recordings and renamed when it is complete, as lerobot cannot read an unfinished one.

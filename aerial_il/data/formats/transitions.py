@@ -1,15 +1,15 @@
 """Transitions one after the other: D4RL's HDF5, which is written too, and .npz as ``imitation`` and scripts keep it.
 
-============================  ================================  =======================================
-what                          names that are understood
-============================  ================================  =======================================
-observation before the action observations, obs                 (N, Do)
-action                        actions, acts                     (N, Da)
-observation after it          next_observations, next_obs       optional
-reward                        rewards, rews                     optional
-the environment ended         terminals, dones, terminations    optional; an episode ends there
-time was up                   timeouts, truncations             optional; likewise
-============================  ================================  =======================================
+=============================  ================================  =======================================
+what                           names that are understood
+=============================  ================================  =======================================
+observation before the action  observations, obs                 (N, Do)
+action                         actions, acts                     (N, Da)
+observation after it           next_observations, next_obs       optional
+reward                         rewards, rews                     optional
+the environment ended          terminals, dones, terminations    optional; an episode ends there
+time was up                    timeouts, truncations             optional; likewise
+=============================  ================================  =======================================
 
 Source: J. Fu et al., "D4RL: Datasets for Deep Data-Driven Reinforcement Learning", 2020.
 """

@@ -95,7 +95,7 @@ class Layout:
         return json.dumps(self.spec.to_dict(), allow_nan=False)
 
     def field_of(self, flat: np.ndarray, name: str) -> np.ndarray:
-        """Cut field ``name`` (k, *shape) in its own dtype out of flat observations (k, Do)."""
+        """Cut field ``name``, of ``(k, *shape)``, in its own dtype out of flat observations (k, Do)."""
         field = self.spec.observation[name]
         return flat[:, self.views.slices[name]].reshape(-1, *field.shape).astype(field.dtype, copy=False)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import logging
 import os
+import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -181,6 +182,18 @@ def write_sheet(path: str | os.PathLike[str], gallery: Gallery) -> Path:
         place, ink = (x + width // 2, y + height + SHEET_LABEL // 2 - 2), SHEET_INKS[card.kind]
         draw.text(place, card.name, font=font(14), fill=ink, anchor="mm")
     return _save_png(Path(path), sheet)
+
+
+def copy_films(gallery: Gallery, folder: Path) -> list[Path]:
+    """Copy each robot's and each task's picture and film to ``<kind>s/NAME.jpg`` and ``.mp4`` of ``folder``."""
+    copied = []
+    for card in gallery.cards:
+        if card.clips is not None and card.picture is not None:
+            place = folder / f"{card.kind}s"
+            place.mkdir(parents=True, exist_ok=True)
+            for file, suffix in ((card.picture, "jpg"), (card.clips.film, "mp4")):
+                copied.append(Path(shutil.copyfile(file, place / f"{card.name}.{suffix}")))
+    return copied
 
 
 def _filmed(card: Card, fly: Fly, folder: Path, bar: Any) -> Card:

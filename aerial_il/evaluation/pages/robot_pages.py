@@ -64,6 +64,7 @@ def page(robot: Robot) -> str:
     parts = [
         f"# {robot.name}",
         robot.summary,
+        f"[![{robot.name}]({robot.name}.jpg)]({robot.name}.mp4)\n\n*The film: an expert flies it.*",
         f"![Side view and top view]({robot.name}.svg)",
         ARM_CAPTION if robot.num_joints else "*Seen from the side and from above.*",
         _properties(robot),
@@ -90,9 +91,9 @@ def drawing(robot: Robot) -> str:
         for axes, (across, up), label in zip(figure.subplots(1, 2), ((0, 2), (0, 1)), ("z (m)", "y (m)"), strict=True):
             if robot.num_joints:
                 _draw_reach(axes, tools[:, [across, up]], robot.arm.reach / CELLS_PER_REACH)
-            _draw_body(axes, robot, up)
+            draw_body(axes, robot, up)
             if robot.num_joints:
-                _draw_arms(axes, robot, up)
+                draw_arms(axes, robot, up)
             axes.set_xlabel("x (m)")
             axes.set_ylabel(label)
             axes.set_aspect("equal")
@@ -170,7 +171,7 @@ def _draw_reach(axes: Axes, points: np.ndarray, cell: float) -> None:
     axes.imshow(shade, origin="lower", extent=extent, cmap=ListedColormap([REACH]), interpolation="nearest")
 
 
-def _draw_body(axes: Axes, robot: Robot, up: int) -> None:
+def draw_body(axes: Axes, robot: Robot, up: int) -> None:
     """Draw hub and rotors, seen along the axis that is neither x nor ``up``."""
     base = robot.base
     angle = np.linspace(0.0, 2.0 * np.pi, 40)
@@ -182,7 +183,7 @@ def _draw_body(axes: Axes, robot: Robot, up: int) -> None:
     axes.fill([-half, half, half, -half], [-depth, -depth, base.hub_size[up], base.hub_size[up]], color=BODY)
 
 
-def _draw_arms(axes: Axes, robot: Robot, up: int) -> None:
+def draw_arms(axes: Axes, robot: Robot, up: int) -> None:
     """Draw the arm in its two rest postures."""
     for posture, alpha in ((robot.rest_down, 1.0), (robot.rest_forward, 0.45)):
         chain = figures.chain(robot, np.array(posture, float))

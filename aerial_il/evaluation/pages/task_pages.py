@@ -46,6 +46,7 @@ def page(task: Task) -> str:
     parts = [
         f"# {task.name}",
         f"> {task.instruction}",
+        f"[![{task.name}]({task.name}.jpg)]({task.name}.mp4)\n\n*The film: an expert flies it in calm air.*",
         _text_of(type(task)),
         _table(("", ""), _facts(task)),
         "## Observed of the task",

@@ -64,6 +64,19 @@ class Link:
         x, y, z = across + (along - across) * share
         return (float(x), float(y), float(z))
 
+    def add_inertia(self, body: mujoco.MjsBody) -> None:
+        """Give the simulated body the link's mass, centre of mass and inertia."""
+        body.mass, body.ipos, body.inertia, body.explicitinertial = self.mass, self.com, self.inertia, True
+
+    def add_shapes(self, spec: mujoco.MjSpec, body: mujoco.MjsBody, i: int, colour: Colour) -> None:
+        """Add the geoms of link ``i`` to its body: what it collides with and looks like, without mass."""
+        capsule, sphere = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
+        tip = np.array(self.tip) * max(1.0, SHORTEST_M / self.length) if self.length else (SHORTEST_M, 0.0, 0.0)
+        look = {"size": [self.radius, 0, 0], "rgba": colour, "mass": 0}
+        body.add_geom(name=f"link_{i}", type=capsule, fromto=[0, 0, 0, *tip], **look, **ROBOT)
+        look = {"size": [1.3 * self.radius, 0, 0], "rgba": GRAPHITE, "mass": 0}
+        body.add_geom(name=f"elbow_{i}", type=sphere, **look, **NOTHING)
+
 
 @dataclass(frozen=True)
 class Arm:
@@ -103,23 +116,12 @@ class Arm:
     def _add_link(
         self, spec: mujoco.MjSpec, parent: mujoco.MjsBody, i: int, link: Link, offset: Vector
     ) -> mujoco.MjsBody:
-        body = parent.add_body(
-            name=f"link_{i}",
-            pos=offset,
-            mass=link.mass,
-            ipos=link.com,
-            inertia=link.inertia,
-            explicitinertial=True,
-        )
+        body = parent.add_body(name=f"link_{i}", pos=offset)
+        link.add_inertia(body)
         body.add_joint(
             name=f"joint_{i}", axis=link.axis, range=link.limits, limited=True, armature=link.armature, damping=0.01
         )
-        capsule, sphere = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
-        tip = np.array(link.tip) * max(1.0, SHORTEST_M / link.length)
-        look = {"size": [link.radius, 0, 0], "rgba": self.colours[i % 2], "mass": 0}
-        body.add_geom(name=f"link_{i}", type=capsule, fromto=[0, 0, 0, *tip], **look, **ROBOT)
-        look = {"size": [1.3 * link.radius, 0, 0], "rgba": GRAPHITE, "mass": 0}
-        body.add_geom(name=f"elbow_{i}", type=sphere, **look, **NOTHING)
+        link.add_shapes(spec, body, i, self.colours[i % 2])
         servo = spec.add_actuator(name=f"joint_{i}", target=f"joint_{i}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=link.stiffness, kv=link.damping)
         servo.forcelimited, servo.forcerange = True, [-link.torque, link.torque]

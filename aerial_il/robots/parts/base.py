@@ -76,14 +76,14 @@ class Base(ABC):
         if not self.fixed:
             body.add_freejoint(name="base")
         body.add_site(name="imu", size=[0.005] * 3, group=4)
-        self._add_hub(body)
+        self._add_hub(spec, body)
         for i in range(self.num_rotors):
             self._add_rotor(body, i)
             self._add_motor(spec, body, i)
         return body
 
     @abstractmethod
-    def _add_hub(self, body: mujoco.MjsBody) -> None:
+    def _add_hub(self, spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
         """Add the geoms of the body's middle."""
 
     @abstractmethod

@@ -29,7 +29,7 @@ class Pedestal(Base):
     def pose(self) -> tuple[float, ...]:
         return (*self.place, self.height, 1.0, 0.0, 0.0, 0.0)
 
-    def _add_hub(self, body: mujoco.MjsBody) -> None:
+    def _add_hub(self, spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
         cylinder, radius = mujoco.mjtGeom.mjGEOM_CYLINDER, self.hub_size[0]
         column = {"fromto": [0, 0, -self.height, 0, 0, -FLANGE_M], "size": [0.6 * radius, 0, 0], "rgba": STEEL}
         body.add_geom(name="hub", type=cylinder, mass=0, **column, **ROBOT)

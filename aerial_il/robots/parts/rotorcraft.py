@@ -21,7 +21,7 @@ class Rotorcraft(Base):
 
     hub_size: tuple[float, float, float] = (0.08, 0.06, 0.035)
 
-    def _add_hub(self, body: mujoco.MjsBody) -> None:
+    def _add_hub(self, spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
         box, ellipsoid = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID
         body.add_geom(name="hub", type=box, size=self.hub_size, rgba=CARBON, mass=0, **ROBOT)
         x, y, z = self.hub_size

@@ -18,7 +18,7 @@ INSTANT_S = 1e-4  # far below a physics step
 class Thrusters(Base):
     """A sphere-like body; nozzles on its faces push either way, two along each axis."""
 
-    def _add_hub(self, body: mujoco.MjsBody) -> None:
+    def _add_hub(self, spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
         ellipsoid = mujoco.mjtGeom.mjGEOM_ELLIPSOID
         body.add_geom(name="hub", type=ellipsoid, size=self.hub_size, rgba=BODY, mass=0, **ROBOT)
 

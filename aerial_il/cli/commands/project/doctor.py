@@ -12,6 +12,10 @@ from typing import Any
 
 from aerial_il.cli.configuration.keys import key
 
+PAGE = "docs/troubleshooting.md"
+LITTLE_DISK_GB = 5.0
+PACKAGES_NEEDED = ("aerial-il", "mujoco", "dm-control", "numpy", "numba", "torch", "lerobot")
+
 
 @dataclass
 class Config:
@@ -37,13 +41,33 @@ def findings() -> dict[str, Any]:
     }
 
 
-def _as_text(found: dict[str, Any]) -> str:
-    from aerial_il.core.rendering import PACKAGES, can_render
+def advice(found: dict[str, Any]) -> dict[str, str]:
+    """Return finding -> what it means here and what to do, of those that are not as they could be."""
+    from aerial_il.core.rendering import BACKENDS, PACKAGES
 
+    rendering, told = found["rendering"], {}
+    if all(rendering[backend] != "works" for backend in BACKENDS):
+        told["rendering"] = f"Cameras and videos are off. To have them: sudo apt-get install -y {PACKAGES}; make setup"
+    elif rendering["chosen"] in BACKENDS and rendering[rendering["chosen"]] != "works":
+        told["rendering"] = f"MUJOCO_GL={rendering['chosen']} does not work here, another does: unset it, or make setup"
+    if missing := [name for name in PACKAGES_NEEDED if name not in found["packages"]]:
+        told["packages"] = f"{', '.join(missing)} is not installed: make setup"
+    if found["git"] and found["git"]["dirty"]:
+        told["git"] = "Files differ from the commit that recordings and results will name: commit before a study."
+    if found["free_disk_gb"] < LITTLE_DISK_GB:
+        told["free_disk_gb"] = "Little is left. What meets a full disk says so, and the same command goes on later."
+    if (found["cpu_count"] or 1) < 2:
+        told["cpu_count"] = "One core: all works, at half the speed that these pages tell and less."
+    if not found["platform"].startswith("Linux"):
+        told["platform"] = "Only Linux has been tried."
+    return told
+
+
+def _as_text(found: dict[str, Any]) -> str:
     lines = []
     for name, value in found.items():
         inner = value if isinstance(value, dict) else {"": value}
         lines += [f"{' '.join(filter(None, (name, key))):<24} {text}" for key, text in inner.items()]
-    if not can_render():
-        lines.append(f"Cameras and videos are off. To have them: sudo apt-get install -y {PACKAGES}; make setup")
-    return "\n".join(lines)
+    told = advice(found)
+    lines += ["", *(f"{name}: {text}" for name, text in told.items())] if told else []
+    return "\n".join([*lines, "", f"Each finding is explained in {PAGE}."])

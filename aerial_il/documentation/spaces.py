@@ -1,0 +1,87 @@
+"""Pages of actions and observations, one per robot, from the specifications that environments and recordings carry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from aerial_il import robots
+from aerial_il.control.actions import ActionLevel, action_spec, levels_of
+from aerial_il.core.specs import ActionSpec, Field
+from aerial_il.robots.robot import Robot
+from aerial_il.suite import tasks
+from aerial_il.suite.observations import robot_fields
+
+INTRODUCTION = """\
+# Spaces
+
+Every element of every action, with its unit and bounds, and every field of the observations, robot by robot: what
+`env.spec` says of an environment and what each recording and each policy carries. What the levels mean, and the frames
+in which they are told: [actions and observations](../actions.md)."""
+
+MEANING = {  # field -> frame and meaning; units and shapes are the specification's
+    "base_pos": "of the hub, in the world",
+    "base_rot6d": "first two columns of the rotation, world from base",
+    "base_vel": "along the world's axes",
+    "base_angvel": "along the base's axes",
+    "joint_pos": "of the arm",
+    "joint_vel": "of the arm",
+    "gripper": "0 closed, 1 open",
+    "ee_pos": "of the tool, in the world",
+    "ee_rot6d": "first two columns of the rotation, world from tool",
+}
+
+
+def pages() -> dict[str, str]:
+    """Return path on the site -> text: one page for each robot, and a table of sizes."""
+    found = {name: robots.get(name) for name in robots.names()}
+    levels = [level.label for level in ActionLevel]
+    rows = [(f"[{name}]({name}.md)", *_sizes(robot)) for name, robot in found.items()]
+    index = f"{INTRODUCTION}\n\n{_table(('robot', 'observation', *map(_code, levels)), rows)}\n"
+    return {"spaces/index.md": index, **{f"spaces/{name}.md": page(robot) for name, robot in found.items()}}
+
+
+def page(robot: Robot) -> str:
+    """Return what a robot may be told and what it shows of itself."""
+    parts = [f"# Spaces of {robot.name}", f"{robot.summary} [Its figures](../robots/{robot.name}.md)."]
+    parts += ["## Observation", _observation(robot_fields(robot)), _task_note(robot), "## Actions"]
+    for level in levels_of(robot.vehicle):
+        spec = action_spec(level, robot.vehicle)
+        parts += [f"### {level.label}", _bounds(spec)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _observation(fields: Sequence[Field]) -> str:
+    rows = [
+        (_code(field.name), str(field.shape), field.unit or "–", MEANING[field.name], ", ".join(field.labels))
+        for field in fields
+    ]
+    return _table(("field", "shape", "unit", "what", "elements"), rows)
+
+
+def _task_note(robot: Robot) -> str:
+    able = [task for name, task in tasks.cells() if name == robot.name]
+    links = ", ".join(f"[{task}](../tasks/{task}.md)" for task in able)
+    return f"With it come the fields of the task: {links}. Images: `cameras=[wrist,base,scene]`, (H, W, 3) `uint8`."
+
+
+def _bounds(spec: ActionSpec) -> str:
+    rows = [
+        (str(i), _code(label), unit if unit not in ("", "1") else "–", f"{low:.4g}", f"{high:.4g}")
+        for i, (label, unit, low, high) in enumerate(zip(spec.labels, spec.units, spec.low, spec.high, strict=True))
+    ]
+    return _table(("", "element", "unit", "from", "to"), rows)
+
+
+def _sizes(robot: Robot) -> list[str]:
+    able = {level: action_spec(level, robot.vehicle).size for level in levels_of(robot.vehicle)}
+    seen = sum(field.size for field in robot_fields(robot))
+    return [str(seen), *(str(able.get(level, "–")) for level in ActionLevel)]
+
+
+def _code(text: str) -> str:
+    return f"`{text}`"
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
+    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])

@@ -1,0 +1,39 @@
+"""``aerial-il docs`` writes the pages that the project makes of itself, where it is told to, and says how to look."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aerial_il.cli.commands.project import docs
+from aerial_il.cli.main import main
+from aerial_il.documentation import layers
+from aerial_il.documentation.sources import ROOT
+
+
+@pytest.mark.slow
+def test_pages_alone_are_written_without_a_site(tmp_path: Path) -> None:
+    assert main(["docs", f"out={tmp_path}", "site=null"]) == 0
+    for name in ("robots/README.md", "robots/quad.svg", "tasks/reach.md", "frames.svg", "architecture.svg"):
+        assert (tmp_path / name).is_file()
+
+
+def test_the_published_drawing_of_the_rooms_is_that_of_the_contract() -> None:
+    published = (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8")
+    assert published == layers.drawing(ROOT), "run: aerial-il docs"
+    assert all(f">{room}</text>" in published for row in layers.layers(ROOT) for room in row)
+
+
+@pytest.mark.parametrize("word", docs.NOWHERE)
+def test_nothing_is_no_folder(word: str) -> None:
+    assert docs.Config(out=word, site=word) == docs.Config(out=None, site=None)
+
+
+def test_without_a_screen_it_says_how_to_look(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    docs.show(tmp_path / "index.html")
+    assert f"python -m http.server -b 127.0.0.1 -d {tmp_path} 8080" in capsys.readouterr().out

@@ -1,0 +1,1 @@
+"""Tests of reading URDF and MJCF."""
