@@ -35,6 +35,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "replay": [["demos"]],
     "report": [["run"], ["policy"]],
     "reward": [["run", "dataset=demos"]],
+    "runs": [[".", "page=true", "compare=true"], ["run", "json=true"]],
     "train": [
         ["dataset=demos", "run=new", *CLONE],
         ["dataset=demos", "run=rolled", *CLONE, "evaluate_every=1", "evaluate_episodes=2"],

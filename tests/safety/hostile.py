@@ -203,6 +203,14 @@ def run_of_links(sound: Sound, to: Path) -> Path:
     return run
 
 
+def run_s_home_of_links(sound: Sound, to: Path) -> Path:
+    """What is written beside runs, and where they are put away, is another's."""
+    _copy(sound.run, to / "mine")
+    (to / "trash").symlink_to(sound.victim)
+    (to / "report.html").symlink_to(sound.victim / "precious.txt")
+    return to
+
+
 def run_of_pipes(sound: Sound, to: Path) -> Path:
     run = _copy(sound.run, to)
     for name in ("config.yaml", "policy/manifest.json"):

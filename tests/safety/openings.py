@@ -13,9 +13,10 @@ from tests.safety.hostile import Sound
 
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
-    "action", "cameras", "certificate", "format", "controls", "devices", "env", "evaluate_tier", "flight_tier",
+    "action", "cameras", "certificate", "columns", "format", "controls", "devices", "env", "evaluate_tier", "flight_tier",
     "flights",
-    "hardware", "host", "key_file", "operator", "success", "time_scale", "tracker", "ui", "viewer",
+    "hardware", "host", "key_file", "operator", "prune", "sort", "success", "time_scale", "tracker", "ui", "viewer",
+    "where",
 }  # fmt: skip
 WRITTEN = {  # new files
     ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
@@ -65,6 +66,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("report", "learning_curve"): ["out=curve.svg"],
         ("reward", "run"): [dataset, "out=reward.svg"],
         ("reward", "dataset"): [f"run={sound.run}", "out=reward.svg"],
+        ("runs", "folder"): ["page=true", "where=state!=nowhere", "prune=trash"],
         ("teleop", "policy"): ["robot=quad", "task=hover", "out=by_hand", "open=false", "port=0"],
         ("train", "dataset"): train,
         ("train", "expert"): [dataset, "algorithm=dagger", *train],

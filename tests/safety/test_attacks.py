@@ -17,7 +17,7 @@ MAX_MEMORY_BYTES, MAX_CPU_S = 500 << 20, 5.0
 OWN = {  # kind of what is attacked, as the attack's name begins -> where it is opened first
     "policy": [("evaluate", "policy")],
     "safetensors": [("evaluate", "policy")],
-    "run": [("report", "run"), ("train", "run")],
+    "run": [("report", "run"), ("runs", "folder"), ("train", "run")],
     "index": [("validate", "path"), ("collect", "out")],
     "recordings": [("validate", "path"), ("collect", "out"), ("recover", "path")],
     "mcap": [("validate", "path")],
@@ -96,7 +96,7 @@ def _attack(
 
 
 def _pages(home: Path) -> list[Path]:
-    return [page for ending in ("html", "svg") for page in home.glob(f"*.{ending}")]
+    return [page for ending in ("html", "svg") for page in home.rglob(f"*.{ending}") if page.is_file()]
 
 
 def _peak(*, reset: bool = False) -> int:

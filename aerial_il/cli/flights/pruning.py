@@ -17,7 +17,7 @@ def prune(run: TrainingRun, folder: Path, *, delete: bool) -> str:
     """Move a run below ``folder`` into its trash, or remove it; return a line that says what was done.
 
     Raises:
-        InvalidValueError: it is a link, is ``folder`` itself, or lies elsewhere.
+        InvalidValueError: it is a link, is ``folder`` itself, or lies elsewhere, as the trash does.
     """
     inside = folder.resolve() in run.path.resolve().parents
     if run.path.is_symlink() or not inside or not is_run(run.path):
@@ -31,6 +31,8 @@ def prune(run: TrainingRun, folder: Path, *, delete: bool) -> str:
             shutil.rmtree(run.path)
             return f"{run.path}: deleted"
         place = _free(folder / TRASH / os.path.relpath(run.path, folder))
+        if Path(os.path.realpath(place.parent)) != folder.resolve() / place.parent.relative_to(folder):
+            raise InvalidValueError(f"{run.path} is not moved: {place.parent} is, or lies behind, a link.")
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(run.path, place)
         return f"{run.path}: moved to {place}"

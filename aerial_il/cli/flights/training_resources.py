@@ -35,8 +35,8 @@ def training_resources(
         dataset: folder of the demonstrations, which say what environment they come from.
         reference: where to fly without any; beside them, what the user typed of theirs.
         images: camera fields that the policy sees.
-        expert: file of an expert from outside, ``human`` for a person on the page, ``driver`` for a model of one;
-            None for the task's own.
+        expert: as the user typed it: file of an expert from outside, ``module:factory`` of the user's own code,
+            ``human`` for a person on the page, ``driver`` for a model of one; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
         num_envs: worlds flown at once; None for the algorithm's ``worlds``.
         threads: of the simulation, or processes of worlds from outside; 0 for all cores.
@@ -70,14 +70,19 @@ def training_resources(
         env.close()
 
 
-def _expert(spec: EnvSpec, file: str | None, typed: str | None) -> Policy:
+def _expert(spec: EnvSpec, source: str | None, typed: str | None) -> Policy:
     import aerial_il
+    from aerial_il.cli.flights import typed_code
     from aerial_il.cli.flights.environments import key_of
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.experts.outside import load_expert
 
-    if file is not None:
-        return load_expert(file, key_of(spec, typed), noise=0.0)
+    if source is not None and typed_code.names_code(source):
+        return typed_code.policy_of(source)
+    if source is not None:
+        return load_expert(source, key_of(spec, typed), noise=0.0)
     if spec.is_outside:
-        raise InvalidValueError(f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE.")
+        raise InvalidValueError(
+            f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE or module:factory."
+        )
     return aerial_il.expert(spec.robot, spec.task)

@@ -15,6 +15,7 @@ from aerial_il.cli.flights.typed_code import names_code, policy_of
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
+from aerial_il.data.recording.reader import read_episode
 
 PILOTS = '''
 import numpy as np
@@ -74,6 +75,29 @@ def test_demonstrations_are_recorded_by_an_expert_of_one_s_own(home: Path) -> No
     (episode,) = open_dataset("mine", failures=True)
     assert episode.provenance["policy"] == "my_pilots:Still"
     np.testing.assert_allclose(episode.actions[0][:3], episode.obs["target_pos"][0])
+
+
+ROUNDS = ["rounds=1", "episodes=2", "between_steps=2", "training.steps=2", "training.log_every=1"]
+
+
+def test_who_learns_in_rounds_asks_an_expert_of_one_s_own(home: Path) -> None:
+    where = ["robot=quad", "task=hover", "episodes=2", QUIET]
+    assert main(["collect", "expert.noise=0", *where, "out=demos"]) == 0
+    small = ["policy.hidden=[8]", "policy.chunk=1", "policy.ensemble=null"]
+    flights = [*(f"algorithm.{setting}" for setting in ROUNDS), "threads=1", QUIET]
+    learn = ["train", "algorithm=dagger", "dataset=demos", *small, *flights, "expert=my_pilots:Still"]
+    assert main([*learn, "run=asked"]) == 0
+    flown = [read_episode(file) for file in Path("asked/rounds").rglob("*.mcap")]
+    labels = np.concatenate([episode.expert_actions for episode in flown])
+    asked = np.isfinite(labels).all(axis=1)
+    targets = np.concatenate([episode.obs["target_pos"][:-1] for episode in flown])
+    assert asked.any()
+    np.testing.assert_allclose(labels[asked, :3], targets[asked], atol=1e-6)
+    assert "expert=my_pilots:Still" in json.loads(Path("asked/command.json").read_text())["command"]
+    del sys.modules["my_pilots"]
+    assert main(["report", "asked"]) == 0
+    assert main(["runs", ".", "page=true"]) == 0
+    assert "my_pilots" not in sys.modules, "what a run's folder says names no code"
 
 
 @pytest.mark.parametrize(

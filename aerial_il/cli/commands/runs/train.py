@@ -16,6 +16,7 @@ none, only env=..., or robot=... and task=...; said beside a dataset, these are 
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
 Example: aerial-il train dataset=datasets/pick run=runs/pick_bc evaluate_every=1000 evaluate_episodes=50
 Example: aerial-il train algorithm=dagger dataset=datasets/pick run=runs/pick_dagger
+Example: aerial-il train algorithm=dagger expert=my_pilot:make dataset=datasets/mine run=runs/asked
 Example: aerial-il train algorithm=hg_dagger expert=human dataset=datasets/by_hand run=runs/rescued
 Example: aerial-il train algorithm=sac policy=squashed_gaussian env=gymnasium:Hopper-v5 run=runs/hopper
 """
@@ -82,7 +83,8 @@ class Config:
     evaluate_seed: int = key(5000, "the first of them; the seeds from 10000 on judge finished policies")
     evaluate_tier: str | None = key(None, "how rough the air is in these rollouts (null: as in the dataset)")
     expert: MaybeLocated = path(
-        MaybeLocated, "whom an algorithm asks: a file of one from outside, human, or driver (null: the task's own)"
+        MaybeLocated,
+        "whom an algorithm asks: a file of one from outside, module:factory, human, or driver (null: the task's own)",
     )
     flight_tier: str | None = key(None, "how rough the air is where it flies (null: as in the dataset)")
     num_envs: int | None = key(None, "worlds in which it flies at once (null: its own default)")
