@@ -36,7 +36,7 @@ def dataset(folder: str | os.PathLike[str], *, failures: bool = True) -> pd.Data
         except DemoError as error:
             warnings.warn(f"{uid} is left out: {error}", stacklevel=2)
     columns = ["uid", "robot", "task", "tier", "seed", "success", "steps", "duration_s", "return", "interventions"]
-    return pd.DataFrame(rows, columns=columns).astype({"seed": "Int64"})
+    return pd.DataFrame(rows, columns=pd.Index(columns)).astype({"seed": "Int64"})
 
 
 def steps(folder: str | os.PathLike[str], episode: int | str | None = None, *, failures: bool = False) -> pd.DataFrame:

@@ -8,6 +8,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -26,7 +27,8 @@ Runs = Mapping[str, Sequence[str | os.PathLike[str]]]  # label -> folders of run
 
 def use_style() -> None:
     """Set matplotlib's colours, grid and sizes for all figures that follow, as those of this package have them."""
-    mpl.rcParams.update(_style())
+    for name, value in _style().items():
+        mpl.rcParams[name] = value
 
 
 def success(evaluations: Mapping[str, Evaluation]) -> Figure:
@@ -128,8 +130,8 @@ def paired_comparison(a: Evaluation, b: Evaluation) -> Figure:
     return figure
 
 
-def _style() -> dict[str, Any]:
-    cycle = mpl.cycler(color=HUES)
+def _style() -> dict[Any, Any]:
+    cycle = cycler(color=HUES)
     grid = {"axes.grid": True, "grid.color": "0.9", "axes.axisbelow": True}
     frame = {"axes.spines.top": False, "axes.spines.right": False}
     return {"axes.prop_cycle": cycle, **grid, **frame, "font.size": 10, "figure.dpi": 90, "savefig.bbox": "tight"}

@@ -34,7 +34,7 @@ def runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
     found = read_runs(folder)
     for place, why in found.refused.items():
         warnings.warn(f"{place} is left out: {why}.", stacklevel=2)
-    return pd.DataFrame([{"run": found.name(run), **_row(run)} for run in found.runs], columns=list(COLUMNS))
+    return pd.DataFrame([{"run": found.name(run), **_row(run)} for run in found.runs], columns=pd.Index(COLUMNS))
 
 
 def metrics(run: str | os.PathLike[str]) -> pd.DataFrame:
@@ -46,8 +46,8 @@ def metrics(run: str | os.PathLike[str]) -> pd.DataFrame:
         InvalidValueError: ``run`` is no training run, or a line of it is no row of metrics; names file and line.
     """
     rows = read_run(run).rows
-    columns = dict.fromkeys(name for row in rows for name in row)
-    return pd.DataFrame(rows, columns=[*(["step"] if "step" not in columns else []), *columns])
+    columns = dict.fromkeys(["step", *(name for row in rows for name in row)])
+    return pd.DataFrame(rows, columns=pd.Index(list(columns)))
 
 
 def _row(run: TrainingRun) -> dict[str, Any]:

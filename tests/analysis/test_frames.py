@@ -106,7 +106,7 @@ def test_a_comparison_has_the_numbers_of_the_command() -> None:
 def test_episodes_and_steps_of_recordings(tmp_path: Path) -> None:
     folder = tmp_path / "hover"
     aerial_il.collect("quad", "hover", episodes=2, seed=5000, num_envs=2, out=folder)
-    recorded, frame = aerial_il.open_dataset(folder), analysis.dataset(folder)
+    recorded, frame = aerial_il.open_dataset(str(folder)), analysis.dataset(folder)
     assert list(frame["uid"]) == list(recorded.uids)
     assert list(frame["steps"]) == [len(one) for one in recorded]
     assert list(frame["seed"]) == [5000, 5001]
