@@ -6,7 +6,7 @@ ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
-.PHONY: help setup demo test test-all fuzz check format bench docs lock slurm clean
+.PHONY: help setup demo test test-all fuzz check format bench docs notebooks lock slurm clean
 
 help: ## list these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ bench: setup ## run every benchmark (aerial-il bench NAME runs one)
 
 docs: setup ## build the documentation into build/site (aerial-il docs open=true shows it)
 	@$(BIN)/aerial-il docs out=null
+
+notebooks: setup ## execute the notebooks that changed (only=05 chooses, again=1 executes all); interrupted, it goes on
+	@$(BIN)/python setup/notebooks.py $(only) $(if $(again),--again)
 
 lock: setup ## resolve pyproject.toml anew into requirements.lock, keeping the versions that still fit
 	@PATH="$$PATH:.tools/bin" uv pip compile pyproject.toml --extra dev --universal --python-version 3.12 \

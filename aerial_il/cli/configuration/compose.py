@@ -53,6 +53,27 @@ def planned(command: Command, overrides: list[str]) -> list[tuple[tuple[str, ...
     return points
 
 
+def swept(command: Command, words: list[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return key -> Hydra's sweep over its values, and the other words as Hydra reads them, the output's left out.
+
+    Raises:
+        InvalidValueError: nothing is swept, or a word cannot be read.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    said = [word for word in prepare(command, words) if not word.startswith(("-", "hydra."))]
+    with explained(command):
+        read = OverridesParser.create().parse_overrides(said)
+    space = {each.key_or_group: each.value() for each in read if each.is_sweep_override()}
+    if not space:
+        raise InvalidValueError(
+            "Nothing is searched: give a key an interval, e.g. 'algorithm.lr=interval(0.0001,0.01)'."
+        )
+    target = keys.output_key(command.config)
+    fixed = [word for word, each in zip(said, read, strict=True) if not each.is_sweep_override()]
+    return space, [word for word in fixed if not word.startswith(f"{target}=")]
+
+
 def perform(name: str, overrides: Sequence[str]) -> None:
     """Run the command ``name`` with words that are as Hydra reads them, such as :func:`planned` returns."""
     command = commands.find(name)

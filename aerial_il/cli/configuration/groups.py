@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from aerial_il import algorithms, benchmarks, policies, robots
-from aerial_il.cli import launchers
+from aerial_il.cli import launchers, sweepers
 from aerial_il.cli.configuration.defaults import TARGET, classes, completed, has_method
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tasks
@@ -27,6 +27,7 @@ CONSTRUCTED: Mapping[str, tuple[str, Names, str]] = {
     "algorithm": (algorithms.__name__, algorithms.list_algorithms, "train"),
     "bench": (benchmarks.__name__, benchmarks.names, "run"),
     "launcher": (launchers.__name__, launchers.names, "launch"),
+    "sweeper": (sweepers.__name__, sweepers.names, "search"),
     "policy": (policies.__name__, policies.list_policies, "build"),
 }
 NAMED: Mapping[str, Names] = {"robot": robots.names, "task": tasks.names}  # only their name is chosen

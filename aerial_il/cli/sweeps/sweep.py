@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -16,7 +16,10 @@ from aerial_il.cli.sweeps.board import Board, Outcome
 from aerial_il.cli.sweeps.job import Job
 from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
 
-LAUNCHER = "launcher"
+if TYPE_CHECKING:
+    from aerial_il.cli.sweepers.optuna import Optuna
+
+LAUNCHER, SWEEPER = "launcher", "sweeper"
 _REASONS = 3  # told in an error; the table has all
 
 
@@ -32,9 +35,9 @@ class JobsFailedError(AerialError):
         self.status = status
 
 
-def parted(words: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Part ``launcher=NAME`` and ``launcher.KEY=VALUE`` from the words of a command."""
-    mine = [word for word in words if word.partition("=")[0].partition(".")[0] == LAUNCHER]
+def parted(words: Sequence[str], group: str = LAUNCHER) -> tuple[dict[str, str], list[str]]:
+    """Part ``launcher=NAME`` and ``launcher.KEY=VALUE``, or those of another ``group``, from the words of a command."""
+    mine = [word for word in words if word.partition("=")[0].partition(".")[0] == group]
     told = {key: value for key, _, value in (word.partition("=") for word in mine)}
     return told, [word for word in words if word not in mine]
 
@@ -46,13 +49,21 @@ def launcher_of(told: Mapping[str, str]) -> Launcher:
         UnknownNameError: there is none of that name, or it has no such key.
         InvalidValueError: a value of another type, or beyond its limits.
     """
-    name = told.get(LAUNCHER, launchers.USUAL)
-    settings = groups.read_option(LAUNCHER, name)
-    known = [f"{LAUNCHER}.{key}" for key in groups.leaf_keys(settings) if key]
+    return _built(LAUNCHER, told.get(LAUNCHER, launchers.USUAL), told)
+
+
+def sweeper_of(told: Mapping[str, str]) -> Optuna:
+    """Build the sweeper that words chose; errors as of :func:`launcher_of`."""
+    return _built(SWEEPER, told.get(SWEEPER, "optuna"), told)
+
+
+def _built(group: str, name: str, told: Mapping[str, str]) -> Any:
+    settings = groups.read_option(group, name)
+    known = [f"{group}.{key}" for key in groups.leaf_keys(settings) if key]
     for key, value in told.items():
-        if key != LAUNCHER:
+        if key != group:
             if key not in known:
-                raise UnknownNameError("key", key, known, f"They are those of {LAUNCHER}={name}.")
+                raise UnknownNameError("key", key, known, f"They are those of {group}={name}.")
             settings[key.partition(".")[2]] = _value(key, value)
     return build(settings)
 
@@ -73,10 +84,15 @@ def run_sweep(jobs: Sequence[Job], launcher: Launcher, again: str) -> None:
         board.close()
         print(f"Stopped with {len(board.outcomes)} of {len(jobs)} jobs done. Continue: {again}", file=sys.stderr)
         raise
+    conclude(board, again)
+
+
+def conclude(board: Board, again: str) -> None:
+    """Print the table of jobs that have ended, and say which failed; arguments and errors as of :func:`run_sweep`."""
     board.close()
     print(board.table())
     if board.failed:
-        raise JobsFailedError(f"{_told(board.failed, len(jobs))} Again: {again}", board.status)
+        raise JobsFailedError(f"{_told(board.failed, len(board.jobs))} Again: {again}", board.status)
 
 
 def _told(failed: Sequence[Outcome], count: int) -> str:
