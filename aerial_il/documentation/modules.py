@@ -54,8 +54,8 @@ def defined(module: str) -> frozenset[str]:
 
 def _callables(module: str) -> list[str]:
     """Return the public functions and classes that a module defines."""
-    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
-    return [node.name for node in _body(module) if isinstance(node, kinds) and not node.name.startswith("_")]
+    named = (n.name for n in _body(module) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef))
+    return [name for name in named if not name.startswith("_")]
 
 
 def _constants(module: str) -> dict[str, str]:
@@ -92,7 +92,8 @@ def _module(module: str) -> str:
     names = ", ".join(sorted(_callables(module)))
     lines = [f".. automodule:: {module}", *([f"   :members: {names}"] if names else []), ""]
     for name, value in _constants(module).items():
-        lines += [f".. py:data:: {module}.{name}", *([f"   :value: {value}"] if 0 < len(value) <= LONG else []), ""]
+        lines += [f".. py:data:: {name}", f"   :module: {module}"]
+        lines += [*([f"   :value: {value}"] if 0 < len(value) <= LONG else []), ""]
     return "\n".join(lines)
 
 

@@ -44,9 +44,10 @@ def drawing(robot: Robot) -> str:
 
 def _frame(axes: Axes, origin: np.ndarray, ahead: np.ndarray, name: str) -> None:
     """Draw the x and z axes of a frame at ``origin`` (2,) m, with x along the unit vector ``ahead`` (2,)."""
+    (x, z), below = origin, 0.5 * LENGTH
     for letter, direction, colour in (("x", ahead, FORWARD), ("z", np.array([-ahead[1], ahead[0]]), UP)):
-        tip = origin + LENGTH * direction
-        axes.annotate("", tip, origin, arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 2.0})
-        axes.plot(*(origin + 1.4 * LENGTH * direction), alpha=0.0)  # limits follow what is plotted
-        axes.text(*(origin + 1.18 * LENGTH * direction), letter, color=colour, ha="center", va="center")
-    axes.text(*(origin - np.array([0.0, 0.5 * LENGTH])), name, ha="center", va="top", fontweight="bold")
+        (right, up), style = LENGTH * direction, {"arrowstyle": "-|>", "color": colour, "linewidth": 2.0}
+        axes.annotate("", (x + right, z + up), (x, z), arrowprops=style)
+        axes.plot(x + 1.4 * right, z + 1.4 * up, alpha=0.0)  # limits follow what is plotted
+        axes.text(x + 1.18 * right, z + 1.18 * up, letter, color=colour, ha="center", va="center")
+    axes.text(x, z - below, name, ha="center", va="top", fontweight="bold")

@@ -27,7 +27,7 @@ def require_ahead(place: Placement, chain: Chain, approach: Axis, zero: tuple[fl
     if angle <= ALIGNED_RAD:
         return
     turn, left = _turn_ahead(np.array([place.direction(place.data.xaxis[joint]) for joint in chain.joints]), out)
-    advice = f"zero=({', '.join(f'{a + b:.5g}' for a, b in zip(zero, turn, strict=True))},)"
+    advice = f"zero=({', '.join(f'{round(a + b, 4) + 0.0:g}' for a, b in zip(zero, turn, strict=True))},)"
     if left > ALIGNED_RAD:
         advice = "its joints cannot turn it there, so that the arm must be mounted in another way (mount_rpy=...)"
     shown = ", ".join(f"{value:.2f}" for value in out)

@@ -1,0 +1,1 @@
+"""Runs, flights and datasets as frames and figures."""
