@@ -124,7 +124,7 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
     if (path / "meta" / "info.json").is_file():
         from aerial_il.data.formats.lerobot_import import open_lerobot
 
-        return Dataset(path, open_lerobot(path))
+        return Dataset(path, open_lerobot(path, cameras))
     if (path / INDEX).exists() or (path / DEMOS).is_dir():
         return _open_folder(DatasetFolder(path), cameras, (DEMOS, FAILURES) if failures else (DEMOS,))
     if inner := sorted(index.parent for index in path.glob(f"*/{INDEX}")):

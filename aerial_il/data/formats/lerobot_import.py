@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -25,11 +26,14 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.formats.content_digest import sealed
 from aerial_il.data.formats.lerobot_identity import UID, declared_spec, distinct
 from aerial_il.data.formats.lerobot_states import PROVENANCE
+from aerial_il.data.formats.lerobot_videos import Clip, camera_fields, clip_of, read_clip, wanted_cameras
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
 SUPPORTED = "v3."
 COLUMNS = (STATE, ENVIRONMENT, ACTION, "next.reward", "next.success", "episode_index", UID)
 MAX_TABLE_BYTES = 160 << 20
+MAX_EPISODES = 100_000
+TEXTS = "tasks.list.element"  # of episodes; a text that repeats is kept once, as a demo.uid is
 MAX_SWELLING = 8  # times the bytes of a file that its columns may take
 FAULTS = (LookupError, ArithmeticError, ValueError, TypeError, AttributeError, MemoryError, OSError, pa.ArrowException)
 GROUPS: dict[str, Group] = {STATE: "proprio", ENVIRONMENT: "task"}
@@ -86,14 +90,20 @@ def _read_provenance(path: Path) -> dict[str, Any]:
     return tree
 
 
-def open_lerobot(path: Path) -> dict[str, Callable[[], Episode]]:
-    """Return uid -> function that reads the episode, without its videos.
+def open_lerobot(path: Path, cameras: bool | Sequence[str] = False) -> dict[str, Callable[[], Episode]]:
+    """Return uid -> function that reads the episode.
 
     What LeRobot does not hold is left empty: simulator states, controls and the scene. The last observation stands in
     for the terminal one, which is not recorded either.
+
+    Args:
+        path: of the dataset. cameras: True to decode all colour videos, or the names of some as fields, ``wrist_rgb``.
+
+    Raises:
+        DemoError: it is damaged or of another version. UnknownNameError: there is no video of such a camera.
     """
     with _typed(path):
-        return _loaders(path, check_lerobot(path))
+        return _loaders(path, check_lerobot(path), cameras)
 
 
 @contextmanager
@@ -101,25 +111,78 @@ def _typed(path: Path) -> Iterator[None]:
     """Say of which dataset it was that something in it could not be read."""
     try:
         yield
+    except AerialError:
+        raise
     except FAULTS as error:
         raise DemoError(path, f"is malformed ({error!r}).", hint=REBUILD) from error
 
 
-def _loaders(path: Path, info: Mapping[str, Any]) -> dict[str, Callable[[], Episode]]:
+def _loaders(path: Path, info: Mapping[str, Any], cameras: bool | Sequence[str]) -> dict[str, Callable[[], Episode]]:
     columns = [name for name in COLUMNS if name in info["features"]]
     table = pa.concat_tables([_read_table(file, columns) for file in _parquets(path, "data")])
     index = table["episode_index"].to_numpy()
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     ends = np.append(starts[1:], len(index))
     origins = _origins(path)
-    spec = _spec(path, info, table)
+    told = _told(path)
+    spec = _spec(path, info, table, _instruction(told))
+    seen = wanted_cameras(cameras, camera_fields(info["features"]))
     loaders = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         rows = table.slice(start, end - start)
         uid = rows[UID][0].as_py() if UID in columns else f"episode_{index[start]:06d}"
         origin, uid = origins.get(uid, {}), distinct(loaders, uid)
-        loaders[uid] = cache(lambda rows=rows, uid=uid, origin=origin: _episode(path, rows, uid, spec, origin))
+        read = cache(lambda rows=rows, uid=uid, origin=origin: _episode(path, rows, uid, spec, origin))
+        number = int(index[start])
+        clips = {
+            field.name: lambda field=field, number=number: clip_of(path, info, _row(told, number), field)
+            for field in seen
+        }
+        loaders[uid] = (lambda read=read, clips=clips: _with_pictures(path, read(), clips)) if clips else read
     return loaders
+
+
+def _with_pictures(path: Path, episode: Episode, clips: Mapping[str, Callable[[], Clip]]) -> Episode:
+    """Return an episode with its pictures, which are decoded anew each time: all of them may not fit into memory."""
+    with _typed(path):
+        pictures = {name: read_clip(clip()) for name, clip in clips.items()}
+        return replace(episode, obs={**episode.obs, **pictures})
+
+
+def _told(path: Path) -> pa.Table:
+    """Return what ``meta/episodes`` says of each episode: length, task texts and places in videos; no statistics."""
+    tables = []
+    for file in _parquets(path, "meta/episodes"):
+        kept = ("episode_index", "length", "tasks")
+        tables.append(
+            _read_table(file, [n for n in pq.read_schema(file).names if n in kept or n.startswith("videos/")])
+        )
+    if sum(map(len, tables)) > MAX_EPISODES:
+        got = sum(map(len, tables))
+        raise DemoError(path, "has absurdly many episodes.", expected=f"at most {MAX_EPISODES}", got=got)
+    return pa.concat_tables(tables, promote_options="default") if tables else pa.table({})
+
+
+def _row(told: pa.Table, episode: int) -> dict[str, Any]:
+    """Return what is told of an episode, which the table may hold in any order; empty if nothing."""
+    found = np.flatnonzero(told["episode_index"].to_numpy() == episode)
+    return told.slice(int(found[0]), 1).to_pylist()[0] if len(found) else {}
+
+
+def _instruction(told: pa.Table) -> str:
+    """Return the task text that all episodes share, empty where they differ: a policy is of one instruction."""
+    if "tasks" not in told.column_names:
+        return ""
+    texts = {text for chunk in told["tasks"].chunks for text in chunk.flatten().unique().to_pylist()}
+    return str(texts.pop()) if len(texts) == 1 else ""
+
+
+def _labels(feature: Mapping[str, Any], size: int) -> tuple[str, ...]:
+    """Return the names of a vector's elements, in a list or by kind as ``{"motors": [...]}``; none if not told."""
+    names = feature.get("names")
+    names = next(iter(names.values()), None) if isinstance(names, dict) and len(names) == 1 else names
+    labels = tuple(map(str, names)) if isinstance(names, list) else ()
+    return labels if len(labels) == size == len(set(labels)) else ()
 
 
 def _episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mapping[str, Any]) -> Episode:
@@ -176,7 +239,7 @@ def _read_table(file: Path, columns: Sequence[str]) -> pa.Table:
         claimed = 8 * sum(leaf.num_values for leaf in leaves if leaf.path_in_schema.split(".list.")[0] in columns)
         if claimed > max(MAX_TABLE_BYTES, MAX_SWELLING * size):
             raise DemoError(file, f"has {size} bytes and claims to hold {claimed}.", hint=REBUILD)
-        return pq.read_table(file, columns=list(columns), read_dictionary=[UID])
+        return pq.read_table(file, columns=list(columns), read_dictionary=[UID, TEXTS])
     except (pa.ArrowException, OSError) as error:
         raise DemoError(file, f"is cut or damaged ({error}).", hint=REBUILD) from error
 
@@ -192,7 +255,7 @@ def _matrix(path: Path, rows: pa.Table, column: str, width: int) -> np.ndarray:
     return values.reshape(len(rows), width)
 
 
-def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
+def _spec(path: Path, info: Mapping[str, Any], table: pa.Table, instruction: str) -> EnvSpec:
     """Return the recorded specification, or one read off a foreign dataset's columns; its bounds are those seen."""
     if (path / PROVENANCE).is_file():
         try:
@@ -204,24 +267,29 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table) -> EnvSpec:
         return ours
     if ACTION not in features or STATE not in features:
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
-    fields = [Field(n, tuple(features[n]["shape"]), g) for n, g in GROUPS.items() if n in features]
+    fields = [_vector(name, features[name], group) for name, group in GROUPS.items() if name in features]
     size = int(features[ACTION]["shape"][0])
     actions = _matrix(path, table, ACTION, size)
-    labels = tuple(str(i) for i in range(size))
+    labels = _labels(features[ACTION], size) or tuple(str(i) for i in range(size))
     action = ActionSpec(UNKNOWN, labels, ("",) * size, actions.min(0) - 1e-6, actions.max(0) + 1e-6)
     return EnvSpec(
         robot=str(info.get("robot_type") or UNKNOWN),
         task=UNKNOWN,
         tier=UNKNOWN,
-        observation=ObservationSpec(tuple(fields)),
+        observation=ObservationSpec((*fields, *camera_fields(features))),
         action=action,
         control_dt_s=1 / info["fps"],
         max_steps=int(info["total_frames"]),
-        instruction="",
+        instruction=instruction,
         subtasks=(),
         state_size=0,
         controller=NO_CONTROLLER,
     )
+
+
+def _vector(name: str, feature: Mapping[str, Any], group: Group) -> Field:
+    shape = tuple(feature["shape"])
+    return Field(name, shape, group, labels=_labels(feature, int(shape[0])) if len(shape) == 1 else ())
 
 
 def _origins(path: Path) -> dict[str, dict[str, Any]]:

@@ -160,6 +160,9 @@ def test_cameras_become_videos(tmp_path: Path) -> None:
     dataset, episode = LeRobotDataset("local/crane-reach", root=derived), open_dataset(tmp_path, cameras=True)[0]
     frame = dataset[10]["observation.images.scene"].permute(1, 2, 0).numpy() * 255
     assert np.abs(frame - episode.obs["scene_rgb"][10]).mean() < 6
+    theirs = open_dataset(derived, cameras=["scene_rgb"])[0]
+    assert theirs.obs["scene_rgb"].shape == episode.obs["scene_rgb"].shape
+    assert np.abs(theirs.obs["scene_rgb"][10].astype(float) - episode.obs["scene_rgb"][10]).mean() < 6
     video = next(derived.rglob("*.mp4"))
     video.write_bytes(video.read_bytes()[:-100])
     with pytest.raises(DemoError, match=r"file-000\.mp4: is missing or cut"):

@@ -1,0 +1,131 @@
+"""A dataset that lerobot's own writer made for others, with cameras, names and task texts, opens and trains."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from aerial_il.cli.main import main
+from aerial_il.core.errors import DemoError, UnknownNameError
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.formats import lerobot_videos
+from aerial_il.data.formats.lerobot_videos import camera_fields
+
+STEPS, SIZE = (12, 9), (64, 96, 3)
+JOINTS = ["shoulder.pos", "elbow.pos"]
+KEY = "observation.images.front"
+
+
+def shade(episode: int, step: int) -> int:
+    """Return the grey of a picture: no two of an episode are alike."""
+    return 30 + 100 * episode + 8 * step
+
+
+@pytest.fixture(scope="module")
+def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two episodes of an arm under one task text; both lie in one video."""
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    root = tmp_path_factory.mktemp("foreign") / "data"
+    joints = {"dtype": "float32", "shape": (2,), "names": JOINTS}
+    picture = {"dtype": "video", "shape": SIZE, "names": ["height", "width", "channels"]}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        features = {"observation.state": joints, "action": joints, KEY: picture}
+        dataset = LeRobotDataset.create("them/arm", 20, features, root=root, robot_type="so100", video_backend="pyav")
+        for episode, steps in enumerate(STEPS):
+            for step in range(steps):
+                told = np.array([episode, step], np.float32)
+                seen = np.full(SIZE, shade(episode, step), np.uint8)
+                dataset.add_frame({"observation.state": told, "action": told / 50, KEY: seen, "task": "Fold it."})
+            dataset.save_episode()
+        dataset.finalize()
+    return root
+
+
+def test_names_texts_and_pictures_are_read(foreign: Path) -> None:
+    assert len(list(foreign.rglob("*.mp4"))) == 1
+    dataset = open_dataset(foreign, cameras=True)
+    spec = dataset.spec
+    assert (spec.robot, spec.instruction, spec.control_dt_s) == ("so100", "Fold it.", 0.05)
+    assert spec.action.labels == spec.observation["observation.state"].labels == tuple(JOINTS)
+    assert spec.observation["front_rgb"].shape == SIZE
+    for number, episode in enumerate(dataset):
+        assert episode.obs["front_rgb"].shape == (STEPS[number] + 1, *SIZE)
+        greys = [shade(number, step) for step in range(STEPS[number])]
+        np.testing.assert_allclose(episode.obs["front_rgb"][:-1].mean((1, 2, 3)), greys, atol=3)
+
+
+def test_pictures_that_nobody_asked_for_are_not_decoded(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lerobot_videos, "read_clip", None)
+    assert "front_rgb" not in open_dataset(foreign)[0].obs
+    with pytest.raises(UnknownNameError, match="Did you mean 'front_rgb'"):
+        open_dataset(foreign, cameras=["frontal_rgb"])
+
+
+def test_a_policy_that_sees_is_trained_on_it(foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    small = ["policy.images=[front_rgb]", "policy.hidden=[8]", "policy.chunk=2", "algorithm.steps=2", "progress=false"]
+    assert main(["train", f"dataset={foreign}", "run=run", "algorithm.validate_every=0", *small]) == 0
+
+
+@pytest.fixture
+def copy(foreign: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(foreign, tmp_path / "copy"))
+
+
+def tell(root: Path, **changes: object) -> None:
+    info = json.loads((root / "meta/info.json").read_text())
+    (root / "meta/info.json").write_text(json.dumps({**info, **changes}))
+
+
+def test_a_damaged_video_is_named(copy: Path) -> None:
+    video = next(copy.rglob("*.mp4"))
+    video.write_bytes(b"no video at all")
+    with pytest.raises(DemoError, match=r"file-000\.mp4: cannot be decoded"):
+        open_dataset(copy, cameras=True)[0]
+    video.unlink()
+    with pytest.raises(DemoError, match=r"file-000\.mp4: is missing"):
+        open_dataset(copy, cameras=True)[0]
+    assert len(open_dataset(copy)[0]) == STEPS[0], "what does not look at it can be read"
+
+
+def test_pictures_are_looked_for_inside_the_dataset_only(copy: Path, foreign: Path) -> None:
+    video = next(copy.rglob("*.mp4"))
+    video.unlink()
+    video.symlink_to(next(foreign.rglob("*.mp4")))
+    with pytest.raises(DemoError, match="refers to a place outside itself"):
+        open_dataset(copy, cameras=True)[0]
+
+
+def test_a_claim_of_more_than_memory_is_refused_before_a_picture_is_decoded(copy: Path) -> None:
+    features = json.loads((copy / "meta/info.json").read_text())["features"]
+    tell(copy, features={**features, KEY: {**features[KEY], "shape": [60_000, 60_000, 3]}})
+    with pytest.raises(DemoError, match="is absurdly large"):
+        open_dataset(copy, cameras=True)[0]
+    tell(copy, features={**features, KEY: {**features[KEY], "shape": [32, 32, 3]}})
+    with pytest.raises(DemoError, match="has pictures of another size"):
+        open_dataset(copy, cameras=True)[0]
+
+
+def test_a_video_that_is_too_short_is_no_episode(copy: Path) -> None:
+    file = next((copy / "meta/episodes").rglob("*.parquet"))
+    table = pq.read_table(file)
+    late = table.column(f"videos/{KEY}/from_timestamp").to_pylist()
+    place = table.column_names.index(f"videos/{KEY}/from_timestamp")
+    pq.write_table(table.set_column(place, table.column_names[place], [[time + 0.3 for time in late]]), file)
+    with pytest.raises(DemoError, match=r"lacks pictures of an episode\. expected 9, got 3"):
+        open_dataset(copy, cameras=True)[1]
+
+
+def test_what_is_no_colour_video_is_no_camera() -> None:
+    video = {"dtype": "video", "shape": [3, 48, 64], "names": ["channels", "height", "width"]}
+    depth = {**video, "info": {"video.is_depth_map": True}}
+    features = {"observation.images.a": video, "observation.images.b": depth, "c": {**video, "dtype": "image"}}
+    (only,) = camera_fields(features)
+    assert (only.name, only.shape) == ("a_rgb", (48, 64, 3))
