@@ -100,7 +100,7 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
     """Open demonstrations, whatever form they are in.
 
     Args:
-        path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3 folder, an HDF5
+        path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3 or Minari folder, an HDF5
             file of robomimic's or D4RL's layout, or transitions as ``.npz``.
         cameras: True to decode all image fields, or the names of some.
         failures: also the failed episodes of a folder of recordings; each episode says how it ended.
@@ -125,6 +125,10 @@ def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, fail
         from aerial_il.data.formats.lerobot_import import open_lerobot
 
         return Dataset(path, open_lerobot(path, cameras))
+    if (path / "data" / "main_data.hdf5").is_file():
+        from aerial_il.data.formats.minari import open_minari
+
+        return Dataset(path, open_minari(path))
     if (path / INDEX).exists() or (path / DEMOS).is_dir():
         return _open_folder(DatasetFolder(path), cameras, (DEMOS, FAILURES) if failures else (DEMOS,))
     if inner := sorted(index.parent for index in path.glob(f"*/{INDEX}")):

@@ -86,9 +86,9 @@ def open_hdf5(path: Path) -> dict[str, Callable[[], Episode]]:
         with h5py.File(path, "r") as file:
             if "data" not in file and "actions" in file:
                 return transitions.episodes_of(path, _flat(path, file))
-            group = _child(path, file, "data", h5py.Group)
+            group = child(path, file, "data", h5py.Group)
             names = sorted(group, key=lambda name: (len(name), name))  # demo_10 comes after demo_9
-            uids = [str(_child(path, group, name, h5py.Group).attrs.get("uid", name)) for name in names]
+            uids = [str(child(path, group, name, h5py.Group).attrs.get("uid", name)) for name in names]
     except DemoError:
         raise
     except FAULTS as error:
@@ -102,10 +102,10 @@ def open_hdf5(path: Path) -> dict[str, Callable[[], Episode]]:
 def _flat(path: Path, file: h5py.File) -> dict[str, np.ndarray]:
     """Return the arrays of a file of D4RL's that are used, after checking what they take together."""
     known = [name for names in transitions.NAMES.values() for name in names if name in file]
-    size = sum(8 * _child(path, file, name, h5py.Dataset).size for name in known)  # as float64
+    size = sum(8 * child(path, file, name, h5py.Dataset).size for name in known)  # as float64
     if size > MAX_UNPACKED_BYTES:
         raise DemoError(path, "is absurdly large.", expected=f"at most {MAX_UNPACKED_BYTES} bytes", got=size)
-    return {name: _array(path, file, name) for name in known}
+    return {name: array(path, file, name) for name in known}
 
 
 @dataclass(frozen=True)
@@ -125,14 +125,14 @@ class _Survey:
 
 def _survey(path: Path, names: Sequence[str]) -> _Survey:
     with h5py.File(path, "r") as file:
-        data = _child(path, file, "data", h5py.Group)
+        data = child(path, file, "data", h5py.Group)
         lows, highs, steps, judged = [], [], 0, False
         for name in names:
-            demo = _child(path, data, name, h5py.Group)
+            demo = child(path, data, name, h5py.Group)
             if PRIVATE in demo:
                 continue
             _check_size(path, demo)
-            actions = _array(path, demo, "actions").astype(float)
+            actions = array(path, demo, "actions").astype(float)
             lows.append(actions.min(0))
             highs.append(actions.max(0))
             steps, judged = max(steps, len(actions)), judged or _marked(path, demo)
@@ -150,7 +150,7 @@ def _env_args(data: h5py.Group) -> dict[str, Any]:
 
 def _marked(path: Path, demo: h5py.Group) -> bool:
     """Whether a foreign demonstration ends with a reward, or as done."""
-    ends = (_array(path, demo, name, last=True) for name in ("rewards", "dones") if name in demo)
+    ends = (array(path, demo, name, last=True) for name in ("rewards", "dones") if name in demo)
     return any(bool(end.size and end.ravel()[-1] > 0) for end in ends)
 
 
@@ -187,7 +187,7 @@ def _write(file: h5py.File, episodes: Sequence[Episode]) -> None:
 def _read(path: Path, name: str, whole: Callable[[], _Survey]) -> Episode:
     try:
         with h5py.File(path, "r") as file:
-            demo = _child(path, _child(path, file, "data", h5py.Group), name, h5py.Group)
+            demo = child(path, child(path, file, "data", h5py.Group), name, h5py.Group)
             _check_size(path, demo)
             return _ours(path, demo) if PRIVATE in demo else _foreign(path, demo, name, whole())
     except DemoError:
@@ -197,17 +197,17 @@ def _read(path: Path, name: str, whole: Callable[[], _Survey]) -> Episode:
 
 
 def _ours(path: Path, demo: h5py.Group) -> Episode:
-    private = _child(path, demo, PRIVATE, h5py.Group)
+    private = child(path, demo, PRIVATE, h5py.Group)
     spec = EnvSpec.from_dict(parse_json(private.attrs["spec"]))
-    states = np.concatenate([_array(path, demo, "states"), _array(path, private, "final_state")[None]])
-    kept: dict[str, Any] = {name: _array(path, private, name) for name in EXTRA}
+    states = np.concatenate([array(path, demo, "states"), array(path, private, "final_state")[None]])
+    kept: dict[str, Any] = {name: array(path, private, name) for name in EXTRA}
     episode = Episode(
         uid=str(demo.attrs["uid"]),
         spec=spec,
         provenance=parse_json(private.attrs["provenance"]),
         obs=_observations(path, demo),
-        actions=_array(path, demo, "actions"),
-        rewards=_array(path, demo, "rewards"),
+        actions=array(path, demo, "actions"),
+        rewards=array(path, demo, "rewards"),
         states=states,
         success=bool(private.attrs["success"]),
         model_xml=str(demo.attrs["model_file"]),
@@ -219,9 +219,9 @@ def _ours(path: Path, demo: h5py.Group) -> Episode:
 
 
 def _foreign(path: Path, demo: h5py.Group, name: str, whole: _Survey) -> Episode:
-    actions = _array(path, demo, "actions").astype(float)
+    actions = array(path, demo, "actions").astype(float)
     obs = {name: v if v.dtype == np.uint8 else v.astype(float) for name, v in _observations(path, demo).items()}
-    states = _array(path, demo, "states") if "states" in demo else np.zeros((len(actions), 0))
+    states = array(path, demo, "states") if "states" in demo else np.zeros((len(actions), 0))
     robot, task, control_dt_s = _named(whole.env)
     spec = foreign_spec(
         obs,
@@ -237,7 +237,7 @@ def _foreign(path: Path, demo: h5py.Group, name: str, whole: _Survey) -> Episode
         spec,
         obs=obs,
         actions=actions,
-        rewards=_array(path, demo, "rewards") if "rewards" in demo else None,
+        rewards=array(path, demo, "rewards") if "rewards" in demo else None,
         states=np.concatenate([states, states[-1:]]),
         success=_marked(path, demo) or not whole.judged,
         model_xml=str(demo.attrs.get("model_file", "")),
@@ -258,14 +258,14 @@ def _named(env: Mapping[str, Any]) -> tuple[str, str, float]:
 
 def _observations(path: Path, demo: h5py.Group) -> dict[str, np.ndarray]:
     """Return (T + 1, ...) observations; without ``next_obs`` the last one stands in for the terminal one."""
-    now = _child(path, demo, "obs", h5py.Group)
-    later = _child(path, demo, "next_obs", h5py.Group) if "next_obs" in demo else now
-    return {name: np.concatenate([_array(path, now, name), _array(path, later, name, last=True)]) for name in now}
+    now = child(path, demo, "obs", h5py.Group)
+    later = child(path, demo, "next_obs", h5py.Group) if "next_obs" in demo else now
+    return {name: np.concatenate([array(path, now, name), array(path, later, name, last=True)]) for name in now}
 
 
-def _array(path: Path, group: h5py.Group, name: str, *, last: bool = False) -> np.ndarray:
+def array(path: Path, group: h5py.Group, name: str, *, last: bool = False) -> np.ndarray:
     """Return a dataset (T, ...), or of it the ``last`` row alone."""
-    dataset = _child(path, group, name, h5py.Dataset)
+    dataset = child(path, group, name, h5py.Dataset)
     if dataset.dtype.kind not in "biuf" or dataset.shape is None or not dataset.shape:
         raise DemoError(path, f"has no rows of numbers in {dataset.name}.", got=(dataset.dtype, dataset.shape))
     return dataset[-1:] if last else dataset[()]
@@ -273,17 +273,17 @@ def _array(path: Path, group: h5py.Group, name: str, *, last: bool = False) -> n
 
 def _check_size(path: Path, demo: h5py.Group) -> None:
     """Require that all datasets of a demonstration together can be held, before one of them is read."""
-    groups = [_child(path, demo, name, h5py.Group) for name in ("obs", "next_obs", PRIVATE) if name in demo]
+    groups = [child(path, demo, name, h5py.Group) for name in ("obs", "next_obs", PRIVATE) if name in demo]
     names = [
         (group, name) for group in (demo, *groups) for name in map(str, group) if group is not demo or name in COLUMNS
     ]
-    size = sum(child.size * child.dtype.itemsize for child in (_child(path, *each, h5py.Dataset) for each in names))
+    size = sum(child.size * child.dtype.itemsize for child in (child(path, *each, h5py.Dataset) for each in names))
     if size > MAX_BYTES:
         problem = f"has an absurdly large demonstration {demo.name}."
         raise DemoError(path, problem, expected=f"at most {MAX_BYTES} bytes", got=size)
 
 
-def _child(path: Path, group: h5py.Group, name: str, kind: type) -> Any:
+def child(path: Path, group: h5py.Group, name: str, kind: type) -> Any:
     """Return a child that lies in the file itself and is no larger than it may be."""
     link = group.get(name, getlink=True)
     if link is None:

@@ -1,0 +1,107 @@
+"""Minari's folders open, train and name their environment; nothing in them is imported or followed outside."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import h5py
+import numpy as np
+import pytest
+
+from aerial_il.cli.main import main
+from aerial_il.core.errors import DemoError
+from aerial_il.data.dataset import open_dataset
+
+ENV, STEPS = "Pendulum-v1", (12, 9)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two episodes in the layout that ``HDF5Storage`` of Minari 0.5 writes."""
+    data = tmp_path / "pendulum" / "data"
+    data.mkdir(parents=True)
+    with h5py.File(data / "main_data.hdf5", "w") as file:
+        for number, steps in enumerate(STEPS):
+            rng, group = np.random.default_rng(number), file.create_group(f"episode_{number}")
+            group["observations"] = rng.normal(size=(steps + 1, 3)).astype("f4")
+            group["actions"], group["rewards"] = rng.uniform(-1, 1, (steps, 1)).astype("f4"), rng.normal(size=steps)
+            group["terminations"], group["truncations"] = np.zeros(steps, bool), np.arange(steps) == steps - 1
+    told = {"env_spec": gymnasium.spec(ENV).to_json(), "data_format": "hdf5"}
+    (data / "metadata.json").write_text(json.dumps(told))
+    return data.parent
+
+
+def test_every_value_is_read(folder: Path) -> None:
+    dataset = open_dataset(folder)
+    assert dataset.uids == ("episode_0", "episode_1")
+    assert (dataset.spec.robot, dataset.spec.task, dataset.spec.max_steps) == ("gymnasium", ENV, max(STEPS))
+    with h5py.File(folder / "data/main_data.hdf5") as file:
+        raw: Any = file
+        for episode in dataset:
+            np.testing.assert_array_equal(episode.obs["observation"], raw[f"{episode.uid}/observations"])
+            np.testing.assert_array_equal(episode.actions, raw[f"{episode.uid}/actions"])
+            np.testing.assert_array_equal(episode.rewards, raw[f"{episode.uid}/rewards"])
+            assert episode.truncated.tolist() == raw[f"{episode.uid}/truncations"][()].tolist()
+            assert not episode.spec.differences(dataset.spec)
+
+
+def test_it_trains_and_flies_in_the_environment_that_it_names(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder.parent)
+    small = ["algorithm.steps=2", "policy.hidden=[8]", "policy.chunk=2", "progress=false"]
+    assert main(["train", f"dataset={folder}", "run=run", "algorithm.validate_every=0", *small]) == 0
+    judged = ["episodes=2", "videos=0", "out=judged", "success=survived", "max_steps=5", "progress=false"]
+    assert main(["evaluate", "policy=run", *judged]) == 0
+
+
+def test_what_minari_itself_wrote_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    minari = pytest.importorskip("minari", reason="Minari is not installed: python -m pip install 'minari[hdf5]'")
+    rng, flown = np.random.default_rng(0), []
+    for number, steps in enumerate(STEPS):
+        end = [step == steps - 1 for step in range(steps)]
+        told = {"rewards": rng.normal(size=steps).tolist(), "terminations": [False] * steps, "truncations": end}
+        seen, done = rng.normal(size=(steps + 1, 3)).astype("f4"), rng.normal(size=(steps, 1)).astype("f4")
+        flown.append(minari.data_collector.EpisodeBuffer(id=number, observations=[*seen], actions=[*done], **told))
+    theirs = minari.create_dataset_from_buffers("pendulum/random-v0", buffer=flown, env=gymnasium.make(ENV))
+    for episode, other in zip(open_dataset(tmp_path / "pendulum/random-v0"), theirs, strict=True):
+        np.testing.assert_array_equal(episode.obs["observation"], other.observations)
+        np.testing.assert_array_equal(episode.actions, other.actions)
+        assert episode.spec.task == ENV
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "said"),
+    [
+        ("observations", np.zeros((5, 3)), "observations of another length"),
+        ("actions", np.zeros(12, int), "no vectors of numbers"),
+        ("actions", h5py.ExternalLink("/etc/passwd", "/x"), "refers to a place outside itself"),
+        ("rewards", None, "lacks /episode_0/rewards"),
+    ],
+)
+def test_what_cannot_be_used_is_named(folder: Path, name: str, values: object, said: str) -> None:
+    with h5py.File(folder / "data/main_data.hdf5", "a") as file:
+        del file[f"episode_0/{name}"]
+        if values is not None:
+            file[f"episode_0/{name}"] = values
+    with pytest.raises(DemoError, match=said):
+        open_dataset(folder)[0]
+
+
+def test_a_claim_of_more_than_memory_is_refused_before_it_is_read(folder: Path) -> None:
+    with h5py.File(folder / "data/main_data.hdf5", "a") as file:
+        del file["episode_0/observations"]
+        file.create_dataset("episode_0/observations", (10**9, 3), "f4", chunks=(1000, 3), fillvalue=1.0)
+    with pytest.raises(DemoError, match="absurdly large"):
+        open_dataset(folder)
+
+
+def test_an_environment_that_names_a_module_is_not_imported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "data/metadata.json").write_text(json.dumps({"env_spec": json.dumps({"id": "antigravity:X-v0"})}))
+    monkeypatch.chdir(folder.parent)
+    small = ["algorithm.steps=2", "policy.hidden=[8]", "policy.chunk=2", "progress=false"]
+    assert main(["train", f"dataset={folder}", "run=run", "algorithm.validate_every=0", *small]) == 0
+    assert main(["evaluate", "policy=run", "episodes=1", "out=judged"]) == 2
+    assert "antigravity" not in __import__("sys").modules
