@@ -9,7 +9,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
 ROOMS = (  # in the order of the layers, from what people call to what everything stands on
-    *("cli", "documentation", "benchmarks", "algorithms", "evaluation", "collection", "bridges", "inspection"),
+    *("cli", "documentation", "analysis", "benchmarks"),
+    *("algorithms", "evaluation", "collection", "bridges", "inspection"),
     *("experts", "policies", "teleop", "suite", "data", "robots", "control", "core"),
 )
 LOGGER = "log"
