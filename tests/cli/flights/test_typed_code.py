@@ -80,6 +80,7 @@ def test_demonstrations_are_recorded_by_an_expert_of_one_s_own(home: Path) -> No
 ROUNDS = ["rounds=1", "episodes=2", "between_steps=2", "training.steps=2", "training.log_every=1"]
 
 
+@pytest.mark.slow
 def test_who_learns_in_rounds_asks_an_expert_of_one_s_own(home: Path) -> None:
     where = ["robot=quad", "task=hover", "episodes=2", QUIET]
     assert main(["collect", "expert.noise=0", *where, "out=demos"]) == 0

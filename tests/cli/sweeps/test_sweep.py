@@ -77,6 +77,7 @@ def test_a_job_that_is_killed_or_wrong_does_not_stop_the_others(
     assert "not run" not in board.table()
 
 
+@pytest.mark.slow
 def test_a_sweep_whose_coordinator_is_killed_leaves_no_job_behind_and_is_continued(tmp_path: Path) -> None:
     words = ["collect", "-m", *HOVER, "episodes=40", "seed=0,40", "out=sweep", "launcher=processes", "launcher.jobs=2"]
     command = [sys.executable, "-m", "aerial_il", *words]
