@@ -26,7 +26,7 @@ HUES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0000
 Runs = Mapping[str, Sequence[str | os.PathLike[str]]]  # label -> folders of runs that only differ in seed
 
 
-class NotebookFigure(Figure):
+class _NotebookFigure(Figure):
     """A figure that a notebook draws by itself, without pyplot having been used there before."""
 
     def _repr_png_(self) -> bytes:
@@ -155,7 +155,7 @@ def _figure(*, height: float = 3.4) -> tuple[Figure, Axes]:
 def _figures(columns: int, *, height: float) -> tuple[Figure, list[Axes]]:
     """Return a figure of ``columns`` axes that belongs to no window, so that a notebook draws it just once."""
     with mpl.rc_context(_style()):
-        figure = NotebookFigure(figsize=(6.4 if columns == 1 else 4.2 * columns, height), layout="constrained")
+        figure = _NotebookFigure(figsize=(6.4 if columns == 1 else 4.2 * columns, height), layout="constrained")
         return figure, [figure.add_subplot(1, columns, k + 1) for k in range(columns)]
 
 
