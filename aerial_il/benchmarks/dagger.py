@@ -30,13 +30,14 @@ from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_exp
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     Cloned,
+    Shown,
     Stages,
     all_that_decides,
     check_seeds,
     described,
     steps_of,
+    train_in_rounds,
 )
-from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
@@ -62,25 +63,14 @@ NOTES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Asked(Shown):
     """A policy trained by asking the expert while it flies.
 
     Attributes:
-        method: name for people. source: of the demonstrations to begin with; its draw is the training's seed.
-        demos: how many. policy: what is trained. algorithm: how.
+        algorithm: how, beside those of :class:`Shown`.
     """
 
-    method: str
-    source: Source
-    demos: int
-    policy: PolicyConfig
     algorithm: DAgger | Dart
-
-    @property
-    def label(self) -> str:
-        return (
-            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
-        )
 
     @property
     def episodes(self) -> int:
@@ -96,20 +86,8 @@ class Asked:
         return all_that_decides(self, "bc", "dagger", "dart")
 
     def train(self, stages: Stages, run: Path) -> Policy:
-        env = stages.environment(self.source, self.source.tier, self.algorithm.episodes)
-        try:
-            return self.algorithm.train(
-                stages.demonstrations(self.source, self.demos),
-                self.policy,
-                run=run,
-                env=env,
-                expert=aerial_il.expert(self.source.robot, self.source.task),
-                collect=collect,
-                seed=self.source.draw,
-                progress=stages.progress,
-            )
-        finally:
-            env.close()
+        expert = aerial_il.expert(self.source.robot, self.source.task)
+        return train_in_rounds(self, self.algorithm, stages, run, worlds=self.algorithm.episodes, expert=expert)
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,13 @@ from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_exp
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     Cloned,
+    Shown,
     Stages,
     all_that_decides,
     check_seeds,
     described,
+    train_in_rounds,
 )
-from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
@@ -61,43 +62,20 @@ NOTES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Practised:
+class Practised(Shown):
     """A policy that goes on from its demonstrations by flying.
 
     Attributes:
-        method: name for people. source: of the demonstrations; its draw is the training's seed. demos: how many.
-        policy: what is trained. algorithm: how.
+        algorithm: how, beside those of :class:`Shown`.
     """
 
-    method: str
-    source: Source
-    demos: int
-    policy: PolicyConfig
     algorithm: ExpertIteration | FilteredCloning
-
-    @property
-    def label(self) -> str:
-        return (
-            f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
-        )
 
     def decided_by(self) -> dict[str, Any]:
         return all_that_decides(self, "bc", self.algorithm.name, *_beside(self.algorithm))
 
     def train(self, stages: Stages, run: Path) -> Policy:
-        env = stages.environment(self.source, self.source.tier, self.algorithm.worlds)
-        try:
-            return self.algorithm.train(
-                stages.demonstrations(self.source, self.demos),
-                self.policy,
-                run=run,
-                env=env,
-                collect=collect,
-                seed=self.source.draw,
-                progress=stages.progress,
-            )
-        finally:
-            env.close()
+        return train_in_rounds(self, self.algorithm, stages, run, worlds=self.algorithm.worlds, expert=None)
 
 
 @dataclass(frozen=True)

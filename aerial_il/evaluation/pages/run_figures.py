@@ -213,8 +213,8 @@ def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
     if not any(ends):
         return None
     means = [(k, float(np.mean(rates))) for k, rates in enumerate(ends, start=1) if rates]
-    told = ", ".join(f"{values[k - 1]} {100 * mean:.0f} %" for k, mean in means)
-    alt, x = f"Success at the end by {axis}: {told}", (0.5, len(values) + 0.5)
+    ends_by_value = ", ".join(f"{values[k - 1]} {100 * mean:.0f} %" for k, mean in means)
+    alt, x = f"Success at the end by {axis}: {ends_by_value}", (0.5, len(values) + 0.5)
     places = [float(k) for k in range(1, len(values) + 1)]
     plot = Plot(
         x=x, y=(0.0, 1.0), x_label="", y_label="", alt=alt, width=NARROW, height=HEIGHT, percent=True, x_ticks=places

@@ -14,12 +14,14 @@ from typing import Any, Protocol
 
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import CADENCE
 from aerial_il.algorithms.run.folder import METRICS, PROVENANCE, read_metrics
 from aerial_il.benchmarks.parts.records.ground import ground, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.demonstrations import Source, collections, first, gather
+from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import plain
@@ -56,19 +58,18 @@ class Training(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Cloned:
-    """A policy cloned from some demonstrations.
+class Shown:
+    """What every policy that begins with some demonstrations is described by.
 
     Attributes:
         method: name for people. source: of the demonstrations; its draw is the training's seed. demos: how many.
-        policy: what is trained. algorithm: how.
+        policy: what is trained.
     """
 
     method: str
     source: Source
     demos: int
     policy: PolicyConfig
-    algorithm: BehaviourCloning
 
     @property
     def label(self) -> str:
@@ -76,12 +77,49 @@ class Cloned:
             f"{self.method}/{self.source.robot}-{self.source.task}-{self.source.tier}/{self.demos}/{self.source.draw}"
         )
 
+
+@dataclass(frozen=True, eq=False)
+class Cloned(Shown):
+    """A policy cloned from its demonstrations.
+
+    Attributes:
+        algorithm: how, beside those of :class:`Shown`.
+    """
+
+    algorithm: BehaviourCloning
+
     def decided_by(self) -> dict[str, Any]:
         return all_that_decides(self, "bc")
 
     def train(self, stages: Stages, run: Path) -> Policy:
         shown = stages.demonstrations(self.source, self.demos, cameras=self.policy.images)
         return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
+
+
+def train_in_rounds(
+    training: Shown, algorithm: InteractiveAlgorithm, stages: Stages, run: Path, *, worlds: int, expert: Policy | None
+) -> Policy:
+    """Train a policy that goes on from its demonstrations by flying, or go on, in the folder ``run``.
+
+    Args:
+        training: what begins. algorithm: how it goes on. stages: of the study. worlds: flown at once.
+        expert: whom it asks; None where nobody is.
+    """
+    source = training.source
+    env = stages.environment(source, source.tier, worlds)
+    try:
+        return algorithm.train(
+            stages.demonstrations(source, training.demos),
+            training.policy,
+            run=run,
+            env=env,
+            expert=expert,
+            collect=collect,
+            seed=source.draw,
+            progress=stages.progress,
+        )
+    finally:
+        env.close()
 
 
 def all_that_decides(training: Any, *algorithms: str) -> dict[str, Any]:
