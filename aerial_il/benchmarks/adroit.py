@@ -35,7 +35,7 @@ from aerial_il.benchmarks.parts.adroit.tables import (
     total_seconds,
 )
 from aerial_il.benchmarks.parts.adroit.tasks import POLICIES, TASKS, AdroitTask, PublishedRewards, expert_of
-from aerial_il.benchmarks.parts.records.ground import learning_code
+from aerial_il.benchmarks.parts.records.fingerprint import learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import learning_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar

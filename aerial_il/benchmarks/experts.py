@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import aerial_il
-from aerial_il.benchmarks.parts.records.ground import ground
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import success_dots
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -97,7 +97,7 @@ class Experts:
 
     def _result(self, robot: str, task: str, tier: str, record: Record) -> EvaluationResult:
         seeds = range(self.seed, self.seed + self.episodes)
-        decided_by = {"seeds": [seeds.start, seeds.stop], "tier": tier, "ground": ground(robot, task, tier)}
+        decided_by = {"seeds": [seeds.start, seeds.stop], "tier": tier, "ground": flight_fingerprint(robot, task, tier)}
         kept = record.place("evaluations", f"{robot}-{task}/{tier}", decided_by)
         if (kept / FILE_NAME).exists():
             return load_result(kept)
@@ -111,7 +111,7 @@ class Experts:
         return result
 
     def _returns(self, robot: str, task: str, record: Record) -> Row:
-        decided_by = {"seed": self.seed, "episodes": self.returns, "ground": ground(robot, task, "calm")}
+        decided_by = {"seed": self.seed, "episodes": self.returns, "ground": flight_fingerprint(robot, task, "calm")}
         kept = record.place("returns", f"{robot}-{task}", decided_by) / "row.json"
         if not kept.exists():
             write_json(kept, returns_row(robot, task, seed=self.seed, episodes=self.returns, threads=self.threads))
@@ -122,7 +122,7 @@ def distinct(robot: str, task: str, wanted: tuple[str, ...]) -> Mapping[str, lis
     """Return the tiers in which a cell flies differently -> the further ones in which it flies as in that one."""
     alike: dict[str, list[str]] = {}
     for tier in wanted:
-        alike.setdefault(ground(robot, task, tier), []).append(tier)
+        alike.setdefault(flight_fingerprint(robot, task, tier), []).append(tier)
     return {first: further for first, *further in alike.values()}
 
 

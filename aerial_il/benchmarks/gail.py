@@ -26,7 +26,7 @@ from aerial_il.algorithms.gail import AdversarialImitation
 from aerial_il.algorithms.rl.imitation import Control, Imitation
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
-from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import reward_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -225,7 +225,7 @@ class Gail:
     def _flown_by(self, task: str, record: Record) -> dict[str, Any]:
         """Return what decides the expert's flights."""
         if task not in self.outside:
-            return {"noise": self.noise, "ground": ground(self.robot, task, "calm", self.suite[task])}
+            return {"noise": self.noise, "ground": flight_fingerprint(self.robot, task, "calm", self.suite[task])}
         versions = {name: metadata.version(name) for name in ("gymnasium", "mujoco")}
         return {"expert": sha256_of(self._expert_run(task, record) / "policy" / "manifest.json"), **versions}
 

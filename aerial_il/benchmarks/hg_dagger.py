@@ -21,7 +21,7 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
@@ -219,7 +219,7 @@ class Lesson:
 
     def _judged(self, arm: str, policy: Any) -> EvaluationResult:
         study, seeds = self.study, range(EVALUATION_SEED, EVALUATION_SEED + self.study.episodes)
-        where = {"seeds": [seeds.start, seeds.stop], "ground": ground(study.robot, study.task, study.tier)}
+        where = {"seeds": [seeds.start, seeds.stop], "ground": flight_fingerprint(study.robot, study.task, study.tier)}
         decided_by = {"training": self._decided_by(arm), "arm": arm, **where}
         place = self.record.place("evaluations", f"{arm}/{self.driven.label}", decided_by)
         if not (place / FILE_NAME).exists():

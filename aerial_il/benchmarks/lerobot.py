@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import aerial_il
-from aerial_il.benchmarks.parts.records.claim import claim
+from aerial_il.benchmarks.parts.records.settings import require_settings
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import success_row
 from aerial_il.benchmarks.parts.training.demonstrations import usual_expert
@@ -94,7 +94,7 @@ class Lerobot:
         """Collect, train and evaluate what ``folder`` does not hold yet; see :class:`Benchmark`."""
         if self.cameras:
             require_rendering("bench lerobot with cameras")
-        claim(folder, self._plain())
+        require_settings(folder, self._plain())
         dataset = self._dataset(folder, progress)
         checkpoint = self._train(folder, dataset)
         theirs, ours = self._judged_by_lerobot(folder, checkpoint), self._judged_by_us(folder, checkpoint, progress)

@@ -25,7 +25,7 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.algorithms.td3 import TwinDelayedLearning
 from aerial_il.benchmarks.parts.reach.holding import Holding, hold
-from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import success_curves
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -179,7 +179,7 @@ class Z1Reach:
             "policy": described(self.policy),
             "learning": learning_code(arm.algorithm),
             "worlds": self.num_envs,
-            "ground": ground(ROBOT, TASK, TIER, self.horizon),
+            "ground": flight_fingerprint(ROBOT, TASK, TIER, self.horizon),
         }
 
     def _judged(self, arm: Arm, seed: int, record: Record, progress: bool) -> EvaluationResult:

@@ -1,8 +1,9 @@
-"""The record of a study: each result kept by all that decides it: nothing twice, and nothing outdated.
+"""The record of a study: each result is stored under a digest of all that decides it.
 
 A result lies in ``KIND/LABEL-DIGEST``: the digest is that of everything that decides it, and ``decided_by.json`` beside
-it says what that is. An arm that is added to a study finds those of the others, whatever its settings are called; a
-change of the ground, of a setting or of the code that learns gives other digests, and so new flights.
+it says what that is. So nothing is computed twice and nothing is out of date: an arm (one method in one setting) that
+is added to a study reuses the results of the others. A change of a setting, of how the environment behaves or of the
+code that learns gives another digest, and so new flights.
 """
 
 from __future__ import annotations

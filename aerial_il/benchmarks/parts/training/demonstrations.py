@@ -11,7 +11,7 @@ from typing import Any
 
 import aerial_il
 from aerial_il import experts
-from aerial_il.benchmarks.parts.records.ground import ground
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import Dataset
@@ -54,7 +54,7 @@ class Source:
 
     def decided_by(self) -> dict[str, Any]:
         """Return all that decides the flights."""
-        return {**asdict(self), "seed": self.seed, "ground": ground(self.robot, self.task, self.tier)}
+        return {**asdict(self), "seed": self.seed, "ground": flight_fingerprint(self.robot, self.task, self.tier)}
 
 
 def usual_expert() -> dict[str, float]:

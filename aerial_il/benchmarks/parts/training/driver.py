@@ -12,7 +12,7 @@ from typing import Any
 import aerial_il
 from aerial_il import teleop
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.benchmarks.parts.records.ground import ground
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import Dataset
@@ -51,7 +51,7 @@ class Driven:
 
     def decided_by(self) -> dict[str, Any]:
         """Return all that decides the flights."""
-        return {**asdict(self), "driver": driver_code(), "ground": ground(self.robot, self.task, self.tier)}
+        return {**asdict(self), "driver": driver_code(), "ground": flight_fingerprint(self.robot, self.task, self.tier)}
 
     def environment(self, num_envs: int) -> BatchEnvironment:
         """Return worlds of the cell."""

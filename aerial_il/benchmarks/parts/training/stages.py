@@ -18,7 +18,7 @@ from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import CADENCE
 from aerial_il.algorithms.run.folder import METRICS, PROVENANCE, read_metrics
-from aerial_il.benchmarks.parts.records.ground import ground, learning_code
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.demonstrations import Source, collections, first, gather
 from aerial_il.collection.collect import collect
@@ -172,7 +172,11 @@ class Stages:
     def judged(self, training: Training, tier: str, seeds: range) -> EvaluationResult:
         """Return how the final policy of a training flies in a tier, on ``seeds``."""
         source = training.source
-        where = {"tier": tier, "seeds": [seeds.start, seeds.stop], "ground": ground(source.robot, source.task, tier)}
+        where = {
+            "tier": tier,
+            "seeds": [seeds.start, seeds.stop],
+            "ground": flight_fingerprint(source.robot, source.task, tier),
+        }
         decided_by = {"training": training.decided_by(), **where}
         place = self._place("evaluations", f"{training.label}/{tier}", decided_by)
         if (place / FILE_NAME).exists():

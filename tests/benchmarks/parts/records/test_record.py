@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.benchmarks.parts.records import ground
+from aerial_il.benchmarks.parts.records import fingerprint
 from aerial_il.benchmarks.parts.records.record import Record, digest
 
 CODE = '"""Words."""\n\ndef f(x):\n    """More words."""\n    return x + 1  # why\n'
@@ -33,7 +33,7 @@ def test_words_about_code_do_not_count_and_what_it_does_counts(tmp_path: Path) -
 
     def coded(text: str) -> str:
         file.write_text(text)
-        return ground.code_digest([file])
+        return fingerprint.code_digest([file])
 
     before = coded(CODE)
     assert coded("def f(x):\n    return x+1\n") == before
@@ -62,13 +62,13 @@ class Flown:
 
 
 @pytest.mark.parametrize("altered", [{"obs": 1e-12}, {"reward": 1e-12}, {"success": 1.0}])
-def test_the_ground_is_another_when_anything_that_is_seen_earned_or_achieved_is(altered: dict[str, float]) -> None:
+def test_the_fingerprint_changes_with_any_observation_reward_or_success(altered: dict[str, float]) -> None:
     expert = SimpleNamespace(act=lambda obs: obs["x"], reset=lambda: None, attach=lambda env: None)
-    assert ground._flown(Flown(), expert) == ground._flown(Flown(), expert)
-    assert ground._flown(Flown(**altered), expert) != ground._flown(Flown(), expert)
+    assert fingerprint._flown(Flown(), expert) == fingerprint._flown(Flown(), expert)
+    assert fingerprint._flown(Flown(**altered), expert) != fingerprint._flown(Flown(), expert)
 
 
-def test_cells_and_tiers_stand_on_ground_of_their_own() -> None:
-    reach = ground.ground("fa_hexa_arm4", "reach", "calm")
-    assert ground.ground.__wrapped__("fa_hexa_arm4", "reach", "calm") == reach
-    assert ground.ground("fa_hexa_arm4", "reach", "gusts") != reach
+def test_each_tier_has_a_fingerprint_of_its_own() -> None:
+    reach = fingerprint.flight_fingerprint("fa_hexa_arm4", "reach", "calm")
+    assert fingerprint.flight_fingerprint.__wrapped__("fa_hexa_arm4", "reach", "calm") == reach
+    assert fingerprint.flight_fingerprint("fa_hexa_arm4", "reach", "gusts") != reach

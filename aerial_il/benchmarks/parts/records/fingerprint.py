@@ -1,4 +1,4 @@
-"""Fingerprints of all that decides a result besides its settings: the worlds' behaviour and the code that learns."""
+"""Fingerprints of what decides a result besides its settings: how the environment behaves, and the code that learns."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ LEARNING = (PACKAGE / "policies", *ROOMS, *(PACKAGE / "data" / f"{name}.py" for 
 
 
 @cache
-def ground(robot: str, task: str, tier: str, horizon: int | None = None) -> str:
-    """Return a fingerprint of how a cell behaves: of all that two noisy flights of its expert see, earn and achieve.
+def flight_fingerprint(robot: str, task: str, tier: str, horizon: int | None = None) -> str:
+    """Return a fingerprint of how an environment behaves: a hash over two noisy flights of its expert.
+
+    Observations, rewards, successes and crashes are hashed. Records keep it under the key ``ground``, an older name
+    that is part of their digests.
 
     Whatever moves a flight by one bit gives another fingerprint: physics, controller, observation, reward, success,
     disturbance or expert. What leaves flights as they are, a faster kernel or a renamed function, gives the same one.
-    It tells nothing of what these two flights do not meet.
+    Whatever these two flights do not meet goes unnoticed.
 
     Args:
         robot, task, tier: registry names. horizon: of the episodes, in steps; None for the task's own.

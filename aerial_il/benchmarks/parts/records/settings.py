@@ -1,4 +1,4 @@
-"""A benchmark's folder keeps what is done, so that an interrupted run goes on: but only with the same settings."""
+"""Settings of a benchmark, kept in its folder: an interrupted run continues, but only with the same ones."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from aerial_il.core.files import write_json
 SETTINGS = "settings.json"
 
 
-def claim(folder: Path, settings: Mapping[str, Any], *, free: Sequence[str] = ()) -> None:
-    """Refuse a folder with results of other settings, which would be mixed with those of these.
+def require_settings(folder: Path, settings: Mapping[str, Any], *, free: Sequence[str] = ()) -> None:
+    """Write the settings of a new folder; refuse a folder whose results were made with other settings.
 
     Args:
         folder: where results are kept. settings: of this run, JSON values. free: settings that may differ, because
