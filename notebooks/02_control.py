@@ -325,8 +325,10 @@ if swung["geometric_observer"][2]:
 #   end it is the *best* of the four. A slow, repeated disturbance is what integrators are made for; in a single quick motion, or with
 #   wind and contact, the order can be another.
 # - The geometric laws feed the arm's weight and the moving centre of mass forward: their error swings by 0.8 cm, a third of LQR's.
-#   But its mean is not zero: they hold the base some 0.7 cm too high, which an integrator of position would remove. The observer looks
-#   at forces, and does not see it. Up to 0.6 cm sideways is the same under all laws; the controller flies on sensors, not on the truth.
+#   But its mean is not zero: they hold the base some 0.7 cm too high. The controller flies on noisy sensors, its commands jitter with
+#   them, and rotors speed up faster than they slow down: jitter lifts. (With `tier="calm-noise"` the base is where it should be.) An
+#   integrator of position removes it. The observer looks for forces that the measured thrusts do not explain, and there is none.
+#   Up to 0.6 cm sideways is the same under all laws.
 # - The step overshoots by 14 cm under all laws alike: the reference runs at constant speed and stops at once, and a vehicle that has
 #   to lean cannot. A planner that brakes (as the one for tool poses does) is worth more than any gain.
 #

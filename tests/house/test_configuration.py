@@ -43,6 +43,9 @@ CHOICES = [
     for group in commands.find(command).choices
     for option in groups.options(group)
 ]
+ONCE = {(group, option): (command, group, option) for command, group, option in reversed(CHOICES)}
+FIRST = {(command, group): (command, group, option) for command, group, option in reversed(CHOICES)}
+BRIEFLY = sorted({*ONCE.values(), *FIRST.values()})  # each option in one command, each group of each command
 
 
 @pytest.mark.parametrize("group", REGISTRIES)
@@ -90,7 +93,15 @@ def test_a_policy_file_of_that_name_builds_that_policy(name: str) -> None:
     assert type(build(groups.read_option("policy", name))) is policies.policy_config(name)
 
 
-@pytest.mark.parametrize(("command", "group", "option"), CHOICES)
+def test_the_brief_choices_leave_out_no_option_and_no_group() -> None:
+    assert {(group, option) for _, group, option in BRIEFLY} == {(group, option) for _, group, option in CHOICES}
+    assert {(command, group) for command, group, _ in BRIEFLY} == {(command, group) for command, group, _ in CHOICES}
+
+
+@pytest.mark.parametrize(
+    ("command", "group", "option"),
+    [choice if choice in BRIEFLY else pytest.param(*choice, marks=pytest.mark.slow) for choice in CHOICES],
+)
 def test_every_choice_of_every_command_composes(command: str, group: str, option: str) -> None:
     found = commands.find(command)
     chosen = compose(found, [*_required(command), f"{group}={option}"])
