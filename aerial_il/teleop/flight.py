@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import ssl
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from aerial_il.suite.batch import BatchEnvironment
@@ -76,23 +77,30 @@ async def fly(
         Attached(name, driver, inbox.note, lost=flight.leave, found=lambda name: flight.tell(f"{name} is back."))
         for name, driver in (drivers or {}).items()
     ]
+    async with _running(server, film, flight, attached):
+        if (greeting := opened(server)) is not None:
+            await greeting
+        while flight.error is None and film.error is None:
+            await asyncio.sleep(WATCH_S)
+    if (error := flight.error or film.error) is not None:
+        raise error
+
+
+@asynccontextmanager
+async def _running(server: Server, film: Film, flight: Loop, attached: list[Attached]) -> AsyncIterator[None]:
+    """Start what films, flies and reads devices, and end it, and the ``server`` that is up already."""
     try:
         for device in attached:
             device.start()
         film.start()
         flight.start()
-        if (greeting := opened(server)) is not None:
-            await greeting
-        while flight.error is None and film.error is None:
-            await asyncio.sleep(WATCH_S)
+        yield
     finally:
         for device in attached:
             device.close()
         flight.close()
         film.close()
         await server.close()
-    if (error := flight.error or film.error) is not None:
-        raise error
 
 
 def about(env: BatchEnvironment, bindings: Bindings, operator: str, site: Site) -> dict[str, object]:

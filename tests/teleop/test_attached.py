@@ -90,7 +90,7 @@ def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> None:
                 await until(lambda: status().speed > 0.3)
                 mouse.send(buttons(2))
                 await until(lambda: status().state == "recording")
-                await asyncio.sleep(0.5)
+                await until(lambda: status().steps >= 25)
                 pushing.cancel()
                 mouse.unplug()
                 gone = time.perf_counter()

@@ -118,10 +118,14 @@ def _hydra(command: Command, overrides: list[str], job: Callable[[Any], None]) -
 
 
 def register(command: Command) -> None:
-    """Put the command's dataclass, and all that may be chosen in its groups, into Hydra's store."""
+    """Put the command's dataclass, and all that may be chosen in its groups, into Hydra's store, and nothing else.
+
+    Hydra copies its whole store whenever it composes: what another command of this process left there is taken out.
+    """
     from hydra.core.config_store import ConfigStore
 
     store, target = ConfigStore.instance(), keys.output_key(command.config)
+    store.repo = {name: node for name, node in store.repo.items() if name == "hydra" or name.startswith("_")}
     chosen = [{group: choice} for group, choice in command.choices.items()]
     store.store(name=f"{command.name}_keys", node=command.config)
     sweep = {"hydra": {"sweep": {"dir": f"${{{target}}}"}}} if target else {}

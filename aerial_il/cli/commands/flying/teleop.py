@@ -15,8 +15,8 @@ from __future__ import annotations
 import asyncio
 import getpass
 import ssl
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -39,6 +39,8 @@ from aerial_il.core.errors import InvalidValueError
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Policy
     from aerial_il.suite.batch import BatchEnvironment
+    from aerial_il.teleop.input.hardware import Driver
+    from aerial_il.teleop.input.mapping import Bindings
     from aerial_il.teleop.session.logbook import Logbook
 
 TIME_SCALES = ("1", "0.5", "0.25")
@@ -91,14 +93,10 @@ def run(config: Config) -> None:
     from aerial_il.cli.configuration import groups
     from aerial_il.cli.flights.page import greet
     from aerial_il.cli.flights.sessions import summary
-    from aerial_il.cli.flights.watching import watched
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.devices import bindings_of, drivers_of
     from aerial_il.teleop.flight import Site, fly
-    from aerial_il.teleop.piloting.command import check_level
-    from aerial_il.teleop.piloting.pilot import check_leader
     from aerial_il.teleop.session.cockpit import Cockpit
-    from aerial_il.teleop.session.logbook import Logbook
     from aerial_il.teleop.web.controls import Controls
     from aerial_il.teleop.web.window import window_program
 
@@ -109,31 +107,38 @@ def run(config: Config) -> None:
     for name in controls.own:
         print(f"Keys of your own: {controls.file(name)}", flush=True)
     bindings, drivers = bindings_of(mappings), drivers_of(mappings, _settings(config.hardware))
-    tls = _tls(config)
+    operator, size = config.operator or getpass.getuser(), (config.size[0], config.size[1])
+    site = Site(config.host, config.port, size, _tls(config), controls, partial(summary, config.out))
+    opened = partial(greet, open_page=config.open, program=program)
+    with _session(config, bindings, drivers, operator) as (env, policy, logbook):
+        try:
+            cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
+            asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
+        except KeyboardInterrupt:
+            _say_what_is_kept(config, logbook)
+
+
+@contextmanager
+def _session(
+    config: Config, bindings: Bindings, drivers: Mapping[str, Driver], operator: str
+) -> Iterator[tuple[BatchEnvironment, Policy | None, Logbook]]:
+    """Open what is flown, the policy aboard and what is recorded; nothing is recorded where a device is missing."""
+    from aerial_il.cli.flights.watching import watched
+    from aerial_il.teleop.piloting.command import check_level
+    from aerial_il.teleop.piloting.pilot import check_leader
+    from aerial_il.teleop.session.logbook import Logbook
+
     policy, plain = _aboard(config)
-    operator = config.operator or getpass.getuser()
-    stack = ExitStack()
-    stack.callback(plain.close)
-    try:
-        env = stack.enter_context(watched(plain, 1, wanted=config.rerun))
+    with closing(plain), watched(plain, 1, wanted=config.rerun) as env:
         check_level(env.spec.action.level)
         check_leader(env.spec.action.level, bindings)
-        for driver in drivers.values():  # what is not plugged in is told before a folder is claimed
+        for driver in drivers.values():  # what is not plugged in is named before a folder is taken
             driver.open().close()
-        logbook = Logbook(env, config.out, operator=operator, first_seed=config.seed, policy=config.policy.path)
-    except BaseException:
-        stack.close()
-        raise
-    try:
-        cockpit = Cockpit(env, bindings, logbook, policy=policy, time_scale=float(config.time_scale))
-        size = config.size[0], config.size[1]
-        site = Site(config.host, config.port, size, tls, controls, partial(summary, config.out))
-        opened = partial(greet, open_page=config.open, program=program)
-        asyncio.run(fly(env, cockpit, bindings, site, operator=operator, drivers=drivers, opened=opened))
-    except KeyboardInterrupt:
-        _say_what_is_kept(config, logbook)
-    finally:
-        stack.close()
+        yield (
+            env,
+            policy,
+            Logbook(env, config.out, operator=operator, first_seed=config.seed, policy=config.policy.path),
+        )
 
 
 def _say_what_is_kept(config: Config, logbook: Logbook) -> None:
