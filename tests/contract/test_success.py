@@ -1,7 +1,7 @@
 """Success is what the instruction says, judged a second time from raw positions.
 
 Each task's worlds are put into random states: where the object belongs, and where it does not. A predicate written
-here, from the instruction, must agree with the task's own assessment in every one of 10,000 (slow), or of the first 2,000.
+here, from the instruction, must agree with the task's own assessment in every one: of 2,000, of 10,000 (slow).
 """
 
 from __future__ import annotations
