@@ -1,12 +1,14 @@
-"""Derive another form of recordings: LeRobot v3, robomimic's or D4RL's HDF5, or a file for the rerun viewer.
+"""Derive another form of recordings: LeRobot v3, robomimic's or D4RL's HDF5, files for rerun, Foxglove and ROS 2.
 
-The form is that of the ending of out=: .hdf5 is robomimic's, .rrd is rerun's, a folder is LeRobot's; format= says
-otherwise. Every recorded camera becomes a video, or images. An up-to-date LeRobot dataset is left as it is.
+The form is that of the ending of out=: .hdf5 is robomimic's, .rrd is rerun's, .mcap is one flight for ROS 2's viewers,
+a folder is LeRobot's; format= says otherwise. Every recorded camera becomes a video, or images. An up-to-date LeRobot
+dataset is left as it is.
 
 Example: aerial-il convert datasets/pick
 Example: aerial-il convert datasets/pick cameras=[wrist] out=datasets/pick_wrist
 Example: aerial-il convert datasets/pick out=pick.hdf5
 Example: aerial-il convert datasets/pick format=d4rl out=pick_flat.hdf5
+Example: aerial-il convert datasets/pick format=mcap
 """
 
 from __future__ import annotations
@@ -18,8 +20,20 @@ from pathlib import Path
 from aerial_il.cli.configuration.keys import MISSING, key
 from aerial_il.core.errors import InvalidValueError
 
-ENDINGS = {"lerobot": ("",), "robomimic": (".hdf5", ".h5"), "d4rl": (".hdf5", ".h5"), "rrd": (".rrd",)}
-OWN_NAME = {"robomimic": "robomimic.hdf5", "d4rl": "d4rl.hdf5", "rrd": "flights.rrd"}
+ENDINGS = {
+    "lerobot": ("",),
+    "robomimic": (".hdf5", ".h5"),
+    "d4rl": (".hdf5", ".h5"),
+    "rrd": (".rrd",),
+    "mcap": (".mcap", ""),
+}
+OWN_NAME = {
+    "lerobot": "lerobot",
+    "robomimic": "robomimic.hdf5",
+    "d4rl": "d4rl.hdf5",
+    "rrd": "flights.rrd",
+    "mcap": "mcap",
+}
 
 
 @dataclass
@@ -37,8 +51,8 @@ class Config:
             raise InvalidValueError(f"format={self.format} is not one of {', '.join(ENDINGS)}.")
         ending, own = Path(self.out or "").suffix, ENDINGS[self.form]
         foreign = {known for endings in ENDINGS.values() for known in endings} - {*own, ""}
-        if self.out and (ending in foreign or (own != ("",) and ending not in own)):
-            wanted = " or ".join(own) if own != ("",) else "in no ending of another format"
+        if self.out and (ending in foreign or ("" not in own and ending not in own)):
+            wanted = " or ".join(own) if "" not in own else "in no ending of another format"
             raise InvalidValueError(f"out={self.out} with format={self.form}: its name ends in {wanted}.")
 
     @property
@@ -54,15 +68,17 @@ def run(config: Config) -> None:
         _to_lerobot(config)
     elif config.form == "rrd":
         _to_rerun(config)
+    elif config.form == "mcap":
+        _to_views(config)
     else:
         _to_hdf5(config)
 
 
 def _to_lerobot(config: Config) -> None:
-    from aerial_il.data.formats.lerobot import DEFAULT_OUT, convert_to_lerobot
+    from aerial_il.data.formats.lerobot import convert_to_lerobot
 
     os.environ.setdefault("SVT_LOG", "1")  # the video encoder reports every setting otherwise
-    out = Path(config.out or Path(config.path) / DEFAULT_OUT)
+    out = _own_place(config)
     images: bool | tuple[str, ...] = True if config.cameras is None else tuple(f"{name}_rgb" for name in config.cameras)
     if not _is_current(Path(config.path), out, images):
         convert_to_lerobot(config.path, out, cameras=images, progress=config.progress)
@@ -90,7 +106,26 @@ def _to_rerun(config: Config) -> None:
     inspect.run(inspect.Config(config.path, save=str(out), tier=inspect.TierName("calm")))
 
 
+def _to_views(config: Config) -> None:
+    from aerial_il.core.progress import Progress
+    from aerial_il.data.dataset import open_dataset
+    from aerial_il.inspection.geometry import plain
+    from aerial_il.inspection.ros2.view import write_view
+
+    cameras = True if config.cameras is None else [f"{name}_rgb" for name in config.cameras]
+    out, dataset = _own_place(config), open_dataset(config.path, cameras=cameras)
+    alone = out.suffix in ENDINGS["mcap"][:1]
+    if alone and len(dataset) > 1:
+        hint = f"Name one of them, or a folder: aerial-il convert {config.path} format=mcap out={out.with_suffix('')}"
+        raise InvalidValueError(f"out={out} holds one flight, and {config.path} has {len(dataset)}. {hint}")
+    for episode in Progress(dataset, desc="convert", unit="ep", disable=not config.progress):
+        write_view(episode, out if alone else out / f"{plain(episode.uid)}.mcap")
+    print(f"For Foxglove, RViz and rerun: {out}")
+
+
 def _own_place(config: Config) -> Path:
+    if config.out is None and Path(config.path).is_file():
+        raise InvalidValueError(f"{config.path} is one file: say where its other form goes, out=NAME.")
     return Path(config.out or Path(config.path) / "derived" / OWN_NAME[config.form])
 
 

@@ -26,7 +26,7 @@ def encode(name: str, image: np.ndarray) -> bytes:
     if name.endswith("_rgb"):
         Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
     else:
-        Image.fromarray(_to_uint16(name, image)).save(buffer, "PNG", compress_level=1)
+        Image.fromarray(whole_numbers(name, image)).save(buffer, "PNG", compress_level=1)
     return buffer.getvalue()
 
 
@@ -48,7 +48,8 @@ def decode(name: str, data: bytes, shape: tuple[int, ...]) -> np.ndarray:
     return pixels if name.endswith("_rgb") else _from_uint16(name, pixels)
 
 
-def _to_uint16(name: str, image: np.ndarray) -> np.ndarray:
+def whole_numbers(name: str, image: np.ndarray) -> np.ndarray:
+    """Return depth (H, W) in mm, or ids + 1, as uint16."""
     if name.endswith("_depth"):
         millimetres = np.round(np.nan_to_num(image, nan=0.0, posinf=0.0, neginf=0.0) * 1000)
         return np.where((millimetres >= 0) & (millimetres <= _MAX), millimetres, 0).astype(np.uint16)
