@@ -56,6 +56,7 @@ class Land(Task):
     time_limit_s = 20.0
     dwell_s = 0.5
     needs_arm = False
+    scene_height_m = 0.5
     subtasks = ("over_pad", "half_way_down", "touched", "standing", "soft")
     once_lost = ("soft",)
     names = Names(sites=("pad",), joints=("base",), contacts=("skids_contact",))

@@ -27,7 +27,7 @@ class TakeOff(hover.Hover):
 
     name = "take_off"
     instruction = "Take off, hover at the marked point and face along the arrow."
-    subtasks = ("upright", "within_20_cm", "at_point", "at_attitude")
+    scene_height_m = 0.5
 
     def own_infeasibility(self, robot: Robot) -> str | None:
         return "its arm is in the way of landing gear" if robot.num_joints else None
