@@ -14,9 +14,9 @@ from aerial_il.suite.observations import robot_fields
 INTRODUCTION = """\
 # Spaces
 
-Every element of every action, with its unit and bounds, and every field of the observations, robot by robot: the content
-of `env.spec`, which each recording and each policy also stores. [Actions and observations](../actions.md) explains the levels
-and the frames."""
+Every element of every action, with its unit and bounds, and every field of the observations, robot by robot: the
+content of `env.spec`, which each recording and each policy also stores. [Actions and observations](../actions.md)
+explains the levels and the frames."""
 
 MEANING = {  # field -> frame and meaning; units and shapes are the specification's
     "base_pos": "position of the hub in the world frame",
