@@ -85,7 +85,7 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
 
 
 def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot, height: float) -> None:
-    """The fixed camera ``scene``, which looks at a ``height`` (m); stepped back and raised for a robot too wide for it."""
+    """The fixed camera ``scene``, which looks at a ``height`` (m); stepped back and raised for a wide robot."""
     excess = max(0.0, robot.base.span - SCENE_SPAN_M)
     away = SCENE_AWAY * (1.0 + SCENE_RETREAT * excess)
     centre = np.array([0.0, 0.0, height + 0.15 * excess])

@@ -1,4 +1,4 @@
-"""A bare base on its skids: it stands, a soft landing counts, a hard one never does, a rotor that strikes is a crash."""
+"""A bare base on its skids: it stands, soft landings count and hard ones never do, a rotor that strikes is a crash."""
 
 from __future__ import annotations
 
