@@ -15,10 +15,12 @@ import numpy as np
 
 from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
-from aerial_il.evaluation.films.scene_renderer import SceneRenderer, Viewpoint
+from aerial_il.evaluation.films.scene_renderer import SceneRenderer
 from aerial_il.evaluation.films.video import FPS, FRAMED_STATES, jpeg, write_mp4
+from aerial_il.evaluation.studio.studio import STILL
+from aerial_il.evaluation.studio.viewpoint import Viewpoint
 
-RECIPE = "2"  # part of every name: raise it when the pictures below are made in another way
+RECIPE = "3"  # part of every name: raise it when the pictures below are made in another way
 LONGEST_S = 6.0
 HOLD_S = 0.8
 FILM_SIZE = (360, 480)  # height, width
@@ -101,12 +103,12 @@ def _make(clips: FlightClips, scene: SceneRenderer, episode: Episode, part: Exce
     rate = Fraction(1 / (episode.spec.control_dt_s * stride)).limit_denominator(1000)
     write_mp4(clips.film, _frames(scene, shown[::stride], view), rate=rate, hold_frames=round(HOLD_S * rate))
     moment, aspect = after[part.poster], POSTER_SIZE[1] / POSTER_SIZE[0]
-    _save(clips.poster, scene.draw(moment, scene.frame([moment], aspect), *POSTER_SIZE))
+    _save(clips.poster, scene.draw(moment, scene.frame([moment], aspect), *POSTER_SIZE, exposures=STILL))
     for camera, path in clips.stills.items():
         _save(path, scene.draw(moment, camera, *STILL_SIZE))
     scene.hide_props()
     alone = scene.frame([moment], aspect, props=False)
-    _save(clips.portrait, scene.draw(moment, alone, *POSTER_SIZE))
+    _save(clips.portrait, scene.draw(moment, alone, *POSTER_SIZE, exposures=STILL))
 
 
 def _frames(scene: SceneRenderer, states: np.ndarray, view: Viewpoint) -> Iterator[np.ndarray]:
