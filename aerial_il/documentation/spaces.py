@@ -14,20 +14,20 @@ from aerial_il.suite.observations import robot_fields
 INTRODUCTION = """\
 # Spaces
 
-Every element of every action, with its unit and bounds, and every field of the observations, robot by robot: what
-`env.spec` says of an environment and what each recording and each policy carries. What the levels mean, and the frames
-in which they are told: [actions and observations](../actions.md)."""
+Every element of every action, with its unit and bounds, and every field of the observations, robot by robot: the
+content of `env.spec`, which each recording and each policy also stores. [Actions and observations](../actions.md)
+explains the levels and the frames."""
 
 MEANING = {  # field -> frame and meaning; units and shapes are the specification's
-    "base_pos": "of the hub, in the world",
-    "base_rot6d": "first two columns of the rotation, world from base",
-    "base_vel": "along the world's axes",
-    "base_angvel": "along the base's axes",
-    "joint_pos": "of the arm",
-    "joint_vel": "of the arm",
+    "base_pos": "position of the hub in the world frame",
+    "base_rot6d": "first two columns of the rotation matrix, world from base",
+    "base_vel": "velocity of the hub in the world frame",
+    "base_angvel": "angular velocity in the base frame",
+    "joint_pos": "joint positions of the arm",
+    "joint_vel": "joint velocities of the arm",
     "gripper": "0 closed, 1 open",
-    "ee_pos": "of the tool, in the world",
-    "ee_rot6d": "first two columns of the rotation, world from tool",
+    "ee_pos": "position of the tool in the world frame",
+    "ee_rot6d": "first two columns of the rotation matrix, world from tool",
 }
 
 

@@ -20,7 +20,7 @@ ARENA_BYTES = 1 << 21  # ten times what a scene was seen to need; MuJoCo ends th
 GROUND_M = [50.0, 50.0, 10.0]  # half sizes and grid as drawn; endless, a picture takes four times as long
 EXTENT_M = 1.3  # of what is looked at: sets the nearest and farthest that cameras see, at 0.01 and 50 times as much
 SCENE_SPAN_M, SCENE_RETREAT = 1.1, 0.4  # widest robot that fits the picture, and share of the way back per m beyond
-SCENE_CAMERA, SCENE_CENTRE = np.array([1.55, -1.75, 1.40]), np.array([0.0, 0.0, 0.9])  # m
+SCENE_AWAY = np.array([1.55, -1.75, 1.40 - 0.9])  # m, from what it looks at to the camera
 
 
 def build_xml(robot: Robot, task: Task) -> str:
@@ -33,7 +33,7 @@ def build_xml(robot: Robot, task: Task) -> str:
     set_physics(spec)
     _set_visuals(spec)
     _add_arena(spec)
-    _add_scene_camera(spec, robot)
+    _add_scene_camera(spec, robot, task.scene_height_m)
     robot.add_to(spec)
     task.add_props(spec, robot)
     _add_contact_sensors(spec, robot)
@@ -84,11 +84,11 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
     sun.type, sun.diffuse, sun.specular = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, [0.45] * 3, [0.1] * 3
 
 
-def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """The fixed camera ``scene``, stepped back and raised for a robot that would not fit the picture."""
+def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot, height: float) -> None:
+    """The fixed camera ``scene``, which looks at a ``height`` (m); stepped back and raised for a wide robot."""
     excess = max(0.0, robot.base.span - SCENE_SPAN_M)
-    away = (SCENE_CAMERA - SCENE_CENTRE) * (1.0 + SCENE_RETREAT * excess)
-    centre = SCENE_CENTRE + np.array([0.0, 0.0, 0.15 * excess])
+    away = SCENE_AWAY * (1.0 + SCENE_RETREAT * excess)
+    centre = np.array([0.0, 0.0, height + 0.15 * excess])
     spec.worldbody.add_camera(name="scene", pos=centre + away, quat=look_along(-away), fovy=42)
 
 

@@ -154,9 +154,8 @@ def test_bad_input_is_answered(
     assert said in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("number", "status"), [pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow), (signal.SIGINT, 130)]
-)
+@pytest.mark.slow  # tests/contract/test_algorithms.py kills and resumes every algorithm in the default run
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_a_training_that_is_stopped_continues(home: Path, tmp_path: Path, number: int, status: int) -> None:
     words = [SCRIPT, "train", f"dataset={home / 'demos'}", f"run={tmp_path / 'run'}", "algorithm.steps=600", QUIET]
     words += ["policy.hidden=[32]", "algorithm.validate_every=0", "algorithm.log_every=10"]

@@ -20,7 +20,8 @@ from aerial_il.suite import tasks
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.episode import measured
 from aerial_il.suite.physics import episode_state as layout
-from aerial_il.suite.tasks import track
+from aerial_il.suite.props.skids import STAND_M
+from aerial_il.suite.tasks import land, track
 
 PLACEMENTS, AT_LENGTH, WORLDS = 2_000, 10_000, 100
 DT_S = 0.02
@@ -714,10 +715,82 @@ LAP = {
 }
 
 
+# take_off: "Take off, hover at the marked point and face along the arrow."
+
+
+def standing_under(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
+    """On the skids, straight below the mark and facing along the arrow."""
+    pos, mat = stage.where(rows, "target")
+    for row, wanted in zip(rows, mat, strict=True):
+        mujoco.mju_mat2Quat(stage.qpos[row, 3:7], wanted.ravel())
+    stage.qpos[rows, :3] = np.column_stack([pos[:, :2], rng.uniform(STAND_M - 0.001, STAND_M + 0.3, rows.size)])
+
+
+TAKE_OFF = {**HOVER, "still on the ground, or hardly off it": (NONE, standing_under)}
+
+
+# land: "Land softly in the middle of the pad."
+
+
+def on_the_pad(placed: Placed) -> np.ndarray:
+    """On its skids within 10 cm of the centre, upright, at rest, its weight put down, and never sinking fast."""
+    away, up_axis = placed.pos("base") - placed.pos("pad"), placed.mat("base")[:, 2, 2]
+    touches = np.array([any(a == "skids" for a, _ in pairs) for pairs in placed.pairs])
+    still = np.linalg.norm(placed.qvel[:, :3], axis=1) <= 0.05
+    carried = np.linalg.norm(placed.userdata[:, layout.FORCES.start : layout.FORCES.start + 3], axis=1)
+    weight = 9.81 * placed.robot.vehicle.mass
+    there = (level(away) <= 0.10) & (up_axis >= np.cos(np.deg2rad(5.0))) & still & touches & placed.untouched
+    return there & (carried >= 0.2 * weight) & (placed.task_state[:, land.HARDEST] <= 0.7)
+
+
+def put_down(
+    off: tuple[float, float] = (0.0, 0.09), tilt: tuple[float, float] = (0.0, 0.3), height: float = -0.0005, *,
+    speed: tuple[float, float] = (0.0, 0.04), load: tuple[float, float] = (0.3, 1.0),
+    hardest: tuple[float, float] = (0.0, 0.69),
+) -> Scatter:  # fmt: skip
+    """Put the base ``off`` m aside of the pad's centre, its skids at ``height`` m, leaning by ``tilt`` °.
+
+    Args:
+        speed: m/s. load: share of the weight that the ground is felt to carry. hardest: remembered touchdown, m/s.
+    """
+
+    def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
+        k = rows.size
+        pad, _ = stage.where(rows, "pad")
+        stage.qpos[rows, :3] = pad + disc(rng, k, *off) + up(np.full(k, STAND_M + height))
+        for row, mat in zip(rows, turned(rng, k, *tilt), strict=True):
+            mujoco.mju_mat2Quat(stage.qpos[row, 3:7], mat.ravel())
+        stage.qvel[rows, :6] = 0.0
+        stage.qvel[rows, :3] = ball(rng, k, *speed)
+        force = layout.FORCES.start + 2
+        stage.userdata[rows, force] = -9.81 * stage.robot.vehicle.mass * rng.uniform(*load, k)
+        stage.task_state[rows, land.HARDEST] = rng.uniform(*hardest, k)
+
+    return place
+
+
+LAND = {
+    "there": (ALL, put_down()),
+    "wherever it starts": (NONE, lambda stage, rows, rng: None),
+    "beside the pad's centre": (NONE, put_down(off=(0.101, 0.5))),
+    "hovering over it": (NONE, put_down(height=0.02)),
+    "leaning": (NONE, put_down(tilt=(15.0, 40.0), height=0.02)),
+    "upside down": (NONE, put_down(tilt=(165.0, 180.0), height=0.3)),
+    "sliding": (NONE, put_down(speed=(0.051, 0.5))),
+    "grazing the ground": (NONE, put_down(load=(0.0, 0.19))),
+    "after a hard blow": (NONE, put_down(hardest=(0.701, 3.0))),
+    "at the edge of the disc": (SOME, put_down(off=(0.098, 0.102))),
+    "at the edge of its load": (SOME, put_down(load=(0.18, 0.22))),
+    "at the edge of rest": (SOME, put_down(speed=(0.048, 0.052))),
+    "at the edge of softness": (SOME, put_down(hardest=(0.69, 0.71))),
+}
+
+
 RULES = {
     "hover": Rule(base_at_mark, HOVER),
     "insert_peg": Rule(peg_in_socket, PEG),
     "inspect_contact": Rule(probe_on_spot, PROBE),
+    "land": Rule(on_the_pad, LAND),
     "open_door": Rule(door_open, joint_families("door", np.deg2rad(60.0), 1.85, "door", 0.02)),
     "pick_place": Rule(cube_in_bowl, CUBE),
     "press_button": Rule(button_pressed, BUTTON),
@@ -725,5 +798,6 @@ RULES = {
     "push_slider": Rule(slider_at_end, joint_families("slider", 0.225, 0.26, "slider", 0.002)),
     "reach": Rule(tool_at_mark, REACH),
     "rotate_valve": Rule(spoke_over_mark, joint_families("valve", 1.25 * np.pi, 1.25 * np.pi + 0.6, "valve", 0.02)),
+    "take_off": Rule(base_at_mark, TAKE_OFF),
     "track": Rule(lap_followed, LAP),
 }

@@ -125,9 +125,9 @@ class Perceived:
         first, self._places = self._places, self._places + size
         if self._places > layout.PAST_SIZE:
             raise InvalidValueError(
-                f"What moves of {self._task.name}'s objects takes {self._places} numbers; at most {layout.PAST_SIZE}, "
-                f"where a site takes {POSE_SIZE} and a joint {JOINT_SIZE}. Name one site of each object, and count its "
-                "other points from there, along the axes of site_mat."
+                f"The moving sites and joints of task {self._task.name!r} take {self._places} numbers, and "
+                f"an estimate has room for {layout.PAST_SIZE}: {POSE_SIZE} for each site, {JOINT_SIZE} for each joint. "
+                "Name one site per object, and compute its other points from there, along the axes of site_mat."
             )
         return first
 

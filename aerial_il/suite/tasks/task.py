@@ -78,6 +78,7 @@ class Task(ABC):
         privileged: fields that no real robot has, each with the reason.
         goal: which fields tell what is wanted and what has been achieved, and what any of it is paid, where success is
             a matter of the goal alone; None elsewhere.
+        scene_height_m: of the point that the camera ``scene`` looks at.
     """
 
     name: ClassVar[str]
@@ -95,6 +96,7 @@ class Task(ABC):
     commanded: ClassVar[tuple[str, ...]] = ()
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
     goal: ClassVar[GoalSpec | None] = None
+    scene_height_m: ClassVar[float] = 0.9
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels
