@@ -110,9 +110,13 @@ def dress_cameras(shop: Workshop) -> None:
         pos = np.array(camera.pos, float)
         foot = np.array([pos[0], 0.0, 0.0])
         if name == "base":
-            boxed = hub is not None and hub.type == mujoco.mjtGeom.mjGEOM_BOX
-            foot = np.clip(pos, -0.8 * hub.size, 0.8 * hub.size) if boxed else pos
+            foot = pos if hub is None or hub.type != mujoco.mjtGeom.mjGEOM_BOX else _nearest_in(hub, pos)
         _dress_camera(shop, camera, foot, LENS_M * float(np.clip(span_m(shop) / USUAL_SPAN_M, 0.6, 1.5)))
+
+
+def _nearest_in(hub: mujoco.MjsGeom, pos: np.ndarray) -> np.ndarray:
+    half = 0.8 * np.array(hub.size, float)
+    return np.clip(pos, -half, half)
 
 
 def _dress_camera(shop: Workshop, camera: mujoco.MjsCamera, foot: np.ndarray, size: float) -> None:
