@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from types import TracebackType
 
@@ -13,6 +13,7 @@ from PIL import Image
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import can_render
 from aerial_il.core.scene_check import check_scene
+from aerial_il.evaluation.studio.marks import Mark
 from aerial_il.evaluation.studio.studio import MOVING, Studio
 from aerial_il.evaluation.studio.viewpoint import Viewpoint
 from aerial_il.suite.physics.physics_batch import STATE
@@ -74,16 +75,18 @@ class SceneRenderer:
         return self.data
 
     def draw(
-        self, state: np.ndarray, camera: str | Viewpoint, height: int, width: int, *, exposures: int = MOVING
-    ) -> np.ndarray:
+        self, state: np.ndarray, camera: str | Viewpoint, height: int, width: int, *, exposures: int = MOVING,
+        marks: Sequence[Mark] = (),
+    ) -> np.ndarray:  # fmt: skip
         """Return the picture (height, width, 3) uint8 of a state (S,).
 
         Args:
             state: of the scene. camera: a viewpoint, in the look of the studio; or a camera of the scene, as it sees.
             height, width: pixels. exposures: of a picture from a viewpoint; more are smoother and take longer.
+            marks: added to a picture from a viewpoint.
         """
         if isinstance(camera, Viewpoint):
-            return self.studio.draw(state, camera, height, width, exposures)
+            return self.studio.draw(state, camera, height, width, exposures=exposures, marks=marks)
         data, renderer = self.pose(state), self._renderer(height, width)
         renderer.update_scene(data, camera)
         for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):

@@ -285,6 +285,13 @@ def jpeg(picture: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
+def png(picture: np.ndarray) -> bytes:
+    """Return an (H, W, 3) uint8 picture as a PNG file."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
 def _held(frames: Iterator[np.ndarray], times: int) -> Iterator[np.ndarray]:
     last = None
     for last in frames:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import mujoco
 import numpy as np
 
 from aerial_il.evaluation.studio.exposure import expose
+from aerial_il.evaluation.studio.marks import Mark
 from aerial_il.evaluation.studio.propellers import propellers, turn
 from aerial_il.evaluation.studio.stage import staged
 from aerial_il.evaluation.studio.viewpoint import Viewpoint
@@ -37,13 +39,16 @@ class Studio:
         mujoco.mj_forward(self.model, self.data)
         return self.data
 
-    def draw(self, state: np.ndarray, view: Viewpoint, height: int, width: int, exposures: int = MOVING) -> np.ndarray:
-        """Return the picture (height, width, 3) uint8 of a state (S,), the mean of so many exposures."""
+    def draw(
+        self, state: np.ndarray, view: Viewpoint, height: int, width: int, *, exposures: int = MOVING,
+        marks: Sequence[Mark] = (),
+    ) -> np.ndarray:  # fmt: skip
+        """Return the picture (height, width, 3) uint8 of a state (S,), the mean of so many exposures, with marks."""
         data = self.pose(state)
         renderer = self._renderer(
             height, width, shadow_pixels=FINE if exposures >= STILL else COARSE, samples=4 if exposures < MOVING else 0
         )
-        prepare = partial(self._prepare, renderer, view, data.geom_xmat.copy())
+        prepare = partial(self._prepare, renderer, view, marks, data.geom_xmat.copy())
         return expose(renderer, exposures, np.array(view.centre), prepare)
 
     def close(self) -> None:
@@ -52,9 +57,13 @@ class Studio:
             renderer.close()
         self._renderers.clear()
 
-    def _prepare(self, renderer: Renderer, view: Viewpoint, still: np.ndarray, share: float) -> None:
+    def _prepare(
+        self, renderer: Renderer, view: Viewpoint, marks: Sequence[Mark], still: np.ndarray, share: float
+    ) -> None:
         turn(self.data, self._propellers, still, share)
         renderer.update_scene(self.data, view.camera())
+        for mark in marks:
+            mark.add_to(renderer.scene, self.model)
 
     def _renderer(self, height: int, width: int, *, shadow_pixels: int, samples: int) -> Renderer:
         key = height, width, shadow_pixels, samples
