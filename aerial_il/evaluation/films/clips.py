@@ -17,17 +17,17 @@ from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.films.scene_renderer import SceneRenderer
 from aerial_il.evaluation.films.traces import traces_of
-from aerial_il.evaluation.films.video import FPS, FRAMED_STATES, jpeg, write_mp4
-from aerial_il.evaluation.studio.studio import STILL
+from aerial_il.evaluation.films.video import FRAMED_STATES, jpeg, write_mp4
+from aerial_il.evaluation.studio.studio import QUICK, STILL
 from aerial_il.evaluation.studio.viewpoint import Viewpoint
 
 RECIPE = "3"  # part of every name: raise it when the pictures below are made in another way
 LONGEST_S = 6.0
 HOLD_S = 0.8
-FILM_SIZE = (360, 480)  # height, width
+FILM_SIZE = (300, 400)  # height, width
 POSTER_SIZE = (480, 640)
 STILL_SIZE = (180, 240)
-EXPOSURES = 2  # of a picture in the film
+FPS, EXPOSURES = 12.5, QUICK  # pictures a second, and exposures of each
 TRAIL_S = 2.0
 
 

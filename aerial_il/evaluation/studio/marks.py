@@ -62,8 +62,8 @@ class Arrow:
         rgba = (*self.colour, 1.0)
         _connect(scene, mujoco.mjtGeom.mjGEOM_CYLINDER, self.radius, self.start, neck, rgba)
         for k in range(6):  # a cone of ever thinner slices
-            ends = [neck + self.vector * head / length * share for share in (k / 6, (k + 1) / 6)]
-            _connect(scene, mujoco.mjtGeom.mjGEOM_CYLINDER, 2.4 * self.radius * (1.0 - (k + 0.5) / 6), *ends, rgba)
+            low, high = (neck + self.vector * head / length * share for share in (k / 6, (k + 1) / 6))
+            _connect(scene, mujoco.mjtGeom.mjGEOM_CYLINDER, 2.4 * self.radius * (1.0 - (k + 0.5) / 6), low, high, rgba)
 
 
 @dataclass(frozen=True, eq=False)
