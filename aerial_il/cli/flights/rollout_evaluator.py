@@ -43,7 +43,7 @@ class RolloutEvaluator:
         if self.seed < JUDGING_SEED < self.seed + self.episodes or self.seed >= JUDGING_SEED:
             raise InvalidValueError(
                 f"evaluate_seed={self.seed} with evaluate_episodes={self.episodes} would use seeds from {JUDGING_SEED} "
-                "on, which judge the finished policy. Choose smaller ones."
+                "on, which are kept for the finished policy. Choose smaller ones."
             )
 
     def __call__(self, policy: ChunkPolicy, step: int) -> dict[str, float]:

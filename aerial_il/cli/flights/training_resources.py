@@ -83,6 +83,6 @@ def _expert(spec: EnvSpec, source: str | None, typed: str | None) -> Policy:
         return load_expert(source, key_of(spec, typed), noise=0.0)
     if spec.is_outside:
         raise InvalidValueError(
-            f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE or module:factory."
+            f"There is no expert for {spec.robot}/{spec.task}: set expert=FILE or expert=module:factory."
         )
     return aerial_il.expert(spec.robot, spec.task)

@@ -138,11 +138,11 @@ def record_outside(config: Config) -> None:
 
     source = config.policy.path
     if config.rerun:
-        raise InvalidValueError("rerun=true shows worlds of the suite: leave out env=..., or leave out rerun=true.")
+        raise InvalidValueError("rerun=true works in this suite only: leave out env=... or rerun=true.")
     if config.horizon is not None:
-        raise InvalidValueError(f"env={config.env} has no horizon of ours: say max_steps={config.horizon}.")
+        raise InvalidValueError(f"horizon= is for the suite: with env={config.env} set max_steps={config.horizon}.")
     if source is None:
-        raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
+        raise InvalidValueError(f"env={config.env} has no expert of its own: set policy=... too.")
     options = environments.given(success=config.success, max_steps=config.max_steps)
     noise = config.expert.noise
     pilot = pilots.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)

@@ -47,14 +47,14 @@ class Config:
         check_choices(self)
         at_least(self, seed=0)
         if self.recording and (self.robot or self.task or self.policy.path != "expert"):
-            raise InvalidValueError("recording=... says who flew what: leave out robot=, task= and policy=.")
+            raise InvalidValueError("recording=... determines who flies what: leave out robot=, task= and policy=.")
         if self.out:
             self._take_viewer_of_out(self.out)
 
     def _take_viewer_of_out(self, out: str) -> None:
         meant = SUFFIXES.get(Path(out).suffix)
         if meant is None:
-            raise InvalidValueError(f"out={out} ends in none of {', '.join(SUFFIXES)}.")
+            raise InvalidValueError(f"out={out} must end in one of {', '.join(SUFFIXES)}.")
         if self.viewer not in ("auto", meant):
             raise InvalidValueError(f"out={out} is for viewer={meant}, not for viewer={self.viewer}.")
         self.viewer = meant
@@ -211,7 +211,7 @@ def _find(place: Path, seed: int | None) -> Path:
     if place.is_file() and place.suffix == ".mcap":
         return place
     if place.is_file():
-        raise DemoError(place, "is no MCAP recording, and holds no states to show.")
+        raise DemoError(place, "is not an MCAP recording, and holds no states to show.")
     if not place.exists():
         raise DemoError(place, "does not exist.", hint="Record some with: aerial-il collect robot=R task=T out=PATH")
     files = [file for kind in KINDS for file in DatasetFolder(place).files(kind)] or sorted(place.glob("*.mcap"))

@@ -39,7 +39,7 @@ class Config:
         check_choices(self)
         if not _NAME.fullmatch(self.name) or keyword.iskeyword(self.name):
             hint = "Take small letters, digits and underscores, 40 at most, e.g. stack_cubes."
-            raise InvalidValueError(f"name={self.name} cannot be the name of a file of Python. {hint}")
+            raise InvalidValueError(f"name={self.name} cannot be the name of a Python file. {hint}")
 
 
 def run(config: Config) -> None:
@@ -48,12 +48,12 @@ def run(config: Config) -> None:
     from aerial_il.cli.starts import start
 
     if config.name in groups.options(config.kind):
-        raise InvalidValueError(f"There is a {config.kind} {config.name} already. See: aerial-il list")
+        raise InvalidValueError(f"A {config.kind} named {config.name} already exists. See: aerial-il list")
     top = Path(config.into) if config.into is not None else _checkout()
     files = {top / path: text for path, text in start(config.kind, config.name).items()}
     for file in files:
         if file.exists():
-            raise InvalidValueError(f"{file} is there already, and is left as it is. Choose another name=...")
+            raise InvalidValueError(f"{file} already exists, and is left unchanged. Choose another name=...")
     for file, text in files.items():
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
@@ -66,6 +66,6 @@ def _checkout() -> Path:
     """Return the checkout that the package lies in."""
     top = Path(__file__).resolve().parents[4]
     if not (top / "pyproject.toml").is_file():
-        hint = "Clone the repository, run make setup there, and call its .venv/bin/aerial-il; or say into=CHECKOUT."
+        hint = "Clone the repository, run make setup there, and call its .venv/bin/aerial-il; or set into=CHECKOUT."
         raise InvalidValueError(f"{top} is an installed package, which an update would replace. {hint}")
     return top

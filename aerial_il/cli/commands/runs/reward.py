@@ -33,7 +33,7 @@ def run(config: Config) -> None:
     from aerial_il.core.files import write_atomic
 
     if config.dataset.path is None:
-        raise InvalidValueError("Which episodes? Say dataset=PATH.")
+        raise InvalidValueError("The reward is drawn along a recorded episode: set dataset=PATH.")
     dataset = aerial_il.open_dataset(config.dataset.path)
     if config.episode >= len(dataset):
         raise InvalidValueError(f"episode={config.episode}; {config.dataset.path} has {len(dataset)}, counted from 0.")

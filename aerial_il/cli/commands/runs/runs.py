@@ -47,7 +47,7 @@ class Config:
         if self.prune not in (None, "trash", "delete"):
             raise InvalidValueError(f"prune={self.prune} is not one of trash, delete.")
         if self.prune and not self.where:
-            raise InvalidValueError("prune= needs where=: say which runs are to go, e.g. where='state!=finished'.")
+            raise InvalidValueError("prune= needs where=, the runs to remove, e.g. where='state!=finished'.")
 
 
 def run(config: Config) -> None:
@@ -92,7 +92,7 @@ def _compared(found: RunCollection) -> str:
 
     if not 2 <= len(found.runs) <= MOST_COMPARED:
         raise InvalidValueError(
-            f"compare=true takes 2 to {MOST_COMPARED} runs and found {len(found.runs)}: say where=."
+            f"compare=true compares 2 to {MOST_COMPARED} runs, and {len(found.runs)} match: choose them with where=."
         )
     rows = [{name: _short(value) for name, value in row.items()} for row in found.rows]
     differing = [name for name in rows[0] if name != "run" and len({repr(row[name]) for row in rows}) > 1]

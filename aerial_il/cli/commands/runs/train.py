@@ -160,7 +160,7 @@ def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterab
     if path is not None:
         if reference.options:
             raise InvalidValueError(
-                f"{path} says how its environment is made: leave out {', '.join(reference.options)}."
+                f"{path} already defines its environment: leave out {', '.join(reference.options)}."
             )
         demonstrations.check_origin(path, reference.expected)
         demonstrations.warn_of_changes(path)
@@ -169,7 +169,7 @@ def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterab
         )
     if algorithm.demonstrated:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
-        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: say dataset=PATH. {hint}")
+        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
     return None
 
 
