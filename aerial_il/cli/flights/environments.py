@@ -70,7 +70,7 @@ class EnvironmentReference:
 
         Args:
             num_envs: worlds.
-            threads: of the simulation, or processes of worlds from outside; 0 for all cores.
+            threads: of the simulation, or processes of external environments; 0 for all cores.
             tier, controller: instead of its own; one from outside knows neither.
 
         Raises:

@@ -26,7 +26,7 @@ class RolloutEvaluator:
         episodes, seed: how many flights, and the first of their seeds; several tasks share the flights evenly, rounded
             up, and each of them begins with that seed.
         tier: how rough the air is; None for the dataset's.
-        num_envs: worlds flown at once. threads: of the simulation, or processes of worlds from outside; 0 for all
+        num_envs: worlds flown at once. threads: of the simulation, or processes of external environments; 0 for all
             cores.
         env: ``env=`` as the user typed it, which alone may name a module to import.
     """

@@ -39,7 +39,7 @@ def training_resources(
             ``human`` for a person on the page, ``driver`` for a model of one; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
         num_envs: worlds flown at once; None for the algorithm's ``worlds``.
-        threads: of the simulation, or processes of worlds from outside; 0 for all cores.
+        threads: of the simulation, or processes of external environments; 0 for all cores.
         port: of a person's page.
 
     Raises:

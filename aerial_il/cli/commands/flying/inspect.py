@@ -34,7 +34,7 @@ class Config:
     episode: int | None = key(None, "which flight of a dataset, from 0 (null: all, up to most; of two: the first)")
     most: int = key(50, "how many flights of a dataset are opened")
     policy: MaybeLocated = located(MaybeLocated, "folder of a run whose predicted actions are drawn along the flights")
-    tier: TierName = group("how rough the air is where a run flies now", "calm", composed=True)
+    tier: TierName = group("disturbance tier where a run flies now", "calm", composed=True)
     seed: int = key(10000, "of the flight of a run")
     save: str | None = key(None, f"where the file goes (null: below {INSPECTIONS})")
     web: bool = key(False, "serve the viewer to this machine's browsers")

@@ -1,6 +1,6 @@
 """Write a working start for a task, a robot, a policy or an algorithm of your own.
 
-It is found by its name at once, by list, help, completion and the contract tests. docs/adding.md and
+The registries find it by its name: list, help, completion and the contract tests include it at once. docs/adding.md and
 docs/writing_a_task.md explain each line.
 
 Example: aerial-il new task stack_cubes
@@ -19,7 +19,9 @@ from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
 KINDS = ("task", "robot", "policy", "algorithm")
-PAGES = {"task": "docs/writing_a_task.md"} | {kind: f"docs/adding.md#{kind}" for kind in KINDS[1:]}
+PAGES = {"task": "docs/writing_a_task.md"} | {
+    kind: f"docs/adding.md#{'an' if kind == 'algorithm' else 'a'}-{kind}" for kind in KINDS[1:]
+}
 TRY = {
     "task": ["evaluate", "policy=expert", "robot=fa_hexa_arm4", "task=NAME", "episodes=20", "out=runs/NAME"],
     "robot": ["evaluate", "policy=expert", "robot=NAME", "task=reach", "episodes=20", "out=runs/NAME"],
@@ -31,8 +33,8 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 @dataclass
 class Config:
-    kind: str = key(MISSING, "what is new", choices=KINDS, position=0)
-    name: str = key(MISSING, "what it is called: small letters, digits and underscores", position=1)
+    kind: str = key(MISSING, "kind to write", choices=KINDS, position=0)
+    name: str = key(MISSING, "its name: small letters, digits and underscores", position=1)
     into: str | None = key(None, "checkout to write into (null: the one that this program runs from)")
 
     def __post_init__(self) -> None:
@@ -58,7 +60,7 @@ def run(config: Config) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
         print(f"Written: {file}")
-    print(f"Each line of it: {PAGES[config.kind]}")
+    print(f"Explained in: {PAGES[config.kind]}")
     print(f"Next: {command_line(word.replace('NAME', config.name) for word in TRY[config.kind])}")
 
 

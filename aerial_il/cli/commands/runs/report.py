@@ -30,7 +30,7 @@ PAGE = "report.html"
 class Config:
     result: list[str] = key(MISSING, "folder of an evaluation, of a run, or of several runs", position=0, many=True)
     run: str | None = key(None, "training run whose curves are shown beside an evaluation")
-    dataset: MaybeLocated = path(MaybeLocated, "demonstrations to sum up, or that a run learned from")
+    dataset: MaybeLocated = path(MaybeLocated, "demonstrations to summarise, or that a run learned from")
     learning_curve: dict[int, str] = key({}, "number of demonstrations -> evaluation: {10:runs/a,25:runs/b}")
     videos: int = key(1, "films of successes and of failures of a run that has none")
     out: str | None = key(None, "the page; report.html beside what it is about by default")

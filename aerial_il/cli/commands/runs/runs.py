@@ -32,13 +32,13 @@ MOST_COMPARED = 8  # side by side
 
 @dataclass
 class Config:
-    folder: str = key("runs", "where to look, at any depth", position=0)
+    folder: str = key("runs", "folder to search, at any depth", position=0)
     where: str | None = key(None, "conditions that all must hold, e.g. 'success>0.5,policy.name=mlp'")
     sort: str | None = key(None, "column or setting to sort by; -success for the best first (null: by name)")
-    columns: list[str] = key([], "what is shown beside the name ([]: state, axes and results)", many=True)
+    columns: list[str] = key([], "columns beside the name ([]: state, axes and results)", many=True)
     compare: bool = key(False, "a column for each run, a line for each setting or result in which they differ")
     page: bool = key(False, f"write {PAGE} into the folder: axes, curves, table")
-    prune: str | None = key(None, "trash or delete: what becomes of the runs that where= leaves")
+    prune: str | None = key(None, "trash or delete: what happens to the runs that where= selects")
     json: bool = key(False, "print one JSON object (also: --json)")
 
     def __post_init__(self) -> None:
