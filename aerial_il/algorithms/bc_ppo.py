@@ -45,6 +45,9 @@ class ClonedProximalOptimisation(PractisedChunks, AnchoredOnPolicy):
 
     name: ClassVar[str] = "bc_ppo"
 
+    steps: int = 3_000_000
+    gamma: float = 0.997
+
     def practise(self, practice: Practice) -> ChunkPolicy:
         run, prior = practice.run, practice.prior
         actor = self.actor(practice)

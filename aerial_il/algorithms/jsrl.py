@@ -56,6 +56,8 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
     name: ClassVar[str] = "jsrl"
     needs: ClassVar[tuple[str, ...]] = ("env", "expert")
 
+    steps: int = 3_000_000
+    gamma: float = 0.997
     guide: str | None = None
     schedule: Schedule = "curriculum"
     horizon: int = 0

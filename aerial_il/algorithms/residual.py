@@ -48,6 +48,8 @@ class ResidualLearning(PractisedPolicy, AnchoredOnPolicy):
 
     name: ClassVar[str] = "residual"
 
+    steps: int = 3_000_000
+    gamma: float = 0.997
     lr: float = 3e-4
     hidden: tuple[int, ...] = (128, 128)
     reach: float = 0.5

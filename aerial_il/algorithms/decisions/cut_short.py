@@ -34,6 +34,11 @@ class CutShort:
         return replace(result, truncated=result.truncated | over)
 
 
+def uncut(env: BatchEnv) -> BatchEnv:
+    """Return the environment itself, for whom reads its simulator."""
+    return env._env if isinstance(env, CutShort) else env
+
+
 def cut_short(env: BatchEnv, longest: int) -> BatchEnv:
     """Return ``env`` with episodes of at most ``longest`` steps."""
     return cast(BatchEnv, CutShort(env, longest)) if longest < env.spec.max_steps else env

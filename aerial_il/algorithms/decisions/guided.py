@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from aerial_il.algorithms.decisions.chunk_actor import ChunkPilot
+from aerial_il.algorithms.decisions.cut_short import uncut
 from aerial_il.algorithms.decisions.rollout import Acted
 from aerial_il.algorithms.rl.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot
@@ -59,7 +60,7 @@ class GuidedPilot:
         self.stage, self._best, self._returns = 0, -np.inf, list[float]()
         n = collector.n
         self._left, self._begun, self._paid = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
-        attach(guide, collector.env)
+        attach(guide, uncut(collector.env))
         self._begin_guide(np.ones(n, bool))
         self._begin(np.ones(n, bool))
 

@@ -152,9 +152,7 @@ class AnchoredOnPolicy(ProximalOnPolicy):
             :mod:`aerial_il.algorithms.decisions.gate`. A large number for any.
     """
 
-    steps: int = 3_000_000
     rollout: int = 16_384
-    gamma: float = 0.997
     lr: float = 1e-5
     critic_lr: float = 1e-3
     epochs: int = 5
