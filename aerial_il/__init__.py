@@ -244,7 +244,7 @@ def list_tasks() -> tuple[str, ...]:
 
 
 def list_cells() -> tuple[tuple[str, str], ...]:
-    """All (robot, task) pairs that are claimed, and solved by their expert."""
+    """All supported (robot, task) pairs, each solved by its expert."""
     from aerial_il.suite import tasks
 
     return tasks.cells()

@@ -2,7 +2,7 @@
 
 Nothing is cloned and nothing is learned beforehand. One half of each minibatch are demonstrations, paid as the agent
 is, and one half is what the agent flew (symmetric sampling). What makes that stable is in the critics: an ensemble of
-E with LayerNorm, which bounds what is claimed about actions that were never tried. It allows several updates for each
+E with LayerNorm, which bounds the values of actions that were never tried. It allows several updates for each
 step. Each critic learns
 
     ``Q(s, a) = r + gamma * (min over Z of Q'(s', a') - alpha log pi(a' | s'))``,    a' ~ pi(. | s'),

@@ -1,4 +1,4 @@
-"""Success of the experts: every claimed cell in every tier, over seeds that nothing was tuned on."""
+"""Success of the experts: every supported robot and task in every tier, on held-out seeds."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class DatasetFolder:
         return EnvSpec.from_dict(index["spec"]) if index else None
 
     def claim(self, spec: EnvSpec) -> None:
-        """Make the folder one of ``spec``'s environment.
+        """Bind the folder to the environment of ``spec``.
 
         Raises:
             InvalidValueError: it holds episodes of another environment.

@@ -31,8 +31,8 @@ def drawing(root: Path) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}" '
         'font-family="sans-serif" role="img" aria-label="Rooms in layers">'
     )
-    ground = f'<rect width="{WIDTH}" height="{height}" rx="8" fill="#ffffff"/>'
-    return "\n".join([head, ground, *shapes, "</svg>", ""])
+    background = f'<rect width="{WIDTH}" height="{height}" rx="8" fill="#ffffff"/>'
+    return "\n".join([head, background, *shapes, "</svg>", ""])
 
 
 def _row(rooms: list[str], top: int) -> str:

@@ -121,7 +121,7 @@ def rollouts(env: BatchEnv, policy: Policy, seeds: Iterable[int]) -> Iterator[Tr
 
 
 def _take_next(waiting: deque[int], ended: np.ndarray, current: np.ndarray, flying: np.ndarray) -> np.ndarray:
-    """Give the worlds in ``ended`` their next seeds in ``current``, ground the others, return who got one."""
+    """Give the worlds in ``ended`` their next seeds in ``current``, stop the others; return which got one."""
     renewed = np.zeros_like(ended)
     for world in np.flatnonzero(ended):
         if waiting:

@@ -29,7 +29,7 @@ in_touch = measured.truth(inspect_contact.in_touch)
 
 
 class InspectContactExpert(Expert):
-    """An admittance: the depth at which the spring would give the wanted force, plus what the measured force lacks."""
+    """Admittance control: the depth at which the spring gives the required force, corrected by the measured force."""
 
     phase_names = ("approach", "press")
 

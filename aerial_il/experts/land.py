@@ -16,7 +16,7 @@ LEVEL_M = 0.5  # height of the skids at which it comes over the pad
 
 
 class LandExpert(Expert):
-    """Come over the pad, descend, and once the skids stand command a height below the ground: they carry the weight."""
+    """Fly over the pad and descend; once the skids touch, command a height below ground: they bear the weight."""
 
     phase_names = ("approach", "descend", "stay")
 

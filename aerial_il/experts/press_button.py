@@ -22,7 +22,7 @@ TOUCH_N = 0.2
 
 
 class PressButtonExpert(Expert):
-    """The tool is sent short of the cap's stop; on contact, a vehicle that the spring would lift off is sent deeper."""
+    """The tool is commanded to just short of the cap's stop; a vehicle that the spring would push away, deeper."""
 
     phase_names = ("approach", "press")
 

@@ -13,7 +13,7 @@ ARRIVED_M = 0.02
 
 
 class ReachExpert(Expert):
-    """Fly to the target; the reference governor makes the path."""
+    """Fly to the target; the reference governor generates the path."""
 
     phase_names = ("approach", "hold")
 

@@ -18,7 +18,7 @@ inserted = measured.truth(rotate_valve.inserted)
 
 
 class RotateValveExpert(HookExpert):
-    """Any gap will do to turn the wheel; the one behind the yellow spoke is entered, the nearest one left."""
+    """A finger enters the gap behind the yellow spoke; once in a gap between spokes, it pushes from there."""
 
     tolerance_m = (0.02, 0.02)
 

@@ -16,7 +16,7 @@ CLEAR_M = 0.3  # above which it no longer matters what is below
 
 
 class TakeOffExpert(Expert):
-    """Rise where it stands, so that no skid is dragged along, then fly to the target and stay."""
+    """Rise vertically, so that no skid is dragged along the ground, then fly to the target and stay."""
 
     phase_names = ("rise", "approach", "hold")
 

@@ -27,7 +27,7 @@ target_pos, led_target = measured.vector(track.target_pos), measured.vector(_led
 
 
 class TrackExpert(Expert):
-    """Command the target itself; the reference governor makes the approach and feeds its speed forward."""
+    """Command the target itself; the reference governor plans the approach and feeds the target's speed forward."""
 
     phase_names = ("approach", "follow")
 

@@ -19,7 +19,7 @@ _airframe = stored_airframe("big_four")
 # the wind by 10° moves the tool by 16 cm, and an arm that meets a stop, or turns over about that axis, is thrown.
 ROBOT = Robot(
     name="big_four_z1",
-    summary="Heavy quadrotor from a PX4 airframe file (20.7 kg) with a 6-joint arm of 0.8 m reach hung below it.",
+    summary="Heavy quadrotor from a PX4 airframe file (20.7 kg) with a 6-joint arm of 0.8 m reach below it.",
     base=Rotorcraft(
         mass=16.0 + FOOT_KG,
         inertia=(1.05, 1.05, 1.95),

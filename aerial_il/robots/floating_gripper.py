@@ -16,7 +16,7 @@ ROLL, PITCH = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 ROBOT = Robot(
     name="floating_gripper",
-    summary="A gripper with a two-joint wrist on a body that ideal thrusters move at will (2 kg): the oracle.",
+    summary="A gripper with a 2-joint wrist on a body with ideal thrusters (2 kg): an upper bound for real vehicles.",
     base=thrusters(mass=1.8, radius=0.07, force=30.0),
     arm=Arm(
         (

@@ -18,7 +18,7 @@ _pos, _axis = ring(4, 0.25, first_angle=np.pi / 4, height=0.02)
 
 ROBOT = Robot(
     name="ua_quad_arm4",
-    summary="Under-actuated quadrotor (2.3 kg) with a 4-joint arm and a parallel gripper.",
+    summary="Underactuated quadrotor (2.3 kg) with a 4-joint arm and a parallel gripper.",
     base=Rotorcraft(
         mass=1.9,
         inertia=(0.021, 0.021, 0.038),

@@ -17,7 +17,7 @@ def infeasible_pulling(robot: Robot, force: float) -> str | None:
     """Say why ``robot`` cannot pull sideways with ``force`` N, or None if it can."""
     strength = STEADY_SHARE * robot.vehicle.mass * GRAVITY
     if strength < force:
-        return f"it can pull with a fifth of its weight, {strength:.1f} N, and {force:.1f} N are needed"
+        return f"it can pull with at most a fifth of its weight, {strength:.1f} N, and the task needs {force:.1f} N"
     return None
 
 
@@ -25,7 +25,7 @@ def infeasible_pressing(robot: Robot, force: float) -> str | None:
     """Say why ``robot`` cannot press with ``force`` N, or None if it can."""
     strength = LEANING_SHARE * robot.vehicle.mass * GRAVITY
     if strength < force:
-        return f"it can lean on something with three tenths of its weight, {strength:.1f} N of {force:.1f} N needed"
+        return f"it can press with at most 30 % of its weight, {strength:.1f} N, and the task needs {force:.1f} N"
     return None
 
 
@@ -37,8 +37,8 @@ def infeasible_gentleness(robot: Robot, force: float) -> str | None:
     stiffness = Gains().position * robot.vehicle.mass
     if WANDER_M * stiffness > GENTLE_SHARE * force:
         return (
-            f"it pushes back with {0.01 * stiffness:.1f} N for every centimetre it is held off, too much for contacts "
-            f"of at most {force:.0f} N"
+            f"its base resists displacement with {0.01 * stiffness:.1f} N/cm, too much for contact forces of at most "
+            f"{force:.0f} N"
         )
     return None
 
@@ -47,5 +47,5 @@ def infeasible_upright_hold(robot: Robot) -> str | None:
     """Say why ``robot`` cannot keep upright what it holds while its base leans, or None if it can."""
     axes = robot.vehicle.link_axis
     if robot.actuation == "under" and np.linalg.matrix_rank(axes) < 2:
-        return "its base leans when it moves sideways, and its arm cannot turn about two axes to keep a peg upright"
+        return "its base tilts when it moves sideways, and its arm cannot rotate about two axes to keep a peg upright"
     return None

@@ -1,4 +1,4 @@
-"""Each claimed cell is solved by its expert, and by nothing that does not try."""
+"""Each supported pair is solved by its expert, and by nothing that does not try."""
 
 from __future__ import annotations
 

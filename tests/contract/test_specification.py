@@ -31,7 +31,7 @@ INFO = {
 }
 
 
-def test_all_claimed_robots_and_tasks_are_there() -> None:
+def test_all_supported_robots_and_tasks_are_there() -> None:
     assert {"ua_quad_arm4", "fa_hexa_arm4"} <= set(aerial_il.list_robots())
     assert {"reach", "pick_place"} <= set(aerial_il.list_tasks())
     assert len(CELLS) >= 4

@@ -1,4 +1,4 @@
-"""Robots are what their parameters say, and strong enough for what they claim."""
+"""Robots are what their parameters say, and strong enough for the tasks they support."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class EpisodeWriter:
     """One episode on its way to the disk, under the name ``<path>.part`` until it is finished.
 
     Equal calls give equal bytes: time stamps are simulation time, and wall time is left out. Making one
-    only claims the file; all else may be done by another thread, one call after the other.
+    only creates and locks the file; all else may be done by another thread, one call after the other.
 
     Args:
         path: the file to be; a left-over ``.part`` of a killed process is overwritten.

@@ -15,15 +15,20 @@ import numpy as np
 
 from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
-from aerial_il.evaluation.films.scene_renderer import SceneRenderer, Viewpoint
-from aerial_il.evaluation.films.video import FPS, FRAMED_STATES, jpeg, write_mp4
+from aerial_il.evaluation.films.scene_renderer import SceneRenderer
+from aerial_il.evaluation.films.traces import traces_of
+from aerial_il.evaluation.films.video import FRAMED_STATES, jpeg, write_mp4
+from aerial_il.evaluation.studio.studio import QUICK, STILL
+from aerial_il.evaluation.studio.viewpoint import Viewpoint
 
-RECIPE = "2"  # part of every name: raise it when the pictures below are made in another way
+RECIPE = "3"  # part of every name: raise it when the pictures below are made in another way
 LONGEST_S = 6.0
 HOLD_S = 0.8
-FILM_SIZE = (360, 480)  # height, width
+FILM_SIZE = (300, 400)  # height, width
 POSTER_SIZE = (480, 640)
 STILL_SIZE = (180, 240)
+FPS, EXPOSURES = 12.5, QUICK  # pictures a second, and exposures of each
+TRAIL_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -99,18 +104,22 @@ def _make(clips: FlightClips, scene: SceneRenderer, episode: Episode, part: Exce
     view = scene.frame(shown[:: max(1, len(shown) // FRAMED_STATES)], FILM_SIZE[1] / FILM_SIZE[0])
     stride = max(1, round(1 / (episode.spec.control_dt_s * FPS)))
     rate = Fraction(1 / (episode.spec.control_dt_s * stride)).limit_denominator(1000)
-    write_mp4(clips.film, _frames(scene, shown[::stride], view), rate=rate, hold_frames=round(HOLD_S * rate))
+    steps = range(part.first + 1, part.last + 2, stride)
+    write_mp4(clips.film, _frames(scene, episode, steps, view), rate=rate, hold_frames=round(HOLD_S * rate))
     moment, aspect = after[part.poster], POSTER_SIZE[1] / POSTER_SIZE[0]
-    _save(clips.poster, scene.draw(moment, scene.frame([moment], aspect), *POSTER_SIZE))
+    _save(clips.poster, scene.draw(moment, scene.frame([moment], aspect), *POSTER_SIZE, exposures=STILL))
     for camera, path in clips.stills.items():
         _save(path, scene.draw(moment, camera, *STILL_SIZE))
     scene.hide_props()
     alone = scene.frame([moment], aspect, props=False)
-    _save(clips.portrait, scene.draw(moment, alone, *POSTER_SIZE))
+    _save(clips.portrait, scene.draw(moment, alone, *POSTER_SIZE, exposures=STILL))
 
 
-def _frames(scene: SceneRenderer, states: np.ndarray, view: Viewpoint) -> Iterator[np.ndarray]:
-    return (scene.draw(state, view, *FILM_SIZE) for state in states)
+def _frames(scene: SceneRenderer, episode: Episode, steps: range, view: Viewpoint) -> Iterator[np.ndarray]:
+    traces = traces_of(episode, scene)
+    for step in steps:
+        marks = traces.marks(step, since_s=TRAIL_S)
+        yield scene.draw(episode.states[step], view, *FILM_SIZE, exposures=EXPOSURES, marks=marks)
 
 
 def _save(path: Path, picture: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from aerial_il.evaluation.pages.page import END_WORDS
 
 STRIP_HEIGHT, MARGIN, TITLE, TEXT = 48, 12, 13, 12  # pixels of a frame of 640; wider ones are shown smaller
 SCALES = 0.84, 1.4
-INK, MUTED, GROUND = (236, 240, 243), (148, 160, 170), (17, 22, 28)
+INK, MUTED, BACKGROUND = (236, 240, 243), (148, 160, 170), (17, 22, 28)
 COLOURS = {
     "success": (45, 190, 160),
     "crash": (244, 132, 68),
@@ -56,7 +56,7 @@ def compose(views: Mapping[str, np.ndarray], caption: Caption) -> np.ndarray:
     """
     picture = np.concatenate(list(views.values()), axis=1)
     height, width = picture.shape[:2]
-    frame = Image.new("RGB", (width, height + strip_height(width)), GROUND)
+    frame = Image.new("RGB", (width, height + strip_height(width)), BACKGROUND)
     frame.paste(Image.fromarray(picture))
     draw = ImageDraw.Draw(frame, "RGBA")
     _label_views(draw, views, _scale(width))
@@ -78,7 +78,7 @@ def _label_views(draw: ImageDraw.ImageDraw, views: Mapping[str, np.ndarray], sca
     for name, view in views.items():
         place = (left + 14 * scale, 10 * scale)
         x0, y0, x1, y1 = draw.textbbox(place, name, font=face)
-        draw.rounded_rectangle((x0 - 6, y0 - 4, x1 + 6, y1 + 4), radius=5, fill=(*GROUND, 150))
+        draw.rounded_rectangle((x0 - 6, y0 - 4, x1 + 6, y1 + 4), radius=5, fill=(*BACKGROUND, 150))
         draw.text(place, name, font=face, fill=INK)
         left += view.shape[1]
 

@@ -1,9 +1,9 @@
-"""Draws recorded states for people: smooth edges, and viewpoints that fit what is to be seen."""
+"""Draws recorded states: for people in the look of the studio, from where all is seen; or as the robot's cameras do."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 from types import TracebackType
 
 import mujoco
@@ -13,13 +13,14 @@ from PIL import Image
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import can_render
 from aerial_il.core.scene_check import check_scene
+from aerial_il.evaluation.studio.marks import Mark
+from aerial_il.evaluation.studio.studio import MOVING, Studio
+from aerial_il.evaluation.studio.viewpoint import Viewpoint
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.rendering import Renderer
 
 SUPERSAMPLING = 2  # every pixel is the mean of 2 x 2
-ELEVATION_DEG = -20.0
 BELOW_M = 0.2  # what stands farther below the robot, such as a table's leg, need not be seen
-MARGIN = 1.15  # air around what is framed
 
 
 def obstacle() -> str:
@@ -33,34 +34,6 @@ def obstacle() -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Viewpoint:
-    """A free camera.
-
-    Attributes:
-        centre: point looked at, world, m. distance: from it, m. azimuth_deg, elevation_deg: MuJoCo's angles of view.
-    """
-
-    centre: tuple[float, float, float]
-    distance: float
-    azimuth_deg: float
-    elevation_deg: float = ELEVATION_DEG
-
-    @property
-    def axes(self) -> np.ndarray:
-        """(3, 3) rows: to the right, upwards and forward in the picture, in the world."""
-        a, e = np.deg2rad([self.azimuth_deg, self.elevation_deg])
-        forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-        right = np.array([np.sin(a), -np.cos(a), 0.0])
-        return np.stack([right, np.cross(right, forward), forward])
-
-    def camera(self) -> mujoco.MjvCamera:
-        camera = mujoco.MjvCamera()
-        camera.lookat[:], camera.distance = self.centre, self.distance
-        camera.azimuth, camera.elevation = self.azimuth_deg, self.elevation_deg
-        return camera
-
-
 class SceneRenderer:
     """Pictures of the states of one scene; close it, or use it as a context.
 
@@ -72,6 +45,7 @@ class SceneRenderer:
         try:
             check_scene(model_xml)
             self.model = mujoco.MjModel.from_xml_string(model_xml)
+            self._xml = model_xml
         except ValueError as error:
             hint = "Its states and actions can be seen all the same: aerial-il info PATH"
             raise InvalidValueError(f"The recorded scene cannot be drawn: {error}. {hint}") from error
@@ -89,11 +63,10 @@ class SceneRenderer:
         """Names of the scene's own cameras."""
         return tuple(self.model.camera(i).name for i in range(self.model.ncam))
 
-    @property
-    def robot_geoms(self) -> np.ndarray:
-        """(G,) bool: the geom belongs to the robot, whose first body is ``base``."""
-        model = self.model
-        return model.body_rootid[model.geom_bodyid] == model.body_rootid[model.body("base").id]
+    @cached_property
+    def studio(self) -> Studio:
+        """The copy of the scene that people see."""
+        return Studio(self.model, self._xml)
 
     def pose(self, state: np.ndarray) -> mujoco.MjData:
         """Put the scene into a full state (S,) and return it."""
@@ -101,19 +74,31 @@ class SceneRenderer:
         mujoco.mj_forward(self.model, self.data)
         return self.data
 
-    def draw(self, state: np.ndarray, camera: str | Viewpoint, height: int, width: int) -> np.ndarray:
-        """Return the picture (height, width, 3) uint8 of a state (S,) from a camera of the scene or a viewpoint."""
+    def draw(
+        self, state: np.ndarray, camera: str | Viewpoint, height: int, width: int, *, exposures: int = MOVING,
+        marks: Sequence[Mark] = (),
+    ) -> np.ndarray:  # fmt: skip
+        """Return the picture (height, width, 3) uint8 of a state (S,).
+
+        Args:
+            state: of the scene. camera: a viewpoint, in the look of the studio; or a camera of the scene, as it sees.
+            height, width: pixels. exposures: of a picture from a viewpoint; more are smoother and take longer.
+            marks: added to a picture from a viewpoint.
+        """
+        if isinstance(camera, Viewpoint):
+            return self.studio.draw(state, camera, height, width, exposures=exposures, marks=marks)
         data, renderer = self.pose(state), self._renderer(height, width)
-        renderer.update_scene(data, camera.camera() if isinstance(camera, Viewpoint) else camera)
+        renderer.update_scene(data, camera)
         for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             renderer.scene.flags[effect] = False
         return np.asarray(Image.fromarray(renderer.render()).reduce(SUPERSAMPLING))
 
     def hide_props(self) -> None:
-        """Leave the robot alone with the ground and the sky."""
-        ground = np.isin(self.model.geom_type, [mujoco.mjtGeom.mjGEOM_PLANE])
-        self.model.geom_rgba[~self.robot_geoms & ~ground, 3] = 0.0
-        self.model.site_rgba[:, 3] = 0.0
+        """Leave the robot alone with the ground in what people see."""
+        model = self.studio.model
+        ground = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+        model.geom_rgba[~robot_geoms(model) & ~ground, 3] = 0.0
+        model.site_rgba[:, 3] = 0.0
 
     def frame(self, states: Iterable[np.ndarray], aspect: float, *, props: bool = True) -> Viewpoint:
         """Return the viewpoint, on the side of the ``scene`` camera, that just holds the robot in all ``states``.
@@ -124,21 +109,15 @@ class SceneRenderer:
                 button may not.
         """
         points = np.concatenate([self._extent(self.pose(state), props) for state in states])
-        view = Viewpoint((0.0, 0.0, 0.0), 1.0, self._azimuth())
-        local = points @ view.axes.T
-        low, high = local.min(axis=0), local.max(axis=0)
-        middle = 0.5 * (low + high)
-        half = np.tan(0.5 * np.deg2rad(self.model.vis.global_.fovy)) * np.array([aspect, 1.0])
-        offset = np.abs(local[:, :2] - middle[:2]) * MARGIN
-        distance = float(np.max(offset / half - (local[:, 2:] - middle[2])))
-        x, y, z = (middle @ view.axes).tolist()
-        return replace(view, centre=(x, y, z), distance=distance)
+        return Viewpoint((0.0, 0.0, 0.0), 1.0, self._azimuth()).holding(points, aspect)
 
     def close(self) -> None:
         """Free the graphics contexts."""
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers.clear()
+        if "studio" in self.__dict__:
+            self.studio.close()
 
     def _renderer(self, height: int, width: int) -> Renderer:
         if (height, width) not in self._renderers:
@@ -158,14 +137,20 @@ class SceneRenderer:
         """(P, 3) corners of the robot's geoms, and the centres of those of the props."""
         model = self.model
         seen = model.geom_rgba[:, 3] > 0.0
-        own = np.flatnonzero(self.robot_geoms & seen)
+        robot = robot_geoms(model)
+        own = np.flatnonzero(robot & seen)
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
         centre, half = model.geom_aabb[own, :3], model.geom_aabb[own, 3:]
         corners = centre[:, None] + signs * half[:, None]
         turned = np.einsum("gij,gkj->gki", data.geom_xmat[own].reshape(-1, 3, 3), corners)
         points = [(data.geom_xpos[own][:, None] + turned).reshape(-1, 3)]
         if props:
-            others = ~self.robot_geoms & seen & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+            others = ~robot & seen & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
             centres, lowest = data.geom_xpos[others], points[0][:, 2].min()
             points.append(centres[centres[:, 2] > lowest - BELOW_M])
         return np.concatenate(points)
+
+
+def robot_geoms(model: mujoco.MjModel) -> np.ndarray:
+    """Return (G,) bool: the geom belongs to the robot, whose first body is ``base``."""
+    return model.body_rootid[model.geom_bodyid] == model.body_rootid[model.body("base").id]

@@ -18,7 +18,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
-from aerial_il.evaluation.films.overlay import COLOURS, GROUND, INK, MUTED, font
+from aerial_il.evaluation.films.overlay import BACKGROUND, COLOURS, INK, MUTED, font
 from aerial_il.evaluation.films.scene_renderer import SceneRenderer
 from aerial_il.evaluation.films.video import FRAMED_STATES, end_of
 from aerial_il.evaluation.pages.page import END_WORDS
@@ -82,7 +82,7 @@ class Panel:
 
     def _draw(self, step: int) -> np.ndarray:
         episode, look = self._episode, self._look
-        frame = Image.new("RGB", (look.width, look.height + STRIP), GROUND)
+        frame = Image.new("RGB", (look.width, look.height + STRIP), BACKGROUND)
         frame.paste(Image.fromarray(self._scene.draw(episode.states[step], self._view, look.height, look.width)))
         draw, end = ImageDraw.Draw(frame), end_of(episode) if step == len(episode) else ""
         time_s = step * episode.spec.control_dt_s

@@ -26,10 +26,12 @@ from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
 from aerial_il.evaluation.films.overlay import Caption, compose
-from aerial_il.evaluation.films.scene_renderer import SceneRenderer, Viewpoint
+from aerial_il.evaluation.films.scene_renderer import SceneRenderer
 from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
 from aerial_il.evaluation.pages.page import data_uri
 from aerial_il.evaluation.result import EvaluationResult, Flight
+from aerial_il.evaluation.studio.studio import QUICK
+from aerial_il.evaluation.studio.viewpoint import Viewpoint
 
 FPS = 25
 HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
@@ -37,7 +39,7 @@ LONGEST_CLIP_S = 12.0  # longer episodes play faster
 MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
 FRAMED_STATES = 12  # of a recording, from which the viewpoint is found that holds the whole flight
 JPEG_QUALITY = 85
-VIEW_SIZE = (324, 432)  # height, width of one camera view
+VIEW_SIZE = (396, 528)  # height, width of one camera view
 
 
 @dataclass(frozen=True)
@@ -139,15 +141,15 @@ def film_episode(
     rate = Fraction(speed / (dt * stride)).limit_denominator(1000)
     title = " · ".join((result.task, result.robot, result.tier, f"seed {episode.seed}"))
     title += f" · {speed}x" if speed > 1 else ""
-    frames = _frames(env, episode, flight, title=title, cameras=cameras, stride=stride)
+    moments = _moments(env, episode, flight, title=title, stride=stride)
+    frames = _as_cameras_see(env, moments, cameras) if env.engine is None else _in_the_studio(env, moments, cameras)
     last = write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
     write_atomic(clip.poster, jpeg(last))
     return clip
 
 
-def _frames(
-    env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: str, cameras: Sequence[str], stride: int
-) -> Iterator[np.ndarray]:
+def _moments(env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: str, stride: int) -> Iterator[Caption]:
+    """Fly again and yield what there is to say whenever a picture is due."""
     assert flight.actions is not None
     length, done = len(flight.actions), np.zeros(len(env.spec.subtasks), dtype=bool)
     for step, info in enumerate(_fly_again(env, episode.seed, flight.actions)):
@@ -155,7 +157,7 @@ def _frames(
         last = step == length - 1
         if step % stride and not last:
             continue
-        caption = Caption(
+        yield Caption(
             title=title,
             time_s=(step + 1) * env.spec.control_dt_s,
             progress=(step + 1) / length,
@@ -163,7 +165,22 @@ def _frames(
             subtasks=dict(zip(env.spec.subtasks, done.tolist(), strict=True)),
             end=episode.end if last else "",
         )
+
+
+def _as_cameras_see(env: BatchEnv, moments: Iterator[Caption], cameras: Sequence[str]) -> Iterator[np.ndarray]:
+    for caption in moments:
         yield compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, caption)
+
+
+def _in_the_studio(env: BatchEnv, moments: Iterator[Caption], cameras: Sequence[str]) -> Iterator[np.ndarray]:
+    """Draw the flight as people see it, from where it fills the picture, in the place of the ``scene`` camera."""
+    captions, states = zip(*((caption, env.get_state()[0]) for caption in moments), strict=True)
+    with SceneRenderer(env.model_xml) as scene:
+        whole = scene.frame(states[:: max(1, len(states) // FRAMED_STATES)], VIEW_SIZE[1] / VIEW_SIZE[0])
+        views = {"flight" if name == "scene" else name: whole if name == "scene" else name for name in cameras}
+        for caption, state in zip(captions, states, strict=True):
+            pictures = {name: scene.draw(state, view, *VIEW_SIZE, exposures=QUICK) for name, view in views.items()}
+            yield compose(pictures, caption)
 
 
 def _fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
@@ -210,7 +227,10 @@ def _picture(
         subtasks={} if flags is None else {name: bool(flags[:step, k].any()) for k, name in enumerate(spec.subtasks)},
         end=end_of(episode) if last else "",
     )
-    return compose({name: scene.draw(episode.states[step], view, *VIEW_SIZE) for name, view in views.items()}, caption)
+    return compose(
+        {name: scene.draw(episode.states[step], view, *VIEW_SIZE, exposures=QUICK) for name, view in views.items()},
+        caption,
+    )
 
 
 def end_of(episode: Episode) -> End:
@@ -262,6 +282,13 @@ def jpeg(picture: np.ndarray) -> bytes:
     """Return an (H, W, 3) uint8 picture as a JPEG file."""
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    return buffer.getvalue()
+
+
+def png(picture: np.ndarray) -> bytes:
+    """Return an (H, W, 3) uint8 picture as a PNG file."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 

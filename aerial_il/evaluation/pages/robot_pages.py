@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 REACH, BODY, ARM = "#9fc0e6", "#4a4f57", "#d98032"
-ARM_CAPTION = "*Blue: where the tool can be, seen from the side and from above; orange: the arm at rest.*"
+ARM_CAPTION = "*Side view and top view. Blue: workspace of the tool; orange: rest postures of the arm.*"
+ACTUATION = {"under": "underactuated", "full": "fully actuated", "fixed": "fixed base"}
 CELLS_PER_REACH = 20  # squares of the drawn workspace along the outstretched arm
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "aerial_il",
@@ -29,10 +30,11 @@ STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
 }
 NOTE = """\
-Computed by `aerial-il docs` from the nominal model that the controller flies on. Hover power is that of momentum
+Computed by `aerial-il docs` from the nominal model that the controller uses. Ideal hover power follows from momentum
 theory, `T^(3/2) / sqrt(2 ρ A)` per rotor (Leishman, *Principles of Helicopter Aerodynamics*, 2006, eq. 2.15), with
-ρ = 1.225 kg/m³ and the tool down; real rotors of this size take it over a figure of merit of about 0.65. Inertia is
-about the common centre of mass; the shift of that centre is measured from where it is with the tool down."""
+ρ = 1.225 kg/m³ and the tool down; real rotors of this size have a figure of merit of about 0.65, by which it is
+divided. Inertia is about the centre of mass of the whole robot, whose shift is relative to the posture with the tool
+down."""
 
 
 def write_pages(folder: str | os.PathLike[str]) -> list[Path]:
@@ -52,7 +54,8 @@ def overview(found: list[Robot]) -> str:
     columns = ("robot", "actuation", "mass (kg)", "thrust / weight", "joints", "reach (m)", "tasks")
     head = f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|"
     rows = [
-        f"| [{r.name}]({r.name}.md) | {r.actuation} | {r.vehicle.mass:.2f} | {_or_none(r.vehicle.thrust_to_weight)} "
+        f"| [{r.name}]({r.name}.md) | {ACTUATION[r.actuation]} | {r.vehicle.mass:.2f} "
+        f"| {_or_none(r.vehicle.thrust_to_weight)} "
         f"| {r.num_joints} | {_or_none(r.arm.reach)} | {len(_tasks(r))} |"
         for r in found
     ]
@@ -64,9 +67,9 @@ def page(robot: Robot) -> str:
     parts = [
         f"# {robot.name}",
         robot.summary,
-        f"[![{robot.name}]({robot.name}.jpg)]({robot.name}.mp4)\n\n*The film: an expert flies it.*",
+        f"[![{robot.name}]({robot.name}.jpg)]({robot.name}.mp4)\n\n*Click for the video: a scripted expert flies it.*",
         f"![Side view and top view]({robot.name}.svg)",
-        ARM_CAPTION if robot.num_joints else "*Seen from the side and from above.*",
+        ARM_CAPTION if robot.num_joints else "*Side view and top view.*",
         _properties(robot),
         "## Balance",
         _balance(robot),
@@ -107,21 +110,25 @@ def _properties(robot: Robot) -> str:
     vehicle, rest = robot.vehicle, figures.stances(robot)[0]
     power = figures.hover_power(robot)
     rows = {
-        "actuation": robot.actuation,
-        "mass": f"{vehicle.mass:.2f} kg, of it the arm {vehicle.link_mass.sum():.2f} kg",
+        "actuation": ACTUATION[robot.actuation],
+        "mass": f"{vehicle.mass:.2f} kg, including the arm's {vehicle.link_mass.sum():.2f} kg"
+        if robot.num_joints
+        else f"{vehicle.mass:.2f} kg",
         f"inertia, {rest.name}": " ".join(f"{value:.3g}" for value in rest.inertia) + " kg m²",
         "rotors": f"{robot.num_rotors}, up to {robot.base.rotor_max.max():.3g} N each" if robot.num_rotors else "none",
         "thrust / weight": _or_none(vehicle.thrust_to_weight),
-        "hover power": f"{power:.0f} W ideal, {power / figures.FIGURE_OF_MERIT:.0f} W real" if power else "–",
-        "sideways force at level hover": f"{robot.lateral_force:.1f} N" if not robot.fixed else "–",
-        "arm": f"{robot.num_joints} joints, {robot.arm.reach:.2f} m" if robot.num_joints else "none",
+        "hover power": f"{power:.0f} W ideal, about {power / figures.FIGURE_OF_MERIT:.0f} W real" if power else "–",
+        "lateral force at level hover": f"{robot.lateral_force:.1f} N" if not robot.fixed else "–",
+        "arm": f"{robot.num_joints} joint{'s' * (robot.num_joints > 1)}, reach {robot.arm.reach:.2f} m"
+        if robot.num_joints
+        else "none",
         "gripper": f"opens {200 * robot.gripper.stroke:.1f} cm, {robot.gripper.force:.0f} N per finger"
         if robot.has_gripper
         else "none",
     }
     if robot.num_joints:
         loads = ", ".join(f"{100 * load:.0f}" for load in figures.servo_loads(robot))
-        rows["largest static servo load"] = f"{loads} % of the torque limits, joint by joint"
+        rows["largest static servo load"] = f"{loads} % of the torque limit of each joint"
     return "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows.items())])
 
 
@@ -142,7 +149,7 @@ def _balance(robot: Robot) -> str:
 
 def _levels(robot: Robot) -> str:
     rows = [(level.label, action_spec(level, robot.vehicle).size) for level in levels_of(robot.vehicle)]
-    return "\n".join(["| level | numbers |", "|---|---|", *(f"| `{label}` | {size} |" for label, size in rows)])
+    return "\n".join(["| level | elements |", "|---|---|", *(f"| `{label}` | {size} |" for label, size in rows)])
 
 
 def _tasks(robot: Robot) -> list[str]:

@@ -19,6 +19,7 @@ from aerial_il.data.provenance import HUMAN
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.evaluation.films.scene_renderer import SceneRenderer, obstacle
 from aerial_il.evaluation.pages.page import page_text
+from aerial_il.evaluation.studio.studio import QUICK
 
 PAGE = "session.html"
 MOST_PICTURES = 60  # of the episodes recorded last, so that the page stays small
@@ -152,7 +153,7 @@ def thumbnails(episodes: Sequence[Episode]) -> list[tuple[str, ...]]:
 def _pictures(renderer: SceneRenderer, episode: Episode) -> tuple[str, ...]:
     states = [episode.states[round(share * (len(episode.states) - 1))] for share in SHARES]
     view = renderer.frame(states, THUMBNAIL[1] / THUMBNAIL[0])
-    return tuple(_address(renderer.draw(state, view, *THUMBNAIL)) for state in states)
+    return tuple(_address(renderer.draw(state, view, *THUMBNAIL, exposures=QUICK)) for state in states)
 
 
 def _address(image: np.ndarray) -> str:

@@ -16,7 +16,7 @@ class Critics(nn.Module):
 
     Args:
         inputs: Do + 1 + Da. hidden: widths. count: how many there are.
-        layer_norm: standardise each hidden layer before its ReLU, which bounds what is claimed far from all data.
+        layer_norm: standardise each hidden layer before its ReLU, which bounds the estimates far from all data.
     """
 
     def __init__(self, inputs: int, hidden: Sequence[int], count: int = 2, *, layer_norm: bool = False) -> None:

@@ -7,7 +7,7 @@ import mujoco
 FOUND, FORCE = 1, 2  # what MuJoCo's contact sensor reports
 KEEP_FIRST, NET_FORCE, ONE_SLOT = 0, 3, 1  # how it reduces many contacts to one
 SUBTREE = mujoco.mjtObj.mjOBJ_XBODY
-CONTACT_ALONE = "the force of contacts alone: a sensor in the wrist feels the gripper's weight and inertia as well"
+CONTACT_ALONE = "the contact force alone: a sensor in the wrist also feels the gripper's weight and inertia"
 ROBOT = "base"  # the body that carries all of it
 GRIPPER = "palm"  # the body that carries the fingers: a force sensor there is one in the wrist
 

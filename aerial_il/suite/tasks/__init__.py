@@ -42,10 +42,10 @@ def get(name: str) -> Task:
 
 @cache
 def cells() -> tuple[tuple[str, str], ...]:
-    """All (robot, task) pairs that are claimed.
+    """All supported (robot, task) pairs.
 
     Raises:
-        UnknownNameError, InvalidValueError: what a robot declines in its file cannot be, see :func:`check_declines`.
+        UnknownNameError, InvalidValueError: a robot cannot decline what its file says, see :func:`check_declines`.
     """
     for robot in robots.names():
         check_declines(robots.get(robot))
@@ -53,7 +53,7 @@ def cells() -> tuple[tuple[str, str], ...]:
 
 
 def check_declines(robot: Robot) -> None:
-    """Refuse what a robot declines in its file where it cannot be meant.
+    """Refuse entries of a robot's ``declines`` that cannot be meant.
 
     Raises:
         UnknownNameError: there is no such task.
@@ -73,7 +73,7 @@ def check_declines(robot: Robot) -> None:
 
 
 def check_cell(robot: str, task: str) -> None:
-    """Refuse a pair that is not claimed.
+    """Refuse a pair that is not supported.
 
     Raises:
         UnknownNameError: no such robot or task.

@@ -31,9 +31,9 @@ TARGET = 0  # site
 class Hover(Task):
     """Base within 5 cm of a point and within 3° of its trimmed attitude for 1 s.
 
-    It starts up to 0.45 m off, moving at up to 1 m/s, tilted by up to 35° and turning. The trimmed attitude has the
-    heading asked for and leans just as much against the air's force of the moment as the vehicle must that cannot push
-    sideways by as much: level in still air.
+    It starts up to 0.45 m away, moving at up to 1 m/s, tilted by up to 35° and rotating. The trimmed attitude has the
+    required heading, and the tilt by which a vehicle that cannot push sideways balances the present force of the air:
+    level in still air.
     """
 
     name = "hover"
@@ -48,7 +48,7 @@ class Hover(Task):
 
     def own_infeasibility(self, robot: Robot) -> str | None:
         if robot.num_joints:
-            return "its arm leaves the base's place open; hovering is judged by the base alone"
+            return "it has an arm, and hovering is evaluated on the base alone, which a tool pose does not determine"
         return None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -37,11 +37,11 @@ GRIP_LEFT, GRIP_RIGHT = range(2)  # contacts
 
 
 class InsertPeg(Task):
-    """Round-nosed peg of 20 mm in an octagonal bore 22 mm across flats (1 mm of play all round), chamfered 5 mm.
+    """Round-nosed peg, 20 mm thick, in a chamfered octagonal bore, 22 mm across flats (1 mm clearance all round).
 
-    Solved when 30 mm of its full width are in the bore, below the chamfer, for 0.5 s, held or not: both where it enters
-    the bore and at its lower nose its axis is within 4 mm of the bore's, and its nose is not deeper than the bottom. It
-    stands loosely in a stand at the start; one that lies on the table may be picked up. Either end may go first.
+    Solved when 30 mm of its full width are in the bore, below the 5 mm chamfer, for 0.5 s, held or not: where it enters
+    the bore and at its lower nose its axis is within 4 mm of the bore's, and its nose is not below the bottom. It
+    starts loosely in a stand; if it falls onto the table it may be picked up there. Either end may go first.
 
     A peg whose middle is more than 10 cm below the table's surface, on the floor or on its way there, and that is not
     in the gripper is lost: the episode ends as dropped.
@@ -56,7 +56,7 @@ class InsertPeg(Task):
     names = Names(sites=("peg", "hole", "stand"), contacts=("grip_left", "grip_right"))
     force_sensors = ("wrist_force",)
     privileged = (
-        ("peg_axis", "fingers hide a peg that is held; no camera tells how it leans between them"),
+        ("peg_axis", "the fingers occlude a peg that they hold; no camera sees how it is tilted between them"),
         ("end_to_hole", "follows from `peg_axis`"),
         ("wrist_force", CONTACT_ALONE),
     )

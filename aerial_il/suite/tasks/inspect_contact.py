@@ -53,15 +53,14 @@ ON_PLATE, BY_TOOL = range(2)  # forces: on the plate, and what a sensor in the w
 class InspectContact(Task):
     """Normal force of 5 ± 2 N on the plate's spot for 3 s, at most 5° off square, slipping at most 2 cm meanwhile.
 
-    The force is what all parts of the robot together exert on the plate, taken at each physics step (250 Hz) behind a
-    first-order low-pass of 15 Hz, as force sensors have (``suite/physics/force_sensing.py`` gives the source); every
-    one of these values must lie in the band. Without the filter some do not: ``force_in_band_raw`` is the share of the
-    physics steps since contact began in which the contact solver's own force did. Links and rotors must not touch
-    anything.
+    The force is the total force of all parts of the robot on the plate, sampled at each physics step (250 Hz) behind a
+    first-order low-pass of 15 Hz, as in force sensors (``suite/physics/force_sensing.py`` gives the source); every
+    sample must lie in the band. Unfiltered samples may not: ``force_in_band_raw`` is the share of the physics steps
+    since contact began in which the contact solver's own force did. Links and rotors must not touch anything.
 
     The probe is the end of the closed gripper, open by a fifth at most. The plate is tilted by 9° to 34° towards the
-    robot, and sprung like the holders of ultrasonic probes: it gives way by 8 mm per newton. Its face is soft, like
-    an ultrasound phantom: a probe sinks in by about 2 mm under the force asked for.
+    robot, and sprung like the holders of ultrasonic probes: it yields by 8 mm per newton. Its face is soft, like an
+    ultrasound phantom: the probe sinks in by about 2 mm under the required force.
     """
 
     name = "inspect_contact"
@@ -75,8 +74,8 @@ class InspectContact(Task):
     asks_for_force = True
     privileged = (
         ("tool_force", CONTACT_ALONE),
-        ("normal_force", "what the whole robot does to the plate: it takes a sensor behind the plate"),
-        ("slip", "counted from where the fingertips truly were when contact began"),
+        ("normal_force", "the force of the whole robot on the plate: measuring it takes a sensor behind the plate"),
+        ("slip", "measured from the true position of the fingertips when contact began"),
     )
 
     def own_infeasibility(self, robot: Robot) -> str | None:

@@ -43,11 +43,11 @@ SINKING, HARDEST = range(2)  # what is remembered: speed of descent in the air; 
 class Land(Task):
     """On its skids within 10 cm of the pad's centre, upright and at rest for 0.5 s; it never came down hard.
 
-    At rest: slower than 5 cm/s, within 5° of upright, with at least a fifth of its weight on the skids. Hard is what
-    touched the ground sinking faster than 0.7 m/s, taken in the control step (20 ms) before it touched. A hub or a
-    rotor that strikes the ground is a crash.
+    At rest: slower than 5 cm/s, within 5° of upright, with at least a fifth of its weight on the skids. A touchdown is
+    hard above a sink rate of 0.7 m/s, measured in the control step (20 ms) before contact. A hub or a rotor that
+    strikes the ground is a crash.
 
-    It starts hovering 0.8 to 1.1 m above the ground and up to 0.4 m aside.
+    It starts hovering, 0.8 to 1.1 m above the ground and up to 0.4 m to the side.
     """
 
     name = "land"
@@ -65,7 +65,7 @@ class Land(Task):
     privileged = (("ground_force", CONTACT_ALONE),)
 
     def own_infeasibility(self, robot: Robot) -> str | None:
-        return "its arm is in the way of landing gear" if robot.num_joints else None
+        return "its arm is where the landing gear would be" if robot.num_joints else None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_pad(spec, tolerance=ON_PAD_M)

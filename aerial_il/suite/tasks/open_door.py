@@ -40,7 +40,7 @@ DOOR = 0  # joint
 class OpenDoor(Task):
     """Door open by at least 60° for 0.5 s; its hinge has dry friction and damping.
 
-    Open: from 60° to the stop at 100°, which yields by up to 6°. A door that goes shut again before the time is not.
+    Open: from 60° to the stop at 100°, which yields by up to 6°. A door that closes again within that time is not open.
     """
 
     name = "open_door"

@@ -36,11 +36,11 @@ GRIP_LEFT, GRIP_RIGHT, ROBOT_ON_CUBE = range(3)  # contacts
 class PickPlace(Task):
     """Cube released in the bowl within 5 cm, slower than 5 cm/s, gripper at least 10 cm away, for 0.5 s.
 
-    In the bowl: the cube's centre is at most 5 cm beside the bowl's axis and 2 to 5 cm over its underside, so neither
+    In the bowl: the cube's centre is at most 5 cm from the bowl's axis and 2 to 5 cm above its underside, so neither
     on the rim nor under the table. Released: no part of the robot touches it.
 
     A cube more than 10 cm below the table's surface, on the floor or on its way there, that is not in the gripper is
-    lost: the episode ends as dropped. So is one that lies still where an arm on a fixed base is too short to get to.
+    lost: the episode ends as dropped. So is one that lies still out of reach of an arm on a fixed base.
     """
 
     name = "pick_place"

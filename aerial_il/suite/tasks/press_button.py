@@ -41,12 +41,12 @@ BY_ROBOT, BY_TOOL = range(2)  # whose force
 
 
 class PressButton(Task):
-    """Cap pressed in by at least 8 mm, by the robot, for 0.3 s; its net force on all things has never exceeded 15 N.
+    """Cap pressed in by the robot by at least 8 mm for 0.3 s; its net contact force has never exceeded 15 N.
 
-    Pressed in: from 8 to 21 mm, the stop being at 20 and yielding, by a force of the robot of at least 0.5 N. The force
-    is the net force of all contacts of all its parts, taken at each physics step (250 Hz) behind a first-order low-pass
-    of 15 Hz, as force sensors have (``suite/physics/force_sensing.py`` gives the source): the largest of these values
-    counts. Without the filter it may be larger for some milliseconds. Links and rotors must not touch anything.
+    Pressed in: by 8 to 21 mm (the stop at 20 mm yields), with a force of the robot of at least 0.5 N. The force is the
+    net contact force of all parts of the robot, sampled at each physics step (250 Hz) behind a first-order low-pass of
+    15 Hz, as in force sensors (``suite/physics/force_sensing.py`` gives the source); its largest sample counts. The
+    unfiltered force may be larger for some milliseconds. Links and rotors must not touch anything.
 
     The button leans back by up to 26°, so that it is pressed from above or at a slant.
     """
@@ -61,9 +61,9 @@ class PressButton(Task):
     names = Names(sites=("button",), joints=("button",))
     force_sensors = ("robot_force", "tool_force")
     privileged = (
-        ("button_travel", "a button has no sensor of its travel, and the fingers hide it from a camera"),
+        ("button_travel", "a button has no travel sensor, and the fingers hide it from cameras"),
         ("tool_force", CONTACT_ALONE),
-        ("peak_force", "of all parts of the robot, and without the noise of a sensor"),
+        ("peak_force", "the force of all parts of the robot, without sensor noise"),
     )
 
     def own_infeasibility(self, robot: Robot) -> str | None:

@@ -29,7 +29,7 @@ SLIDER, RAIL_END = range(2)  # sites; the slider is the joint too
 
 
 class PushSlider(Task):
-    """Carriage within the last tenth of its rail for 0.5 s; the rail points anywhere, its far end is marked green.
+    """Carriage within the last tenth of its rail for 0.5 s; the rail has a random direction, its far end is green.
 
     At the end: from 90 % of the way between the stops to 1 cm beyond the far one, which yields.
     """

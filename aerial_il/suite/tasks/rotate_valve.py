@@ -41,9 +41,9 @@ VALVE, GAP = range(2)  # sites; the valve is the joint too
 class RotateValve(Task):
     """Valve turned anticlockwise by at least π, against 0.3 N m of dry friction, and kept open for 0.5 s.
 
-    The way to go is between π and 1.25 π, for the valve may be ajar at the start. Open: the yellow spoke is over the
-    green mark or past it, up to the stop 29° farther, which yields by up to 6°. Friction differs between episodes in
-    the tiers that vary it.
+    The angle to turn is between π and 1.25 π, since the starting angle varies. Open: the yellow spoke is over the green
+    mark or past it, up to the stop 29° farther, which yields by up to 6°. Friction differs between episodes in the
+    tiers that vary it.
     """
 
     name = "rotate_valve"

@@ -21,7 +21,7 @@ RISE_M = 0.5  # at which half of what coming nearer earns is left
 class TakeOff(hover.Hover):
     """From its skids, rotors at rest, to within 5 cm of a point and 3° of the trimmed attitude for 1 s.
 
-    The point is 0.8 to 1.0 m above the ground and at most 0.3 m aside. The trimmed attitude is that of ``hover``. A hub
+    The point is 0.8 to 1.0 m above the ground and at most 0.3 m away. The trimmed attitude is that of ``hover``. A hub
     or a rotor that strikes the ground is a crash; skids may touch it again.
     """
 
@@ -30,7 +30,7 @@ class TakeOff(hover.Hover):
     scene_height_m = 0.5
 
     def own_infeasibility(self, robot: Robot) -> str | None:
-        return "its arm is in the way of landing gear" if robot.num_joints else None
+        return "its arm is where the landing gear would be" if robot.num_joints else None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         super().add_props(spec, robot)

@@ -106,7 +106,7 @@ class Task(ABC):
         if self.needs_arm and not robot.num_joints:
             return "it has no arm"
         if self.needs_flight and robot.fixed:
-            return "its base is fixed, and the task is not on its table"
+            return "its base is fixed, and the task is set up for robots that fly"
         return self.own_infeasibility(robot) or robot.declines.get(self.name)
 
     @abstractmethod

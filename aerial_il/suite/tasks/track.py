@@ -37,7 +37,7 @@ TARGET = 0  # site and mocap body
 
 
 class Track(Task):
-    """One full lap within 3 cm root mean square and never beyond 8 cm of the target, at whatever tool orientation.
+    """One full lap within 3 cm root mean square and never beyond 8 cm of the target, with any tool orientation.
 
     The tool is still within 8 cm when the lap is complete, for five control steps.
     """
@@ -50,7 +50,9 @@ class Track(Task):
     subtasks = ("within_10_cm", "on_target", "quarter_lap", "half_lap", "full_lap")
     names = Names(sites=("target",), mocaps=("target",))
     commanded = ("target",)
-    privileged = (("lap", "`done` and `rmse_of_allowed` are the judge's, counted on where the tool truly was"),)
+    privileged = (
+        ("lap", "`done` and `rmse_of_allowed` come from the success check, which uses the true tool position"),
+    )
 
     needs_arm = False
 

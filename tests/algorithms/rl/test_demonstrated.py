@@ -168,7 +168,7 @@ def test_critics_drawn_from_an_ensemble_are_those_of_all() -> None:
     assert torch.equal(drawn, critics(seen.obs, seen.actions)[[4, 1]])
 
 
-def test_layer_norm_bounds_what_is_claimed_far_away() -> None:
+def test_layer_norm_bounds_values_far_away() -> None:
     torch.manual_seed(0)
     plain, normed = Critics(4, (32, 32), 2), Critics(4, (32, 32), 2, layer_norm=True)
     far = batch()._replace(obs=1e6 * batch().obs)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerial_il.evaluation.films.scene_renderer import SceneRenderer, Viewpoint, obstacle
+from aerial_il.evaluation.films.scene_renderer import SceneRenderer, obstacle, robot_geoms
+from aerial_il.evaluation.studio.studio import QUICK
+from aerial_il.evaluation.studio.viewpoint import Viewpoint
 from tests.evaluation.conftest import Flown
 
 pytestmark = pytest.mark.render
@@ -20,11 +22,14 @@ def test_a_framed_robot_fills_the_picture_and_touches_no_edge(flown: Flown) -> N
     with SceneRenderer(flown.episode.model_xml) as scene:
         view = scene.frame(flown.episode.states, WIDTH / HEIGHT)
         assert view.distance > 0.5
+        shown = scene.studio.model.geom_rgba
+        colours, robot = shown.copy(), robot_geoms(scene.studio.model)
         for state in flown.episode.states[::20]:
-            with_robot = scene.draw(state, view, HEIGHT, WIDTH).astype(int)
-            scene.model.geom_rgba[scene.robot_geoms, 3] = 0.0
-            seen = (np.abs(with_robot - scene.draw(state, view, HEIGHT, WIDTH)) > 8).any(axis=2)
-            scene.model.geom_rgba[scene.robot_geoms, 3] = 1.0
+            with_robot = scene.draw(state, view, HEIGHT, WIDTH, exposures=QUICK).astype(int)
+            shown[robot, 3] = 0.0
+            without = scene.draw(state, view, HEIGHT, WIDTH, exposures=QUICK)
+            shown[:] = colours
+            seen = (with_robot - without > 8).any(axis=2) | (with_robot.min(axis=2) < 60)  # a shadow is grey
             assert seen.sum() > 100
             assert not seen[[0, -1]].any()
             assert not seen[:, [0, -1]].any()
@@ -33,10 +38,11 @@ def test_a_framed_robot_fills_the_picture_and_touches_no_edge(flown: Flown) -> N
 def test_a_portrait_shows_the_robot_alone(flown: Flown) -> None:
     with SceneRenderer(flown.episode.model_xml) as scene:
         scene.hide_props()
-        shown = scene.model.geom_rgba[:, 3] > 0
-        names = {scene.model.geom(i).name for i in np.flatnonzero(shown & ~scene.robot_geoms)}
+        model = scene.studio.model
+        shown, robot = model.geom_rgba[:, 3] > 0, robot_geoms(model)
+        names = {model.geom(i).name for i in np.flatnonzero(shown & ~robot)}
         assert names == {"ground"}
-        assert (shown & scene.robot_geoms).sum() > 10
+        assert (shown & robot).sum() > 10
 
 
 def test_a_viewpoint_has_right_handed_axes() -> None:

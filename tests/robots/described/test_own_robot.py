@@ -30,11 +30,11 @@ def gull(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
-def test_it_is_found_and_claims_what_its_arm_allows() -> None:
+def test_it_is_found_and_supports_what_its_arm_allows() -> None:
     assert "gull" in aerial_il.list_robots()
-    claimed = {task for robot, task in aerial_il.list_cells() if robot == "gull"}
-    assert {"reach", "pick_place"} <= claimed
-    assert claimed == {task for robot, task in aerial_il.list_cells() if robot == "ua_quad_arm4"}
+    supported = {task for robot, task in aerial_il.list_cells() if robot == "gull"}
+    assert {"reach", "pick_place"} <= supported
+    assert supported == {task for robot, task in aerial_il.list_cells() if robot == "ua_quad_arm4"}
 
 
 def test_it_is_what_a_robot_of_ours_must_be() -> None:

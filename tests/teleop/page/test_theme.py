@@ -1,4 +1,4 @@
-"""Letters can be read on every ground of every page, light and dark: WCAG AA, by computation."""
+"""Letters can be read on every background of every page, light and dark: WCAG AA, by computation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from aerial_il.teleop.page import PAGE
 
 SCHEMES = ("light", "dark")
 LETTERS = ("ink", "muted", "good", "bad", "amber", "accent")
-GROUNDS = ("ground", "card", "raised")
+BACKGROUNDS = ("background", "card", "raised")
 ENOUGH, ENOUGH_FOR_EDGES = 4.5, 3.0
 BESIDES = [  # letters on areas that are the same in both schemes
     ("#ffffff", "#c9281d"), ("#ffffff", "#2757a4"), ("#ffffff", "#0b7364"), ("#16100a", "#f28b3c"),
@@ -44,11 +44,11 @@ def test_the_measure_is_that_of_the_standard() -> None:
 
 
 @pytest.mark.parametrize("scheme", range(2), ids=SCHEMES)
-@pytest.mark.parametrize("ground", GROUNDS)
-def test_letters_can_be_read(ground: str, scheme: int) -> None:
+@pytest.mark.parametrize("background", BACKGROUNDS)
+def test_letters_can_be_read(background: str, scheme: int) -> None:
     found = colours()
     for letters in LETTERS:
-        assert contrast(found[letters][scheme], found[ground][scheme]) >= ENOUGH, letters
+        assert contrast(found[letters][scheme], found[background][scheme]) >= ENOUGH, letters
     assert contrast(found["edge"][scheme], found["card"][scheme]) >= ENOUGH_FOR_EDGES
 
 

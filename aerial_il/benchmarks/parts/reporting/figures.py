@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Rows = Sequence[Mapping[str, Any]]
-INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c")
+INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c", "#c0504d")
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 ROWS_PER_PANEL = 10  # lines of text that such a height has room for
 STYLE: dict[Any, Any] = {
@@ -241,6 +241,24 @@ def step_lines(time_s: Sequence[float], percent: Mapping[tuple[str, str], Mappin
         axes.set_ylabel("response (%)")
 
     return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in percent}, draw)
+
+
+def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]) -> str:
+    """Draw how well a position is held by a vehicle that is not as expected: a panel per difference, a line per pilot.
+
+    Args:
+        rmse_cm: what differs -> pilot -> (factor, cm), where none crashed.
+    """
+
+    def draw(axes: Axes, what: str) -> None:
+        for k, (pilot, points) in enumerate(rmse_cm[what].items()):
+            x, y = zip(*points, strict=True) if points else ((), ())
+            axes.plot(x, y, "o-", color=COLOURS[k % len(COLOURS)], markersize=3, linewidth=1.2, label=pilot)
+        axes.set_yscale("log")
+        axes.set_xlabel(f"factor of {what}")
+        axes.set_ylabel("distance, RMSE (cm)")
+
+    return _panels({what: what for what in rmse_cm}, draw)
 
 
 def reward_lines(rewards: Mapping[str, Mapping[str, np.ndarray]]) -> str:

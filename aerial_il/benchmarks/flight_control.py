@@ -1,0 +1,385 @@
+"""Flying a bare quadrotor: reinforcement learning that commands the rotors, beside tuned flight laws.
+
+Proximal policy optimisation and soft actor-critic learn to hover, to take off and to land in gusts, from the
+environment's dense reward and without a demonstration. PID, LQR and geometric control fly the same episodes, told what
+to do by the scripted experts, and the same manoeuvres, with the target for their reference. Every stage is kept by all
+that decides it: killed at any moment, the same call continues.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+import aerial_il
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.benchmarks.parts.flight.manoeuvres import (
+    NOMINAL,
+    STEPS,
+    Mismatch,
+    decision_us,
+    hold,
+    push,
+    recovery_s,
+    respond,
+    response_of,
+)
+from aerial_il.benchmarks.parts.flight.pilots import ROBOT, LawPilot, Pilot, PolicyPilot
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines, step_lines, success_curves
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, TUNING_SEEDS, described, without_cadence
+from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import write_json
+from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.policies import load_policy
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.suite.timing import CONTROL_DT_S
+
+LAWS, LEARNERS, TASKS = ("pid", "lqr", "geometric", "geometric_observer"), ("ppo", "sac"), ("hover", "take_off", "land")
+HOVER, OWN_TIER, TIERS, HELD_IN = "hover", "gusts", ("calm", "gusts"), ("calm", "gusts", "hard")
+MASSES, MOTORS = (0.8, 0.9, 1.1, 1.2, 1.3, 1.4), (0.95, 0.9, 0.85, 0.8, 0.75, 0.7)
+WANTED_PERCENT = 90.0  # of flights by the best learner, on each task in gusts
+MANOEUVRES, DRAWN_EVERY = "manoeuvres.json", 2
+NOTES = (
+    "Learners are paid by the environment's dense reward, have no demonstration and command the thrust of each "
+    "rotor 50 times a second; they have learned in gusts. Trainings differ in weights and in the episodes they fly. "
+    "Judged is the final policy. Laws run 250 times a second; the scripted expert of the task tells them where to "
+    "go.",
+    "Manoeuvres, all of `hover`: the mean of all seeds, of each training by itself and then of the trainings. Laws "
+    "have the target for their reference, which jumps with it; no planner smooths the way. Forward 40 cm, up 30 cm, "
+    "heading 30°, attitude: set at rest to a roll of 30°. Settling: to within 10 % for good. Push: a blow that "
+    "gives 1 m/s sideways; recovered: within 5 cm for good. Empty: never within the 4 s watched, by at least one "
+    "training.",
+    "Holding: 10 s at the target. Power: mean of (thrust over hovering thrust)^1.5 of the rotors. Activity: root "
+    "mean square rate of a rotor's thrust. Mass: with inertia, of the whole vehicle; motor: thrust of one rotor of "
+    "four. Nobody is told of either. Crashed flights count up to the crash.",
+    "Decision: median time of one action of one vehicle called from Python, of a law its five ticks.",
+)
+
+
+@dataclass(frozen=True, order=True)
+class Lesson:
+    """One training: a task, an algorithm and a seed."""
+
+    task: str
+    algorithm: str
+    seed: int
+
+    @property
+    def place(self) -> str:
+        """Its name, a path."""
+        return f"{self.task}/{self.algorithm}/{self.seed}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightControl:
+    """Settings.
+
+    Attributes:
+        policy: what is trained. ppo, sac: how. learners: which of them. laws: flight laws.
+        action: level at which learners act. seeds: trainings of each learner on each task.
+        horizon: steps of a learning episode. ppo_envs, sac_envs: worlds that learn.
+        episodes: unseen seeds that judge. curve_episodes: tuning seeds flown on the way.
+        flights: worlds of a manoeuvre. threads: of the simulation; 0 for all cores.
+    """
+
+    name: ClassVar[str] = "flight_control"
+    question: ClassVar[str] = "Does reinforcement learning fly a bare quadrotor as well as a tuned flight law?"
+
+    policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
+    ppo: ProximalPolicyOptimisation = field(default_factory=ProximalPolicyOptimisation)
+    sac: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
+    learners: tuple[str, ...] = LEARNERS
+    laws: tuple[str, ...] = LAWS
+    action: str = "rotor"
+    seeds: int = 3
+    horizon: int = 200
+    ppo_envs: int = 64
+    sac_envs: int = 16
+    episodes: int = 100
+    curve_episodes: int = 50
+    flights: int = 16
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        for what, known in (("learners", LEARNERS), ("laws", LAWS)):
+            if unknown := set(getattr(self, what)) - set(known):
+                raise InvalidValueError(f"{what} names {sorted(unknown)}; valid: {', '.join(known)}.")
+        if not self.learners or min(self.seeds, self.episodes) < 1 or self.flights < 2:
+            raise InvalidValueError("learners names one at least; seeds and episodes start at 1, flights at 2.")
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Train, judge and fly what ``folder`` does not hold yet; see :class:`Benchmark`."""
+        record, started = Record(folder), time.perf_counter()
+        results = {key: self._judged(*key, record, progress) for key in bar(self._work(), self.name, progress)}
+        flown = {
+            name: [self._manoeuvres(name, pilot, record) for pilot in pilots]
+            for name, pilots in bar(list(self._pilots(record).items()), "manoeuvres", progress)
+        }
+        return self._report(record, results, flown, time.perf_counter() - started)
+
+    def lessons(self) -> list[Lesson]:
+        """Return all trainings, the first seed of each first."""
+        return [Lesson(task, by, seed) for seed, task, by in product(range(self.seeds), TASKS, self.learners)]
+
+    def _work(self) -> list[tuple[Lesson | tuple[str, str], str]]:
+        """Return what is judged: a lesson's policy or a (task, law), and in which tier."""
+        return [*product(self.lessons(), TIERS), *product(product(TASKS, self.laws), TIERS)]
+
+    def learner(self, lesson: Lesson) -> Any:
+        """Return the algorithm of a lesson."""
+        return getattr(self, lesson.algorithm)
+
+    def run_of(self, lesson: Lesson, record: Record) -> Path:
+        """Return the folder of a training."""
+        return record.place("training", lesson.place, self._decided_by(lesson))
+
+    def _decided_by(self, lesson: Lesson) -> dict[str, Any]:
+        """Return all that decides a training."""
+        return {
+            "lesson": asdict(lesson),
+            "action": self.action,
+            "algorithm": without_cadence(self.learner(lesson)),
+            "policy": described(self.policy),
+            "learning": learning_code(lesson.algorithm),
+            "worlds": self._worlds(lesson),
+            "flights": flight_fingerprint(ROBOT, lesson.task, OWN_TIER, self.horizon),
+        }
+
+    def _worlds(self, lesson: Lesson) -> int:
+        return self.ppo_envs if lesson.algorithm == "ppo" else self.sac_envs
+
+    def _judged(self, flier: Lesson | tuple[str, str], tier: str, record: Record, progress: bool) -> EvaluationResult:
+        """Return the kept evaluation of a policy or a law, or fly and keep it."""
+        task, label = (flier.task, flier.place) if isinstance(flier, Lesson) else (flier[0], "/".join(flier))
+        what = self._decided_by(flier) if isinstance(flier, Lesson) else {"law": flier[1]}
+        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        judging = {"seeds": [seeds.start, seeds.stop], "flights": flight_fingerprint(ROBOT, task, tier)}
+        place = record.place("evaluations", f"{label}/{tier}", {"what": what, **judging})
+        if (place / FILE_NAME).exists():
+            return load_result(place)
+        if isinstance(flier, Lesson):
+            policy: Policy = self._trained(flier, record, progress)
+            result = self._flown(task, policy, tier, seeds, action=self.action)
+        else:
+            result = self._flown(task, aerial_il.expert(ROBOT, task), tier, seeds, controller=flier[1])
+        result.save(place)
+        return result
+
+    def _trained(self, lesson: Lesson, record: Record, progress: bool) -> Policy:
+        run = self.run_of(lesson, record)
+        if (run / "policy").is_dir():
+            return load_policy(run)
+        tuning = range(TUNING_SEEDS.start, TUNING_SEEDS.start + self.curve_episodes)
+        env = aerial_il.load_batch(
+            ROBOT, lesson.task, num_envs=self._worlds(lesson), tier=OWN_TIER, action=self.action, horizon=self.horizon,
+            num_threads=self.threads,
+        )  # fmt: skip
+
+        def seen(policy: Policy, step: int) -> dict[str, float]:
+            return {"success": self._flown(lesson.task, policy, OWN_TIER, tuning, action=self.action).success["rate"]}
+
+        try:
+            return self.learner(lesson).train(
+                None, self.policy, env=env, run=run, seed=lesson.seed, evaluate=seen, progress=progress
+            )
+        finally:
+            env.close()
+
+    def _flown(
+        self, task: str, policy: Policy, tier: str, seeds: range, *, action: str = "ee_pose", controller: str = LAWS[-1]
+    ) -> EvaluationResult:
+        env = aerial_il.load_batch(
+            ROBOT, task, num_envs=min(50, len(seeds)), tier=tier, action=action, controller=controller,
+            num_threads=self.threads,
+        )  # fmt: skip
+        try:
+            return evaluate(env, policy, seeds, policy_name=task, progress=False)
+        finally:
+            env.close()
+
+    def _pilots(self, record: Record) -> dict[str, list[Pilot]]:
+        """Return who flies the manoeuvres: the laws, and of each learner what it has learned of hovering."""
+        pilots: dict[str, list[Pilot]] = {law: [LawPilot(law)] for law in self.laws}
+        for by in self.learners:
+            runs = [self.run_of(Lesson(HOVER, by, seed), record) for seed in range(self.seeds)]
+            pilots[by] = [PolicyPilot(load_policy(run), self.action, run.name) for run in runs]
+        return pilots
+
+    def _manoeuvres(self, name: str, pilot: Pilot, record: Record) -> dict[str, Any]:
+        """Return the kept figures of a pilot's manoeuvres, or fly them."""
+        flights = flight_fingerprint(ROBOT, HOVER, OWN_TIER)
+        place = record.place("manoeuvres", f"{name}/{pilot.label}", {"flights": flights, "worlds": self.flights})
+        if not (place / MANOEUVRES).exists():
+            place.mkdir(parents=True, exist_ok=True)
+            write_json(place / MANOEUVRES, self._fly(pilot))
+        return json.loads((place / MANOEUVRES).read_text())
+
+    def _fly(self, pilot: Pilot) -> dict[str, Any]:
+        """Fly all manoeuvres."""
+        seeds, threads = EVALUATION_SEED + np.arange(self.flights), self.threads
+        mismatches = {
+            **{f"mass {factor}": Mismatch(mass=factor) for factor in MASSES},
+            **{f"motor {factor}": Mismatch(motor=factor) for factor in MOTORS},
+        }
+        return {
+            "responses": {step: respond(pilot, step, seeds, threads=threads).tolist() for step in STEPS},
+            "push": [None if np.isnan(away) else away for away in push(pilot, seeds, threads=threads).tolist()],
+            "held": {tier: asdict(hold(pilot, tier, seeds, threads=threads)) for tier in HELD_IN},
+            "mismatch": {
+                name: asdict(hold(pilot, "calm", seeds, threads=threads, mismatch=mismatch))
+                for name, mismatch in {"nominal": NOMINAL, **mismatches}.items()
+            },
+            "decision_us": decision_us(pilot),
+        }
+
+    def _report(
+        self,
+        record: Record,
+        results: Mapping[tuple[Lesson | tuple[str, str], str], EvaluationResult],
+        flown: Mapping[str, list[dict[str, Any]]],
+        seconds: float,
+    ) -> Report:
+        success = list(self._success(results))
+        curves = {
+            (lesson.task, lesson.algorithm): [
+                _curve(self.run_of(replace(lesson, seed=seed), record)) for seed in range(self.seeds)
+            ]
+            for lesson in self.lessons()
+            if lesson.seed == 0
+        }
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=json.loads(json.dumps({**asdict(self), "policy": described(self.policy)})),
+            targets=tuple(self._targets(success)),
+            tables={
+                "Tasks": success,
+                "Step responses": [_response_row(name, step, all_) for name, all_ in flown.items() for step in STEPS],
+                "Push": [_push_row(name, all_) for name, all_ in flown.items()],
+                "Holding": [
+                    {"flown_by": name, "tier": tier, **_mean_held([one["held"][tier] for one in all_])}
+                    for name, all_ in flown.items()
+                    for tier in HELD_IN
+                ],
+                "Mismatch": [
+                    {"flown_by": name, "vehicle": what, **_mean_held([one["mismatch"][what] for one in all_])}
+                    for name, all_ in flown.items()
+                    for what in all_[0]["mismatch"]
+                ],
+                "Decisions": [
+                    {"flown_by": name, "us": round(float(np.mean([one["decision_us"] for one in all_])), 1)}
+                    for name, all_ in flown.items()
+                ],
+            },
+            notes=NOTES,
+            figures={
+                "steps.svg": step_lines(_times(), _drawn(flown)),
+                "mismatch.svg": mismatch_lines(_by_mismatch(flown)),
+                "learning.svg": success_curves(curves),
+            },
+            details={"failed_seeds": {f"{flier}, {tier}": failed_seeds(r) for (flier, tier), r in results.items()}},
+            wall_time_s=seconds + sum(_minutes(self.run_of(lesson, record)) * 60 for lesson in self.lessons()),
+        )
+
+    def _success(self, results: Mapping[tuple[Lesson | tuple[str, str], str], EvaluationResult]) -> Iterator[Row]:
+        """Yield success of each law and each learner on each task in each tier."""
+        for task, tier in product(TASKS, TIERS):
+            for law in self.laws:
+                yield _success_row(task, tier, law, [results[(task, law), tier]])
+            for by in self.learners:
+                yield _success_row(
+                    task, tier, by, [results[Lesson(task, by, seed), tier] for seed in range(self.seeds)]
+                )
+
+    def _targets(self, rows: list[Row]) -> Iterator[Target]:
+        """Yield what the best learner is asked for on each task, in the gusts that it has learned in."""
+        for task in TASKS:
+            found = [r for r in rows if (r["task"], r["tier"]) == (task, OWN_TIER) and r["flown_by"] in self.learners]
+            best = max(found, key=lambda row: row["percent"])
+            yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
+
+
+def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult]) -> Row:
+    times = [e.time_to_success_s for result in found for e in result.episodes if e.time_to_success_s is not None]
+    crashes = sum(result.metrics["ends"]["crash"] for result in found)
+    seconds = round(float(np.mean(times)), 2) if times else None
+    return {"task": task, "tier": tier, "flown_by": name, **pooled_row(found), "time_s": seconds, "crashes": crashes}
+
+
+def _response_row(name: str, step: str, flown: list[dict[str, Any]]) -> Row:
+    responses = [asdict(response_of(np.array(one["responses"][step]))) for one in flown]
+    return {"flown_by": name, "step": step, **{key: _mean([r[key] for r in responses]) for key in responses[0]}}
+
+
+def _push_row(name: str, flown: list[dict[str, Any]]) -> Row:
+    away = [np.array(one["push"], float) for one in flown]  # not a number from a crash on
+    farthest = _mean([100.0 * float(each.max()) for each in away])
+    return {"flown_by": name, "farthest_cm": farthest, "recovered_s": _mean([recovery_s(each) for each in away])}
+
+
+def _mean_held(held: list[dict[str, float | None]]) -> dict[str, float | None]:
+    return {key: _mean([one[key] for one in held], digits=3) for key in held[0]}
+
+
+def _mean(values: list[float | None], *, digits: int = 2) -> float | None:
+    """Return the mean; None if any is missing or not a number: one that fails is not averaged away."""
+    if any(value is None or not np.isfinite(value) for value in values):
+        return None
+    return round(float(np.mean([value for value in values if value is not None])), digits)
+
+
+def _drawn(flown: Mapping[str, list[dict[str, Any]]]) -> dict[tuple[str, str], dict[str, list[float]]]:
+    """Return the responses to be drawn, in percent: (robot, step) -> pilot -> values, mean of the trainings."""
+    return {
+        (ROBOT, step): {
+            name: (100.0 * np.mean([one["responses"][step] for one in all_], 0)[::DRAWN_EVERY]).round(2).tolist()
+            for name, all_ in flown.items()
+        }
+        for step in STEPS
+    }
+
+
+def _by_mismatch(flown: Mapping[str, list[dict[str, Any]]]) -> dict[str, dict[str, list[tuple[float, float]]]]:
+    """Return what -> pilot -> (factor, RMSE in cm), where no training of the pilot crashed."""
+    panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for what, factors in (("mass", (1.0, *MASSES)), ("motor", (1.0, *MOTORS))):
+        for name, all_ in flown.items():
+            keys = {factor: "nominal" if factor == 1.0 else f"{what} {factor}" for factor in sorted(factors)}
+            means = {factor: _mean_held([one["mismatch"][key] for one in all_]) for factor, key in keys.items()}
+            panels.setdefault(what, {})[name] = [
+                (factor, mean["rmse_cm"]) for factor, mean in means.items() if mean["rmse_cm"] and not mean["crashed"]
+            ]
+    return panels
+
+
+def _times() -> list[float]:
+    return [round(CONTROL_DT_S * (k + 1), 3) for k in range(200)[::DRAWN_EVERY]]
+
+
+def _curve(run: Path) -> list[tuple[float, float]]:
+    """Return (steps, success in percent) of a training's evaluations on the way."""
+    return [(r["step"], 100 * r["evaluate/success"]) for r in read_metrics(run) if "evaluate/success" in r]
+
+
+def _minutes(run: Path) -> float:
+    """Return how long a training took."""
+    return max(row.get("elapsed_s", 0.0) for row in read_metrics(run)) / 60
+
+
+BENCHMARK = FlightControl

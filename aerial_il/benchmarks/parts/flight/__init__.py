@@ -1,0 +1,1 @@
+"""Parts of the study of flight control: who flies, and manoeuvres by which laws and policies are compared."""
