@@ -61,8 +61,8 @@ NOTES = (
     "The v1 environments of gymnasium-robotics add 0.1 · distance from palm to handle (door) or object (relocate) to "
     "the reward where D4RL's and DAPG's subtract it. Returns and scores are those of the published reward: twice that "
     "term is taken off in each step. The column own_return has what the environment itself paid.",
-    "Demonstrations are flown by the experts of DAPG as they were trained, drawing their actions, except where "
-    "noise-free is said, which flies their mean. Learners see the action that was flown, never the mean beside it.",
+    "Demonstrations are flown by the experts of DAPG as they were trained, with sampled actions, except where "
+    "noise-free is said, which flies their mean. Learners see the action that was flown, never the mean.",
     "Trainings of an arm differ in their draw: in demonstrations (flown with other seeds), weights and minibatches. Of "
     "each draw, each number of demonstrations takes the first ones, so that larger sets contain the smaller.",
     f"{AS}dagger, {AS}thrifty: cloning with as many optimisation steps as that takes over all its rounds.",

@@ -24,12 +24,12 @@ LARGEST_SETTLING_S: dict[StepKind, float] = {"position": 2.5, "yaw": 2.0}
 LARGEST_OVERSHOOT_PERCENT: dict[StepKind, float] = {"position": 10.0, "yaw": 40.0}
 DRAWN_S, DRAWN_EVERY = 3.0, 2  # of the response, and which of its control steps
 NOTES = (
-    "Steps: the reference of a hovering base jumps by 1 m forward or by 30 degrees, arm at rest, in calm air with "
-    "sensor noise; mean response of all seeds. Rise: 10 to 90 %. Settling: until it stays within 5 % of the step. "
-    "Offset: mean distance from the reference over the last fifth.",
+    "Steps: the reference of a hovering base jumps by 1 m forward or by 30 degrees, with the arm at rest, in calm "
+    "air with sensor noise; mean response over all seeds. Rise: 10 to 90 %. Settling: until it stays within 5 % of "
+    "the step. Offset: mean distance from the reference over the last fifth of the time.",
     "Tool RMSE: root mean square distance between tool and reference, as `aerial-il bench tracking` measures it.",
-    "All laws share the whole-body planner, the arm's servos and the allocation (docs/controllers.md); the arm makes "
-    "up for what the base is off by, as far as it can.",
+    "All laws share the whole-body planner, the arm's servos and the allocation (docs/controllers.md); within its "
+    "reach the arm compensates for errors of the base.",
 )
 
 Key = tuple[str, StepKind, str]  # robot, step, flight law
@@ -46,7 +46,7 @@ class Controllers:
     """
 
     name: ClassVar[str] = "controllers"
-    question: ClassVar[str] = "What do the flight laws differ in?"
+    question: ClassVar[str] = "How do the flight controllers differ?"
 
     robots: tuple[str, ...] = ()
     controllers: tuple[str, ...] = ("geometric_observer", "geometric", "pid", "lqr")

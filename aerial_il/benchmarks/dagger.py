@@ -49,16 +49,17 @@ from aerial_il.policies.parts.network import PolicyConfig
 START, EPISODES, STEPS = "bc, first demonstrations", "bc, as many episodes", "bc, as many episodes and steps"
 JUDGED, JUDGED_PERCENT = "dagger", 95.0
 NOTES = (
-    "The final policy of each training. Trainings of an arm differ in their draw: in demonstrations and flights (other "
-    "seeds), weights and minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. "
-    "Trainings: Student's 95 % interval with a training as the unit.",
-    "Control of: the interactive arm that a cloning arm stands beside. It has as many demonstrations as that had "
-    "episodes in all, and the usual optimisation steps, or as many as that took over all its rounds.",
-    "Labelled steps: every step of a demonstration, and every step at which the expert was asked; ThriftyDAgger's "
-    "flights of the learner alone are not labelled and do not count as episodes; the steps of its ensemble, which only "
-    "judges the learner, do not count as optimisation steps.",
-    "Difference: of the success of each draw's interactive policy and its control, Student's 95 % interval over draws.",
-    "The experts are scripted, see the simulator's state and can take over from anywhere.",
+    "Results are those of the final policy of each training. The trainings of an arm differ in their draw: "
+    "demonstrations and flights (other seeds), weights and minibatches. Flights: Wilson's 95 % interval over the "
+    "flights of these very policies. Trainings: Student's 95 % interval with a training as the unit.",
+    "Control of: the interactive arm that a cloning arm is compared with. It has as many demonstrations as that arm "
+    "had episodes in all, and either the usual optimisation steps or as many as that arm took over all its rounds.",
+    "Labelled steps: every step of a demonstration, and every step at which the expert was asked. ThriftyDAgger's "
+    "flights of the learner alone are not labelled and do not count as episodes; the training of its ensemble, which"
+    " only decides when to ask, does not count as optimisation steps.",
+    "Difference: success of each draw's interactive policy minus that of its control; Student's 95 % interval over "
+    "draws.",
+    "The experts are scripted, use the simulator's true state and can take over from anywhere.",
 )
 
 
@@ -120,7 +121,9 @@ class Interactive:
     """
 
     name: ClassVar[str] = "dagger"
-    question: ClassVar[str] = "Does asking the expert while the learner flies beat cloning as much of its work?"
+    question: ClassVar[str] = (
+        "Does asking the expert during the learner's flights beat cloning as many of its demonstrations?"
+    )
 
     policy: PolicyConfig = field(default_factory=MlpConfig)
     cloning: BehaviourCloning = field(default_factory=BehaviourCloning)

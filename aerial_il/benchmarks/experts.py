@@ -27,14 +27,15 @@ LIMITS_PERCENT = {"calm": 99.0, "breeze": 97.0, "gusts": 95.0}
 HARD_PERCENT = {("big_four_z1", "inspect_contact"): 85.0}
 HARD_PERCENT_ANYWHERE = {"insert_peg": 95.0}  # task -> on every robot
 NOTES = (
-    "Success must hold for the task's dwell with rotors and body untouched; an episode ends with it, a crash or the "
-    "time limit.",
-    "Intervals: Wilson's 95 % score interval over the flights. Targets are judged by the rate; `hard` is flown in "
-    "every cell and has targets where one was set: inspect_contact of big_four_z1, insert_peg of every robot.",
-    "Same in: tiers in which the cell flies bit for bit alike, e.g. without anything that the wind could take hold of. "
-    "They are flown once and counted once.",
-    "Time: simulated seconds from reset to success, dwell included, mean and standard deviation over successes.",
-    "Returns, reported and not judged: mean sum of the dense reward over the whole time limit in calm air, success or "
+    "Success must hold for the task's required time, with rotors and body touching nothing; an episode ends at "
+    "success, at a crash or at the time limit.",
+    "Intervals: Wilson's 95 % score interval over the flights. Targets apply to the rate; `hard` is flown for every "
+    "robot and task, with targets for inspect_contact on big_four_z1 and for insert_peg on every robot.",
+    "Same in: tiers in which the flights are the same bit for bit, for example because nothing is exposed to the "
+    "wind. They are flown once and counted once.",
+    "Time: simulated seconds from reset to success, including the required time; mean and standard deviation over "
+    "successes.",
+    "Returns, which have no targets: mean sum of the dense reward over the whole time limit in calm air, success or "
     "not, on the same seeds; random actions are uniform within their bounds, each held for ten steps.",
 )
 
@@ -51,7 +52,7 @@ class Experts:
     """
 
     name: ClassVar[str] = "experts"
-    question: ClassVar[str] = "How often do the scripted experts succeed, on seeds that nothing was tuned on?"
+    question: ClassVar[str] = "How often do the scripted experts succeed on held-out seeds?"
 
     robots: tuple[str, ...] = ()
     tasks: tuple[str, ...] = ()

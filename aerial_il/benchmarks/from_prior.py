@@ -56,16 +56,16 @@ JUDGED = "expert_iteration"
 WANTED: Mapping[tuple[str, int], float] = {("pick_place", 10): 90.0, ("pick_place", 40): 98.0}  # %, in the own tier
 WANTED_HARDER, MOST_DIP = 85.0, 5.0
 NOTES = (
-    "The reward is sparse: whether a flight succeeded. The final policy of each training, flown in the tier it was "
-    "trained in and in one it was not. Trainings of an arm differ in their draw: in demonstrations and flights (other "
-    "seeds), weights and minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. "
+    "The reward is sparse: whether a flight succeeded. The final policy of each training is flown in the tier it was"
+    " trained in and in another one. The trainings of an arm differ in their draw: demonstrations and flights (other"
+    " seeds), weights and minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. "
     "Trainings: Student's 95 % interval with a training as the unit.",
-    "Flown: control steps of the practice of the mean training. Minutes: optimisation of the mean training.",
-    "Dip: by how much the policy at the start of any round flew worse than the one that practice began with, on the "
-    "starts of the round before anything was learned from them; the largest over all draws and rounds. Rounds of "
-    "filtered cloning fly with noise, so that theirs is of the noisy policy. bc_ppo, residual and dapg have no rounds: "
-    "theirs are the stretches between two rows of their metrics, flown with noise, and the first one is the prior's. "
-    "That of jsrl cannot be told, since a guide begins its episodes.",
+    "Flown: control steps of practice, mean over trainings. Minutes: time of optimisation, mean over trainings.",
+    "Dip: how far success fell below that of the initial policy, measured at the start of each round on the round's "
+    "own starts, before anything was learned from them; the largest over all draws and rounds. Rounds of filtered "
+    "cloning fly with noise, so its dip is that of the noisy policy. bc_ppo, residual and dapg "
+    "have no rounds: theirs are the stretches between two rows of their metrics, flown with exploration noise, and "
+    "the first one is that of the prior. For jsrl no dip can be given, since a guide begins its episodes.",
 )
 
 
@@ -167,7 +167,7 @@ class FromPrior:
     """
 
     name: ClassVar[str] = "from_prior"
-    question: ClassVar[str] = "What does practice with nothing but success add to a clone of few demonstrations?"
+    question: ClassVar[str] = "How much does practice rewarded for success alone improve a clone of few demonstrations?"
 
     expert: Mapping[str, Any] = field(default_factory=usual_expert)
     policy: PolicyConfig = field(default_factory=MlpConfig)

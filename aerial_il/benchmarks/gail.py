@@ -51,23 +51,24 @@ EXPERT, EXPERTS = "expert", "experts"
 CLONE = "clone alone"
 METHODS = ("dac", "gail", LIKE)
 NOTES = (
-    "Experts of Gymnasium's tasks: soft actor-critic (of Walker2d: proximal policy optimisation, "
-    "`experiments/gail/expert.py`), trained here, now or before; recorded and judged is their mean action.",
-    "Learners never see a reward. The final policy of each training is judged on the expert's own fixed seeds. "
-    "Trainings of an arm differ in their demonstrations (flown with other seeds) and in their weights.",
-    "Ratio: mean return of the learner over that of the expert, whose own spread no interval covers. Low and high: "
-    "bootstrap (95 %) over the flights of these very policies. Trainings: Student's 95 % interval with a training as "
-    "the unit.",
+    "Experts on Gymnasium's tasks: soft actor-critic (on Walker2d proximal policy optimisation, "
+    "`experiments/gail/expert.py`), trained here, in this run or an earlier one; their mean actions are recorded and"
+    " evaluated.",
+    "Learners never see a reward. The final policy of each training is evaluated on the expert's own fixed seeds. "
+    "The trainings of an arm differ in their demonstrations (flown with other seeds) and in their weights.",
+    "Ratio: mean return of the learner over that of the expert; no interval covers the expert's own spread. Low and "
+    "high: bootstrap (95 %) over the flights of these very policies. Trainings: Student's 95 % interval with a "
+    "training as the unit.",
     f"{LIKE}: gail with as many worlds as the other library's published settings fly. The other library has the same "
     "demonstrations, steps and cores; published: its own tuned settings for Hopper, example: those of its tutorial.",
-    "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: the "
-    "same run paid 1 for every step before an end. What these reach is no imitation.",
-    "dac, and on the suite gail, begin with a clone; clone alone: the same run without a step of reinforcement. On "
-    "Gymnasium's tasks gail begins with nothing, like the other library's; its worlds are shared among as many "
-    "processes as there are cores, which changes its time and nothing else.",
+    "random_actions: the same run with flights of random actions in place of the demonstrations. constant_reward: "
+    "the same run with a reward of 1 for every step before the end. What these runs reach is not due to imitation.",
+    "dac, and gail on the suite, begin with a clone; clone alone: the same run without a single step of "
+    "reinforcement learning. On Gymnasium's tasks gail begins from random weights, like the other library's; its "
+    "worlds are divided among as many processes as there are cores, which changes its run time and nothing else.",
     "On the suite gail learns from flights of a fixed length, which success does not end.",
-    "On the suite all are judged like any policy: an episode ends with success. The interval of its rate is Wilson's "
-    "(95 %).",
+    "On the suite all are evaluated like any policy: an episode ends at success. The interval of the rate is "
+    "Wilson's (95 %).",
 )
 
 

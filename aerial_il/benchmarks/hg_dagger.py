@@ -50,13 +50,15 @@ from aerial_il.teleop.piloting.arbiter import HAND_OVER_TICKS
 START, ASKED, CONTROL = "bc, first demonstrations", "hg_dagger", "bc, as many episodes and steps"
 JUDGED_PERCENT, SHARE_PERCENT = 90.0, 10.0
 NOTES = (
-    "The driver is a model: reaction time 0.25 s, errors of sight, tremor, stops, several habits; it sees the page's "
-    "numbers and marks and moves sticks. No person has flown.",
+    "The driver is a model: reaction time 0.25 s, errors of perception, tremor, pauses, several habits; it sees the "
+    "page's numbers and marks and moves sticks. No person has flown.",
     "The final policy of each training; trainings differ in their draw: in the driver's habits and errors, the seeds "
     "of all flights, weights and minibatches.",
-    "Share: of the frames of the rounds' flights those that the driver flew; the first demonstrations are not in it.",
-    "Steps: distance between the commanded tool positions of two ticks in a row, in the rounds' flights. Changes of "
-    "hands: at the tick of taking over or handing back; all others: without the ticks over which a change is spread.",
+    "Share: fraction of the frames in the rounds' flights that the driver flew; the initial demonstrations are not "
+    "included.",
+    "Steps: distance between the commanded tool positions of two consecutive control steps, in the rounds' flights. "
+    "Changes of hands: at the step of a takeover or a hand-back; all others: without the steps over which a change "
+    "is blended.",
 )
 
 
@@ -73,7 +75,7 @@ class HumanInTheLoop:
     """
 
     name: ClassVar[str] = "hg_dagger"
-    question: ClassVar[str] = "Does a person who takes over now and then make a policy that often fails a good one?"
+    question: ClassVar[str] = "Do occasional takeovers by a person turn a policy that often fails into a good one?"
 
     policy: PolicyConfig = field(default_factory=MlpConfig)
     training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=4_000))

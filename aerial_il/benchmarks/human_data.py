@@ -42,12 +42,13 @@ from aerial_il.policies.parts.network import PolicyConfig
 
 DRIVER, SCRIPT = "driver", "script"
 NOTES = (
-    "Driver: a model with a reaction time of 0.25 s, errors of sight, tremor, stops and several habits, which sees the "
-    "page's numbers and moves sticks; no person has flown. Script: the expert, without noise.",
+    "Driver: a model with a reaction time of 0.25 s, errors of perception, tremor, pauses and several habits, which "
+    "sees the page's numbers and moves sticks; no person has flown. Script: the expert, without noise.",
     "The final policy of each training. Trainings of an arm differ in their draw: in demonstrations, weights and "
     "minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % "
     "interval with a training as the unit.",
-    "All classes have the same optimisation steps and chunk; the time limit of a flight is the task's own.",
+    "All classes have the same number of optimisation steps and the same chunk; the time limit of a flight is the "
+    "task's own.",
 )
 
 

@@ -34,14 +34,14 @@ MACRO_PERCENT = {"fa_hexa_arm4": 95.0, "ua_quad_arm4": 92.0, "big_four_z1": 88.0
 HARDEST, HARDEST_PERCENT = "insert_peg", {"fa_hexa_arm4": 90.0, "ua_quad_arm4": 85.0, "big_four_z1": 70.0}
 MACRO = "all tasks"
 NOTES = (
-    "One final checkpoint per training; none is chosen by its success. Trainings of an arm differ in their draw: in "
-    "demonstrations (other seeds), weights and minibatches.",
+    "One final checkpoint per training; none is selected by its success. The trainings of an arm differ in their "
+    "draw: demonstrations (other seeds), weights and minibatches.",
     "Flights: 95 % interval over the flights of these very policies (Wilson; over all tasks a bootstrap within each "
-    "policy). Trainings: Student's 95 % interval with one draw as the unit, over all tasks its mean over them; it has "
-    "no width where all draws fly alike.",
-    "Class, chunk, steps and the expert's noise are those that `train` and `collect` take if nothing is said, unless "
-    "the command above says otherwise.",
-    f"Targets are judged on {JUDGED_DEMOS} demonstrations in the first tier, for the default class, {DEFAULT}.",
+    "policy). Trainings: Student's 95 % interval with a draw as the unit, over all tasks with its mean over them; it"
+    " has no width where all draws have the same success.",
+    "Policy class, chunk, optimisation steps and the expert's noise are the defaults of `train` and `collect`, "
+    "unless the command above says otherwise.",
+    f"Targets are for {JUDGED_DEMOS} demonstrations in the first tier with the default policy class, {DEFAULT}.",
 )
 
 
@@ -87,7 +87,7 @@ class Imitation:
     """
 
     name: ClassVar[str] = "imitation"
-    question: ClassVar[str] = "How well do policies imitate the experts, on every robot, task by task and in the mean?"
+    question: ClassVar[str] = "How well do policies imitate the experts, on every robot and task?"
 
     policies: Mapping[str, PolicyConfig] = field(default_factory=lambda: {DEFAULT: MlpConfig()})
     algorithms: Mapping[str, BehaviourCloning] = field(default_factory=lambda: {DEFAULT: BehaviourCloning()})

@@ -29,12 +29,13 @@ from aerial_il.policies.parts.network import PolicyConfig
 
 JUDGED_SIZE, LIMITS_PERCENT, LIMIT_MINUTES = 100, {"reach": 99.0, "pick_place": 90.0}, 10.0
 NOTES = (
-    "One final policy per training; trainings of a point differ in their draw: in demonstrations (other seeds), "
+    "One final policy per training; the trainings of a point differ in their draw: demonstrations (other seeds), "
     "weights and minibatches.",
-    "Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % interval with "
-    "a training as the unit; it has no width where all fly alike. The figure shows that of the flights.",
-    "Of each draw, each size takes the first demonstrations, so that larger sets contain the smaller ones.",
-    "Training time: wall time of the optimisation steps, the same number for every size.",
+    "Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % interval "
+    "with a training as the unit; it has no width where all have the same success. The figure shows the interval "
+    "over flights.",
+    "Within a draw, each size takes the first demonstrations, so that larger sets contain the smaller ones.",
+    "Training time: wall time of the optimisation steps, whose number is the same for every size.",
 )
 
 

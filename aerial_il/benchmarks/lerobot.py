@@ -40,11 +40,11 @@ LAST = Path("checkpoints") / "last" / "pretrained_model"
 NOTES = (
     "Both evaluators fly the final checkpoint of one training run, on the same seeds and in calm air; success is the "
     "task's own criterion in both.",
-    "lerobot sees the dataset that `aerial-il convert` derives: positions in the world, no anchor; its "
-    "normalisation, optimiser and temporal ensemble, at sizes made for a CPU.",
-    "Disagree: share of the seeds that one calls a success and the other does not, judged at the upper end of its 95 % "
-    "interval (Wilson); beside it an exact McNemar test, paired by seed. Single environment and batch agree bit for "
-    "bit, actions do not: lerobot computes its ensemble in another order.",
+    "lerobot sees the dataset that `aerial-il convert` derives: positions in the world frame, no anchor; its "
+    "normalisation, optimiser and temporal ensemble, with network sizes suited to a CPU.",
+    "Disagree: share of the seeds on which one counts a success and the other does not; the target is compared with "
+    "the upper end of its 95 % interval (Wilson), beside an exact McNemar test, paired by seed. Single environment "
+    "and batch agree bit for bit, actions do not: lerobot computes its ensemble in another order.",
 )
 
 
@@ -65,7 +65,9 @@ class Lerobot:
     """
 
     name: ClassVar[str] = "lerobot"
-    question: ClassVar[str] = "Do lerobot's evaluator and ours see the same success of a policy that lerobot trained?"
+    question: ClassVar[str] = (
+        "Do lerobot's evaluator and ours measure the same success for a policy that lerobot trained?"
+    )
 
     robot: str = "fa_hexa_arm4"
     task: str = "reach"

@@ -35,7 +35,7 @@ NOTES = (
     "interval with a training as the unit.",
     "The policy sees the images named in the settings and the end effector's pose; poses of objects and targets are "
     "hidden from it. Blind: the same without images.",
-    "Busy: share of the time of optimisation steps that was not spent waiting for minibatches, in all.",
+    "Busy: fraction of the training time that was not spent waiting for minibatches.",
 )
 
 

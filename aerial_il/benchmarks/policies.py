@@ -42,14 +42,14 @@ Minibatch = tuple[Tensor, Tensor, Tensor]
 TICK_MS, WORLDS_LIMIT_MS, LOADER_RATIO = 20.0, 2.0, 2.0
 CHUNKED_MLP = "mlp"
 NOTES = (
-    "Each policy has its default settings and plans at every step; act: observations in, actions out, the policy's own "
-    "normalisation, network and ensembling included. The tick is 20 ms.",
-    "Learning: optimisation steps per second of behaviour cloning (loss, gradient, clipping, AdamW, averaged weights) "
-    "on minibatches gathered from windows in memory, as `aerial-il train` does it.",
-    "Loader: the same, with minibatches from torch's DataLoader over a map-style dataset that cuts and normalises one "
-    "window at a time in this process; workers: with that many processes at it. Ready: the loader over a TensorDataset "
-    "of windows cut and normalised beforehand, which needs memory for every window.",
-    "Ratios are medians over repetitions, with the smallest and largest; above 1 the own minibatches are the faster.",
+    "Each policy has its default settings and plans at every step. Act: from observations to actions, including the "
+    "policy's own normalisation, network and ensembling. A control step lasts 20 ms.",
+    "Learning: optimisation steps per second of behaviour cloning (loss, gradient, clipping, AdamW, averaged "
+    "weights) on minibatches gathered from windows in memory, as in `aerial-il train`.",
+    "Loader: the same, with minibatches from torch's DataLoader over a map-style dataset that cuts and normalises "
+    "one window at a time in this process; workers: with that many loader processes. Ready: the loader over a "
+    "TensorDataset of windows cut and normalised beforehand, which needs memory for every window.",
+    "Ratios are medians over repetitions, with the smallest and largest; above 1 our minibatches are faster.",
 )
 
 
@@ -65,7 +65,7 @@ class Policies:
     """
 
     name: ClassVar[str] = "policies"
-    question: ClassVar[str] = "How long does each policy take to act and to learn?"
+    question: ClassVar[str] = "How long do the policies take to act, and to train?"
 
     policies: tuple[str, ...] = ()
     robot: str = "fa_hexa_arm4"

@@ -27,13 +27,14 @@ TASK = "pick_place"
 OURS, EARLIER = "ours", "earlier"
 SHARE_PERCENT, COLLECT_RATIO, READ_RATIO, CONVERT_RATIO = 15.0, 2.0, 2.0, 4.0
 NOTES = (
-    "Flown: the expert from reset to success, kept nowhere. Collected: the same seeds as MCAP files on the disk, from "
-    "the first reset to the finished index. Share: what of the time of collecting flying does not explain.",
-    "Read: every episode of what was collected last, opened with open_dataset and checked. Converted: some of them to "
+    "Flown: the expert from reset to success, without recording. Collected: the same seeds as MCAP files on the "
+    "disk, from the first reset to the finished index. Share: the part of the collecting time that flying does not "
+    "explain.",
+    "Read: every episode of the last collection, opened with open_dataset and checked. Converted: some of them to "
     "LeRobot's format, without images.",
-    "Each side reads and converts what it has recorded itself, on the same disk; files are warm, for they were just "
-    "written. A first turn, which compiles and warms up, does not count.",
-    "Ratios are medians over repetitions, with the smallest and largest; above 1 ours is the faster.",
+    "Each side reads and converts what it has recorded itself, on the same disk; the files are cached, because they "
+    "were just written. A first turn, which compiles and warms up, does not count.",
+    "Ratios are medians over repetitions, with the smallest and largest; above 1 ours is faster.",
 )
 SCRIPT = """
 import shutil, time
@@ -93,7 +94,7 @@ class Recording:
     """
 
     name: ClassVar[str] = "recording"
-    question: ClassVar[str] = "What does it cost to keep what is flown?"
+    question: ClassVar[str] = "How much does recording flights cost?"
 
     robots: tuple[str, ...] = ()
     num_envs: int = 256

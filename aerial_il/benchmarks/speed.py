@@ -61,7 +61,7 @@ NOTES = (
     "those of a single world. Collected: demonstrations on disk.",
     "Ceiling: the ratio to the parent that one world alone would have if its physics were all there is, the same model "
     "and the expert's flight rolled out in one call. A target above it cannot be met, one just below it hardly.",
-    "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is the faster.",
+    "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is faster.",
     "Time of a control step: flight is what the compiled threads do; python is the rest, done by one thread.",
     "Demonstrations: the expert from reset to success, flown without recording, and recorded as MCAP files; recording: "
     "the share of collecting that flying does not explain.",

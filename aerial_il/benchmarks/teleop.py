@@ -43,15 +43,15 @@ BUFFERED_STEPS = 64  # of an open episode, may be lost with the power
 KEYS = ("KeyW", "KeyS", "KeyA", "KeyD", "KeyE", "KeyQ", "ArrowLeft", "ArrowRight")
 READY = "window.teleop && teleop.shown && teleop.offset !== null && teleop.status?.role === 'controller'"
 NOTES = (
-    "Server: aerial-il teleop as it is typed, in a process of its own, pictures of two cameras rendered in software. "
-    "Page: Chromium without a window on the same machine.",
-    "On time: ticks begun within 5 ms of their deadline, from when the page shows pictures. Key: from a key event of "
-    "the browser to the first picture drawn of a state that it had acted on. Age: of the picture that is shown, by the "
-    "server's clock.",
-    f"Narrow: a proxy that lets {NARROW_BYTES_PER_S / 1e3:g} kB/s through, {1e3 * NARROW_DELAY_S:g} ms late.",
+    "Server: aerial-il teleop with its defaults, in a process of its own, images of two cameras rendered in software. "
+    "Page: headless Chromium on the same machine.",
+    "On time: ticks begun within 5 ms of their deadline, once the page shows images. Key: from a key event in the "
+    "browser to the first image of a state that it had acted on. Age: of the image that is shown, by the server's "
+    "clock.",
+    f"Narrow: a proxy that lets {NARROW_BYTES_PER_S / 1e3:g} kB/s through with a delay of {1e3 * NARROW_DELAY_S:g} ms.",
     "Silence: from the last message of a page with a key held to a command of zero; by the server in this process.",
-    "Killed: kill -9 at a moment drawn anew each time, while a second episode is recorded. Whole: every episode that "
-    "the page had been told of is read with its checksums and flown again by its log. Recovered: the open one, without "
+    "Killed: kill -9 at a random moment while a second episode is recorded. Whole: every episode reported to the page "
+    "is read with its checksums and flown again from its log. Recovered: the unfinished one, without "
     f"more than the last {BUFFERED_STEPS} of the steps that the page had been sent.",
 )
 
@@ -67,7 +67,7 @@ class Teleop:
     """
 
     name: ClassVar[str] = "teleop"
-    question: ClassVar[str] = "Does flying by hand keep time, show what is done, and lose nothing?"
+    question: ClassVar[str] = "Does flying by hand run in real time, show every input promptly, and lose nothing?"
 
     robot: str = "fa_hexa_arm4"
     task: str = "pick_place"

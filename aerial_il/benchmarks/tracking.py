@@ -40,10 +40,10 @@ OBSERVED_SHARE = 0.8  # of the base's error in gusts without the disturbance obs
 NOTES = (
     "RMSE: root mean square distance between tool and reference over the measured time of all runs together.",
     "Seed SD: standard deviation over seeds of each seed's own RMSE. Worst run: largest RMSE of one motion and seed.",
-    "Base RMSE: distance between the base and the reference that the whole-body controller made for it.",
-    "Controllers: the same seeds under each flight law (docs/controllers.md); targets are those of the default law, "
-    "and that its disturbance observer is worth something to the base in wind.",
-    "Errors are the true ones; the controllers fly on the tier's noisy estimate of the state.",
+    "Base RMSE: distance between the base and the reference that the whole-body controller computed for it.",
+    "Controllers: the same seeds under each control law (docs/controllers.md). Targets are for the default law, and "
+    "for the benefit of its disturbance observer to the base in wind.",
+    "Errors are computed from the true state; the controllers use the tier's noisy estimate of it.",
 )
 
 
@@ -93,7 +93,7 @@ class Tracking:
     """
 
     name: ClassVar[str] = "tracking"
-    question: ClassVar[str] = "How closely does the tool follow a reference that hovers or moves?"
+    question: ClassVar[str] = "How closely does the tool follow a reference that is at rest or moving?"
 
     robots: tuple[str, ...] = ()
     tiers: tuple[str, ...] = ("calm", "gusts")

@@ -37,9 +37,9 @@ LARGEST_DEVIATION_PERCENT = 5.0
 SHOWN_S = 40.0
 NOTES = (
     f"Wind at {WORK_HEIGHT_M:g} m above the ground, advanced every {1000 * CONTROL_DT_S:g} ms as in flight.",
-    "Theory: MIL-F-8785C, low altitude; docs/tiers.md has the equations. Gusts end at "
+    "Theory: MIL-F-8785C, low altitude; docs/tiers.md has the equations. Gusts are truncated at "
     f"{LARGEST_GUST:g} standard deviations.",
-    "Drag: of a vehicle that stands level and still in the wind, over its weight.",
+    "Drag: of a vehicle that is level and at rest in the wind, divided by its weight.",
 )
 
 
@@ -53,7 +53,7 @@ class Wind:
     """
 
     name: ClassVar[str] = "wind"
-    question: ClassVar[str] = "Is the wind that of its source, and how hard does it push each vehicle?"
+    question: ClassVar[str] = "Does the wind match its model, and how hard does it push each vehicle?"
 
     robots: tuple[str, ...] = ()
     tiers: tuple[str, ...] = ("breeze", "gusts")

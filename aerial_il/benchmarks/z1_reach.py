@@ -45,11 +45,11 @@ ALGORITHMS, REWARDS = ("sac", "td3", "ddpg"), ("sparse", "dense")
 HOLDING, HELD_STEPS, WATCHED_STEPS, HELD_SEEDS = "holding.json", 200, 100, 100
 LARGEST_JERK_SHARE = 0.5
 NOTES = (
-    "The final policy of each training is judged on the same unseen seeds, up to 20 s each; success is the pose within "
-    "2 cm and 10° for 1 s. Trainings of an arm differ in weights and in the episodes they fly.",
-    "Sparse: 1 for each step in the pose, and hindsight with four later poses of the same episode; in learning, not in "
-    "judging, half the tolerance counts (hindsight.tolerance). Dense: the environment's own reward, without hindsight. "
-    "Learning episodes have a fixed length that success does not end.",
+    "The final policy of each training is evaluated on the same held-out seeds, up to 20 s each; success is the pose"
+    " within 2 cm and 10° for 1 s. The trainings of an arm differ in weights and in the episodes they fly.",
+    "Sparse: 1 for each step in the pose, and hindsight with four later poses of the same episode; in training, not "
+    "in evaluation, half the tolerance counts (hindsight.tolerance). Dense: the environment's own reward, without "
+    "hindsight. Training episodes have a fixed length that success does not end.",
     "Smooth: CAPS and a penalty for the change of the action; all else is as in the plain arm.",
     "Jerk: root mean square of the commanded action's third derivative up to success, in the unit of the action level; "
     "compare it within one level. Fast: share of the action's changes that lies above 5 Hz, by power.",
@@ -95,7 +95,9 @@ class Z1Reach:
     """
 
     name: ClassVar[str] = "z1_reach"
-    question: ClassVar[str] = "Which reinforcement learning makes a fixed arm reach every pose, and why do some shake?"
+    question: ClassVar[str] = (
+        "Which reinforcement learning algorithms make a fixed arm reach every pose, and why do some shake?"
+    )
 
     policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
     sac: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)

@@ -39,7 +39,7 @@ def run_command(command: Command, words: list[str]) -> None:
 def _run_divided(command: Command, words: list[str], launcher: Launcher, again: str) -> None:
     """Run a command in parts, each a job, and then once as a whole, which does what is left and comes to an end."""
     if command.shards is None:
-        raise InvalidValueError(f"launcher= says how jobs run, and {command.name} is a single one: add -m to sweep.")
+        raise InvalidValueError(f"launcher= is for sweeps, and {command.name} is a single run: add -m to sweep.")
     overrides = prepare(command, words)
     parts = command.shards(compose(command, words))
     run_sweep([Job(command.name, (*overrides, *said), folder) for said, folder in parts], launcher, again)
@@ -50,9 +50,7 @@ def _search(command: Command, words: list[str], told: Mapping[str, str], again: 
     """Let a sweeper choose the points, instead of trying every combination."""
     target = output_key(command.config)
     if not sweeps(words) or not target:
-        raise InvalidValueError(
-            f"{SWEEPER}= says which points of a sweep are tried: add -m, to a command with an output."
-        )
+        raise InvalidValueError(f"{SWEEPER}= is for sweeps: add -m, to a command with an output.")
     sweeper, space, fixed = sweeper_of(told), *swept(command, words)
     folder = getattr(compose(command, [word for word in words if word.startswith(f"{target}=")]), target)
     conclude(sweeper.search(command.name, space, fixed, target, folder), again)

@@ -30,8 +30,8 @@ def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]
     differing = [_differences(conditions_of(read_episode(file).provenance), mine) for file in there.values()]
     nearest = min(differing, key=len) or ["the specification of the environment"]
     raise InvalidValueError(
-        f"{folder.path} holds flights that were made otherwise: {'; '.join(nearest)} (there != asked for). "
-        "Choose another folder with out=PATH, or say mix=true to have both in one."
+        f"{folder.path} holds flights made with other settings: {'; '.join(nearest)} (existing != requested). "
+        "Choose another folder with out=PATH, or set mix=true to keep both in one."
     )
 
 

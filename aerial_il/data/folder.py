@@ -40,7 +40,7 @@ class DatasetFolder:
     def file(self, uid: str, kind: str = DEMOS) -> Path:
         """Return where an episode lies; its name, which a file may have told, is one of this folder."""
         if Path(uid).name != uid or "\0" in uid:
-            raise DemoError(self.path, f"cannot hold an episode of the name {uid!r}.")
+            raise DemoError(self.path, f"cannot hold an episode named {uid!r}.")
         return self.path / kind / f"{uid}.mcap"
 
     def find(self, uid: str) -> Path | None:

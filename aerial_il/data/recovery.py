@@ -108,7 +108,7 @@ def _salvage(source: Path, contents: Contents, form: Form) -> tuple[Messages, bo
     messages = form.read_whole_steps(report, contents)
     rows = messages.rows
     if len(rows) < 2:
-        raise DemoError(source, "holds less than two whole steps; nothing can be salvaged.", got=len(rows))
+        raise DemoError(source, "holds fewer than two complete steps; nothing can be salvaged.", got=len(rows))
     rows["truncated"][-2] = not rows["terminated"][-2]
     return messages, False
 

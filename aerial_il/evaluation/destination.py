@@ -86,13 +86,13 @@ def _result(out: str | os.PathLike[str], overwrite: bool) -> EvaluationResult | 
     except InvalidValueError as error:
         if overwrite:
             return None
-        raise InvalidValueError(f"{error} Choose another out=FOLDER, or say overwrite=true.") from error
+        raise InvalidValueError(f"{error} Choose another out=FOLDER, or set overwrite=true.") from error
 
 
 def _refuse_files(out: Path) -> None:
     """Refuse what no folder can be made of: a file, a device, or links that lead back to themselves."""
     if os.path.lexists(out) and not out.is_dir():
-        raise InvalidValueError(f"out={out} is there and no folder. Choose another out=FOLDER.")
+        raise InvalidValueError(f"out={out} exists and is not a folder. Choose another out=FOLDER.")
 
 
 def _refuse_datasets(out: Path) -> None:
@@ -105,8 +105,8 @@ def _refuse_datasets(out: Path) -> None:
 def _refuse(out: str | os.PathLike[str], what: str, differing: Sequence[str], overwrite: bool) -> None:
     if not overwrite:
         raise InvalidValueError(
-            f"{out} holds {what}: {'; '.join(differing)} (there != asked for). "
-            "Choose another out=FOLDER, or say overwrite=true to replace it."
+            f"{out} holds {what}: {'; '.join(differing)} (existing != requested). "
+            "Choose another out=FOLDER, or set overwrite=true to replace it."
         )
 
 

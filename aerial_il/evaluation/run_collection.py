@@ -90,7 +90,7 @@ class RunCollection:
     def _condition(self, text: str) -> tuple[str, Callable[[Any], bool]]:
         found = _CONDITION.fullmatch(text.strip())
         if found is None:
-            raise InvalidValueError(f"where={text} is no condition; say KEY=VALUE, or one of {' '.join(_SIGNS)}.")
+            raise InvalidValueError(f"where={text} is not a condition; give KEY=VALUE, or one of {' '.join(_SIGNS)}.")
         sign, wanted = found["sign"], _read(found["value"].strip())
 
         def holds(value: Any) -> bool:
@@ -118,7 +118,9 @@ def read_runs(folder: str | os.PathLike[str]) -> RunCollection:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InvalidValueError(f"{folder} is no folder. Train some runs: aerial-il train dataset=PATH run=runs/NAME")
+        raise InvalidValueError(
+            f"{folder} is not a folder. Train some runs: aerial-il train dataset=PATH run=runs/NAME"
+        )
     runs, refused = list[TrainingRun](), dict[Path, str]()
     for place in _candidates(folder):
         try:

@@ -137,7 +137,7 @@ def read_run(path: str | os.PathLike[str]) -> TrainingRun:
     path = Path(path)
     if not is_run(path):
         hint = "Train one: aerial-il train dataset=PATH run=runs/NAME"
-        raise InvalidValueError(f"{path} is no training run: it lacks {CONFIG} or {METRICS}. {hint}")
+        raise InvalidValueError(f"{path} is not a training run: it lacks {CONFIG} or {METRICS}. {hint}")
     try:
         config = read_yaml(path / CONFIG)
         provenance, command = (_json(path / name) for name in (PROVENANCE, COMMAND))

@@ -41,7 +41,7 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
         (["train", "policy={a"], "aerial-il train --help"),
         (["train", "dataset=x", "run=y", "policy._target_=os.system"], "refused"),
         (["evaluate"], "evaluate needs out=... policy=..."),
-        (["collect", "out=x", f"seed={2**63}"], "is too large: the most is"),
+        (["collect", "out=x", f"seed={2**63}"], "is too large: the maximum is"),
         (["collect", "out=x", "episodes=1000000000"], "episodes=1000000000 is too large"),
         (["collect", "out=x", "num_envs=1000000000"], "num_envs=1000000000 is too large"),
         (["collect", "out=x", "image_size=[10]"], "is not height and width"),

@@ -41,7 +41,7 @@ def locate(target: str) -> Any:
         found = getattr(importlib.import_module(module_name), attribute)
     except (ModuleNotFoundError, AttributeError) as error:
         now = f"It is {TARGETS[target]} now." if target in TARGETS else f"{error}."
-        raise InvalidValueError(f"_target_={target} is not there: {now}") from error
+        raise InvalidValueError(f"_target_={target} does not exist: {now}") from error
     home = getattr(found, "__module__", "") or ""
     if not callable(found) or not _is_allowed(f"{home}."):
         raise InvalidValueError(f"_target_={target} is not a class or function of {' or '.join(ALLOWED)}.")

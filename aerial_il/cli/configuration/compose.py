@@ -67,7 +67,7 @@ def swept(command: Command, words: list[str]) -> tuple[dict[str, Any], list[str]
     space = {each.key_or_group: each.value() for each in read if each.is_sweep_override()}
     if not space:
         raise InvalidValueError(
-            "Nothing is searched: give a key an interval, e.g. 'algorithm.lr=interval(0.0001,0.01)'."
+            "There is nothing to search: give a key an interval, e.g. 'algorithm.lr=interval(0.0001,0.01)'."
         )
     target = keys.output_key(command.config)
     fixed = [word for word, each in zip(said, read, strict=True) if not each.is_sweep_override()]

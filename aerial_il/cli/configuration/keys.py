@@ -190,6 +190,6 @@ def at_least(config: Any, **limits: float) -> None:
     for name, limit in limits.items():
         value = getattr(config, name)
         if value is not None and value < limit:
-            raise InvalidValueError(f"{name}={value} is too small: the least is {limit}.")
+            raise InvalidValueError(f"{name}={value} is too small: the minimum is {limit}.")
         if value is not None and name in MOST and value > MOST[name]:
-            raise InvalidValueError(f"{name}={value} is too large: the most is {MOST[name]}.")
+            raise InvalidValueError(f"{name}={value} is too large: the maximum is {MOST[name]}.")

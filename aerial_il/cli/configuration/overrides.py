@@ -215,7 +215,7 @@ def _checked_hydra(name: str, word: str) -> str:
     """Return a word of Hydra's own, unless it puts a name where a whole group of settings stands."""
     if name in _HYDRA_GROUPS:
         group, value = name.replace(".", "/"), word.partition("=")[2]
-        raise InvalidValueError(f"{word} would choose nothing: Hydra's groups are chosen by {group}={value}.")
+        raise InvalidValueError(f"{word} would have no effect: choose Hydra's groups with {group}={value}.")
     return word
 
 

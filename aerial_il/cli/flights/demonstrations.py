@@ -36,7 +36,7 @@ def open_demonstrations(
         return open_dataset(path, cameras=tuple(images), failures=failures)
     if failures:
         raise InvalidValueError(
-            f"dataset.episodes={limit} counts successes: leave it out where failures are learned from."
+            f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
         )
     dataset = open_dataset(path)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]

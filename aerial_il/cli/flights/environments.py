@@ -46,10 +46,10 @@ class EnvironmentReference:
     def __post_init__(self) -> None:
         if self.env and (own := self._ours()):
             said = " ".join(f"{name}={value}" for name, value in own.items())
-            raise InvalidValueError(f"env={self.env} names an environment from outside: leave out {said}.")
+            raise InvalidValueError(f"env={self.env} names an external environment: leave out {said}.")
         if self.options and not self.env:
             said = " ".join(f"{name}={value}" for name, value in self.options.items())
-            raise InvalidValueError(f"{said} is for an environment from outside: say env=KEY too.")
+            raise InvalidValueError(f"{said} is for an external environment: set env=KEY too.")
 
     @property
     def expected(self) -> dict[str, str]:
@@ -70,7 +70,7 @@ class EnvironmentReference:
 
         Args:
             num_envs: worlds.
-            threads: of the simulation, or processes of worlds from outside; 0 for all cores.
+            threads: of the simulation, or processes of external environments; 0 for all cores.
             tier, controller: instead of its own; one from outside knows neither.
 
         Raises:
@@ -80,7 +80,7 @@ class EnvironmentReference:
             processes = processes_for(threads, num_envs)
             return outside.load(self.env, num_envs=num_envs, processes=processes, **self.options)
         if self.robot is None or self.task is None:
-            hint = "say env=KEY, or robot=... and task=..., or dataset=PATH, whose environment it then is."
+            hint = "set env=KEY, or robot=... and task=..., or dataset=PATH to use its environment."
             raise InvalidValueError(f"Where shall it learn? Without demonstrations, {hint} See: aerial-il list")
         return aerial_il.load_batch(
             self.robot,
@@ -111,7 +111,9 @@ def key_of(spec: EnvSpec, typed: str | None = None) -> str:
     key = outside.key_of(spec, typed=typed)
     if key is None:
         where = f"{spec.robot}/{spec.task}"
-        raise InvalidValueError(f"{where} is no environment that can be loaded by name: say env=KEY, or use Python.")
+        raise InvalidValueError(
+            f"{where} is not an environment that can be loaded by name: set env=KEY, or use Python."
+        )
     return key
 
 

@@ -22,10 +22,12 @@ def flown_now(source: str, tier: str, seed: int, like: Episode | None) -> Iterat
         source: folder of a run, or ``expert``. tier, seed: of the flight, where none is beside it.
     """
     if source == pilots.EXPERT and like is None:
-        raise InvalidValueError("expert flies beside something: aerial-il inspect runs/NAME expert")
+        raise InvalidValueError("expert is shown beside another flight: aerial-il inspect runs/NAME expert")
     spec = like.spec if like is not None else None
     if spec is not None and spec.is_outside:
-        raise InvalidValueError(f"{source} cannot be flown beside {spec.robot}/{spec.task}: that is not the suite's.")
+        raise InvalidValueError(
+            f"{source} cannot be flown beside {spec.robot}/{spec.task}: that environment is not part of the suite."
+        )
     cell = (spec.robot, spec.task, spec.action.level) if spec else (None, None, None)
     pilot = pilots.pilot(source, robot=cell[0], task=cell[1], action=cell[2])
     law = spec.controller if spec else pilots.DEFAULT_CONTROLLER

@@ -107,7 +107,7 @@ def pilot(
         where = EnvironmentReference(env=key, options=chosen)
         return Pilot(policy, spec.robot, spec.task, _overrides(source, key, options), where)
     if task is None and len(known := tasks_of(spec)) > 1:
-        raise InvalidValueError(f"{source} flies several tasks, say which: task=... Valid: {', '.join(known)}.")
+        raise InvalidValueError(f"{source} flies several tasks: choose one with task=... Valid: {', '.join(known)}.")
     robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
     said = _cell_overrides(source, robot, task, action)
     return Pilot(policy, robot, task, said, _cell(robot, task, action, *_sight(policy)))
@@ -141,7 +141,7 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
     told_robot, told_task = policy.cell or (None, None)
     robot, task, action = robot or told_robot, task or told_task, action or DEFAULT_ACTION
     if robot is None or task is None:
-        raise InvalidValueError(f"{source} does not tell what it was trained on: say robot=... and task=... too.")
+        raise InvalidValueError(f"{source} does not state what it was trained on: set robot=... and task=... too.")
     if policy.cameras:
         require_rendering(f"a policy that sees {', '.join(policy.cameras)}")
     where = _cell(robot, task, action, policy.cameras, policy.image_size or IMAGE_SIZE)
@@ -229,7 +229,9 @@ def _in_what_was_said(
             policy, name, inside, _overrides(source, env, options), EnvironmentReference(env=env, options=options)
         )
     if robot is None or task is None:
-        raise InvalidValueError(f"policy={source} does not tell where it flies: say robot=... and task=..., or env=...")
+        raise InvalidValueError(
+            f"policy={source} does not state its environment: set robot=... and task=..., or env=..."
+        )
     return Pilot(policy, robot, task, _cell_overrides(source, robot, task, action), _cell(robot, task, action))
 
 

@@ -21,7 +21,7 @@ def prune(run: TrainingRun, folder: Path, *, delete: bool) -> str:
     """
     inside = folder.resolve() in run.path.resolve().parents
     if run.path.is_symlink() or not inside or not is_run(run.path):
-        raise InvalidValueError(f"{run.path} is not pruned: it is a link, or no run below {folder}.")
+        raise InvalidValueError(f"{run.path} is not pruned: it is a link, or not a run below {folder}.")
     with open_own(run.path / ".lock") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

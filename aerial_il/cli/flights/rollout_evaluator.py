@@ -26,7 +26,7 @@ class RolloutEvaluator:
         episodes, seed: how many flights, and the first of their seeds; several tasks share the flights evenly, rounded
             up, and each of them begins with that seed.
         tier: how rough the air is; None for the dataset's.
-        num_envs: worlds flown at once. threads: of the simulation, or processes of worlds from outside; 0 for all
+        num_envs: worlds flown at once. threads: of the simulation, or processes of external environments; 0 for all
             cores.
         env: ``env=`` as the user typed it, which alone may name a module to import.
     """
@@ -43,7 +43,7 @@ class RolloutEvaluator:
         if self.seed < JUDGING_SEED < self.seed + self.episodes or self.seed >= JUDGING_SEED:
             raise InvalidValueError(
                 f"evaluate_seed={self.seed} with evaluate_episodes={self.episodes} would use seeds from {JUDGING_SEED} "
-                "on, which judge the finished policy. Choose smaller ones."
+                "on, which are kept for the finished policy. Choose smaller ones."
             )
 
     def __call__(self, policy: ChunkPolicy, step: int) -> dict[str, float]:

@@ -47,7 +47,7 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     if run.algorithm != "bc" or "selection" not in settings:
         raise InvalidValueError(f"which demonstrations {run.algorithm} held out is not known.")
     if path is None:
-        raise InvalidValueError("the run does not say where its dataset lies. Give dataset=PATH.")
+        raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
     policy = load_policy(run.path).config
     algorithm = BehaviourCloning(selection=Selection(**settings["selection"]), validation=settings["validation"])
     limit = recorded.get("episodes") if path == recorded.get("path") else None
@@ -58,7 +58,7 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     )
     windows = cut_windows(divided.kept, divided.layout, policy)
     if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:
-        raise InvalidValueError(f"{path} is not, or no longer, what the run learned from.")
+        raise InvalidValueError(f"{path} is not, or no longer, the dataset that the run was trained on.")
     if not divided.held_out:
         raise InvalidValueError("no demonstration was held out. See algorithm.validation.")
     return divided.held_out

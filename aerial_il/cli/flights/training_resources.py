@@ -39,7 +39,7 @@ def training_resources(
             ``human`` for a person on the page, ``driver`` for a model of one; None for the task's own.
         tier: how rough the air is; None as in the demonstrations.
         num_envs: worlds flown at once; None for the algorithm's ``worlds``.
-        threads: of the simulation, or processes of worlds from outside; 0 for all cores.
+        threads: of the simulation, or processes of external environments; 0 for all cores.
         port: of a person's page.
 
     Raises:
@@ -83,6 +83,6 @@ def _expert(spec: EnvSpec, source: str | None, typed: str | None) -> Policy:
         return load_expert(source, key_of(spec, typed), noise=0.0)
     if spec.is_outside:
         raise InvalidValueError(
-            f"Nobody here can be asked about {spec.robot}/{spec.task}: say expert=FILE or module:factory."
+            f"There is no expert for {spec.robot}/{spec.task}: set expert=FILE or expert=module:factory."
         )
     return aerial_il.expert(spec.robot, spec.task)

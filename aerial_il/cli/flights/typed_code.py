@@ -38,7 +38,7 @@ def policy_of(typed: str) -> Policy:
         InvalidValueError: there is no such module or factory, it fails, or makes something else.
     """
     if not names_code(typed):
-        raise InvalidValueError(f"{typed} names no code of yours: write module:factory. {EXAMPLE}")
+        raise InvalidValueError(f"{typed} does not name code of yours: write module:factory. {EXAMPLE}")
     module, _, name = typed.partition(":")
     try:
         with _working_directory():

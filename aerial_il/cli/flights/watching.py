@@ -24,7 +24,7 @@ def watched(env: Any, threads: int, *, wanted: bool) -> Iterator[Any]:
         yield env
         return
     if not isinstance(env, BatchEnvironment):
-        raise InvalidValueError(f"rerun=true shows worlds of the suite; {env.spec.robot}/{env.spec.task} is not one.")
+        raise InvalidValueError(f"rerun=true works in this suite only; {env.spec.robot}/{env.spec.task} is external.")
     import rerun as rr
 
     from aerial_il.evaluation.films.window import has_screen

@@ -63,7 +63,7 @@ class Slurm:
 
         if 3600 * self.hours < self.signal_s + _EARLY_S:
             raise InvalidValueError(
-                f"hours={self.hours} leaves a job no time: it is told signal_s={self.signal_s} seconds before its end, "
+                f"hours={self.hours} is too short: a job is signalled signal_s={self.signal_s} seconds before its end, "
                 f"and SLURM may do so {_EARLY_S} seconds early."
             )
 

@@ -175,7 +175,7 @@ class _Search:
             self.study.tell(trial, values[-1][1])
         else:
             self.study.tell(trial, state=TrialState.FAIL)
-        lacking = "" if values or status else f"no {self.settings.metric} in its metrics: say evaluate_every=STEPS"
+        lacking = "" if values or status else f"no {self.settings.metric} in its metrics: set evaluate_every=STEPS"
         self.board.ended(job, 2 if lacking else status, lacking)
 
     def _values(self, job: Job) -> list[tuple[int, float]]:

@@ -10,4 +10,4 @@ from aerial_il.core.errors import InvalidValueError
 def require(library: str, *, extra: str) -> None:
     """Refuse to go on without ``library``, naming the extra of this package that brings it."""
     if find_spec(library) is None:
-        raise InvalidValueError(f"{library} is not installed. Get it: pip install 'aerial-il[{extra}]'")
+        raise InvalidValueError(f"{library} is not installed. Install it: pip install 'aerial-il[{extra}]'")

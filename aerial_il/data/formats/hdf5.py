@@ -104,7 +104,7 @@ def _flat(path: Path, file: h5py.File) -> dict[str, np.ndarray]:
     known = [name for names in transitions.NAMES.values() for name in names if name in file]
     size = sum(8 * child(path, file, name, h5py.Dataset).size for name in known)  # as float64
     if size > MAX_UNPACKED_BYTES:
-        raise DemoError(path, "is absurdly large.", expected=f"at most {MAX_UNPACKED_BYTES} bytes", got=size)
+        raise DemoError(path, "is too large.", expected=f"at most {MAX_UNPACKED_BYTES} bytes", got=size)
     return {name: array(path, file, name) for name in known}
 
 

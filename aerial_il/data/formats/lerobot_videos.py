@@ -84,7 +84,7 @@ def clip_of(path: Path, info: Mapping[str, Any], row: Mapping[str, Any], field: 
     if ".." in relative.parts or relative.is_absolute() or not file.resolve().is_relative_to(path.resolve()):
         raise DemoError(path, "refers to a place outside itself.", got=str(relative))
     if (size := steps * field.size) > MAX_PICTURES_BYTES:
-        raise DemoError(file, "is absurdly large.", expected=f"at most {MAX_PICTURES_BYTES} bytes", got=size)
+        raise DemoError(file, "is too large.", expected=f"at most {MAX_PICTURES_BYTES} bytes", got=size)
     return Clip(file, float(row[f"videos/{key}/from_timestamp"]), steps, 1 / float(info["fps"]), field.shape)
 
 

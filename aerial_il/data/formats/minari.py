@@ -66,7 +66,7 @@ def _survey(path: Path, file: h5py.File, names: Sequence[str]) -> tuple[tuple[np
 def _actions(path: Path, episode: h5py.Group) -> np.ndarray:
     actions = array(path, episode, "actions")
     if actions.ndim != 2 or actions.dtype.kind != "f" or not actions.size:
-        raise DemoError(path, "has actions that are no vectors of numbers.", got=(actions.dtype, actions.shape))
+        raise DemoError(path, "has actions that are not vectors of numbers.", got=(actions.dtype, actions.shape))
     return actions.astype(float)
 
 

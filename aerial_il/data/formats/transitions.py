@@ -149,6 +149,6 @@ def _checked(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]
 def _rows(path: Path, name: str, values: np.ndarray) -> np.ndarray:
     matrix = name in ("obs", "next_obs", "actions")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2) or not values.size:
-        raise DemoError(path, f"has {name} that are no rows of numbers.", got=(values.dtype, values.shape))
+        raise DemoError(path, f"has {name} that are not rows of numbers.", got=(values.dtype, values.shape))
     flat = values.astype(float).reshape(len(values), -1)
     return flat if matrix else flat[:, 0]

@@ -194,7 +194,9 @@ def check_channels(path: Path, contents: Contents, expected: Definitions) -> Non
     if extra := found.keys() - {c.topic for c in expected.channels} or contents.messages.keys() - {
         c.id for c in expected.channels
     }:
-        raise DemoError(path, f"has topics or messages that no specification asks for: {sorted(map(str, extra))}.")
+        raise DemoError(
+            path, f"has topics or messages that its specification does not list: {sorted(map(str, extra))}."
+        )
 
 
 def build_episode(head: Head, messages: Messages, outcome: Outcome) -> Episode:

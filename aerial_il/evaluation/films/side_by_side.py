@@ -110,9 +110,11 @@ def write_side_by_side(
     """
     look = look or Look()
     if Path(path).suffix != ".webp":
-        raise InvalidValueError(f"{path} is no animation: name a file that ends in .webp.")
+        raise InvalidValueError(f"{path} is not an animation: its name must end in .webp.")
     if not episodes or len(episodes) % look.abreast:
-        raise InvalidValueError(f"{len(episodes)} flights fill no rounds of {look.abreast}: add some, or set abreast.")
+        raise InvalidValueError(
+            f"{len(episodes)} flights do not fill a round of {look.abreast}: add some, or set abreast."
+        )
     step_s = 1.0 / look.fps
     frames, seconds = [], []
     for flights in batched(episodes, look.abreast):

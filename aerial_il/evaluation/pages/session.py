@@ -76,7 +76,7 @@ def session_page(folder: str | os.PathLike[str], commands: Sequence[str] = ()) -
     files = sorted((file for kind in (DEMOS, FAILURES) for file in place.files(kind)), key=_when, reverse=True)
     if not files:
         hint = f"Fly some: aerial-il teleop robot=R task=T out={folder}"
-        raise DemoError(folder, "holds no recording to sum up.", hint=hint)
+        raise DemoError(folder, "holds no recording to summarise.", hint=hint)
     episodes = [read_episode(file) for file in files]
     pictures = thumbnails(episodes[:MOST_PICTURES])
     takes = [take_of(each, shown) for each, shown in zip(episodes, pictures, strict=False)]

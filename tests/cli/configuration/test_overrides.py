@@ -160,5 +160,5 @@ def test_what_the_user_must_say_is_asked_for() -> None:
 
 
 def test_values_outside_their_limits_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="episodes=0 is too small: the least is 1"):
+    with pytest.raises(InvalidValueError, match="episodes=0 is too small: the minimum is 1"):
         compose(EVALUATE, ["policy=x", "out=y", "episodes=0"])

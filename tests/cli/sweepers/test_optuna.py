@@ -37,7 +37,7 @@ def test_a_space_is_read_as_hydra_writes_it() -> None:
     assert fixed == ["dataset.path=d", "seed=3"]
     with pytest.raises(InvalidValueError, match="interval"):
         distribution("seed", swept(find("train"), ["-m", "seed=glob(*)"])[0]["seed"])
-    with pytest.raises(InvalidValueError, match="Nothing is searched"):
+    with pytest.raises(InvalidValueError, match="nothing to search"):
         swept(find("train"), ["-m", "seed=3"])
 
 

@@ -76,7 +76,7 @@ def test_what_minari_itself_wrote_is_read(tmp_path: Path, monkeypatch: pytest.Mo
     ("name", "values", "said"),
     [
         ("observations", np.zeros((5, 3)), "observations of another length"),
-        ("actions", np.zeros(12, int), "no vectors of numbers"),
+        ("actions", np.zeros(12, int), "not vectors of numbers"),
         ("actions", h5py.ExternalLink("/etc/passwd", "/x"), "refers to a place outside itself"),
         ("rewards", None, "lacks /episode_0/rewards"),
     ],

@@ -60,7 +60,7 @@ def test_an_impossible_look_is_refused(change: dict, said: str) -> None:
 
 
 def test_half_a_round_and_another_format_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match=r"ends in \.webp"):
+    with pytest.raises(InvalidValueError, match=r"must end in \.webp"):
         write_side_by_side(tmp_path / "film.gif", [])
-    with pytest.raises(InvalidValueError, match="0 flights fill no rounds of 3"):
+    with pytest.raises(InvalidValueError, match="0 flights do not fill a round of 3"):
         write_side_by_side(tmp_path / "film.webp", [])

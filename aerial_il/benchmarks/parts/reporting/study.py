@@ -13,6 +13,7 @@ from aerial_il.core.files import write_atomic
 
 PAGE, NUMBERS, OVERVIEW = "README.md", "results.json", "benchmarks.md"
 LARGEST_BYTES = 200_000
+TITLES = {"dagger": "DAgger", "gail": "GAIL", "hg_dagger": "HG-DAgger", "lerobot": "LeRobot"}  # others: capitalised
 
 
 def save_study(report: Report, experiments: Path, *, command: str) -> Path:
@@ -85,13 +86,18 @@ def _target_rows(study: Mapping[str, Any]) -> list[Row]:
 
 
 def _title(study: Mapping[str, Any]) -> str:
-    return str(study["benchmark"]).replace("_", " ").capitalize()
+    name = str(study["benchmark"])
+    return TITLES.get(name, name.replace("_", " ").capitalize())
 
 
 def _origin(study: Mapping[str, Any]) -> str:
     """Return commit, machine, its load and the time taken in words."""
     git, machine = study["provenance"]["git"], study["machine"]
-    commit = "an installed package" if git is None else f"commit `{git['sha'][:10]}`{' with changes' * git['dirty']}"
+    commit = (
+        "an installed package"
+        if git is None
+        else f"commit `{git['sha'][:10]}`{' with uncommitted changes' * git['dirty']}"
+    )
     where = f"{machine['cores']} cores of {machine['cpu']}, load {machine['load_average']:g} at the end"
     return f"{_capital(commit)}, {where}, {study['wall_time_s']:.0f} s"
 

@@ -39,7 +39,7 @@ class Config:
         foreign = {known for endings in ENDINGS.values() for known in endings} - {*own, ""}
         if self.out and (ending in foreign or (own != ("",) and ending not in own)):
             wanted = " or ".join(own) if own != ("",) else "in no ending of another format"
-            raise InvalidValueError(f"out={self.out} with format={self.form}: its name ends in {wanted}.")
+            raise InvalidValueError(f"out={self.out} with format={self.form}: its name must end in {wanted}.")
 
     @property
     def form(self) -> str:

@@ -38,28 +38,30 @@ class Expert:
 
 @dataclass
 class Config:
-    robot: Named = group("which vehicle", "ua_quad_arm4")
-    task: Named = group("what it does", "pick_place")
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
-    expert: Expert = group("how the demonstrator flies, or your own: module:factory", "noisy", path=True)
-    controller: Named = group("which law flies the base", "geometric_observer")
+    robot: Named = group("robot that flies", "ua_quad_arm4")
+    task: Named = group("task that it does", "pick_place")
+    tier: TierName = group("disturbance tier, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    expert: Expert = group("how the expert flies, or your own expert: module:factory", "noisy", path=True)
+    controller: Named = group("control law of the base", "geometric_observer")
     policy: MaybeLocated = path(
         MaybeLocated, "who flies in env=...: a run, an expert's file, module:factory, model.zip, or random"
     )
-    env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:CartPole-v1")
-    success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
+    env: str | None = key(None, "external environment instead of robot and task, e.g. gymnasium:CartPole-v1")
+    success: str | None = key(
+        None, "what makes an episode there a success: KEY:N, return:R, survived (null: as it reports)"
+    )
     max_steps: int | None = key(None, "time limit there (null: its own)")
     horizon: int | None = key(None, "record so many steps of 20 ms, through success (null: up to the first success)")
     out: str = output(MISSING, "folder of the dataset")
     action: str = key("ee_pose", "action level that is recorded")
-    episodes: int = key(100, "how many seeds are flown")
-    seed: int = key(0, "the first of them; evaluations start at 10000")
+    episodes: int = key(100, "number of episodes, one for each seed")
+    seed: int = key(0, "first seed; evaluations start at 10000")
     cameras: list[str] = key([], "cameras to record: scene, wrist, base")
-    image_size: list[int] = key([240, 320], "height and width of their pictures")
+    image_size: list[int] = key([240, 320], "height and width of their images")
     mix: bool = key(False, "add to a dataset of another tier, flight law, pilot or settings")
     lerobot: bool = key(False, "derive a LeRobot dataset too, in derived/lerobot of the folder")
     num_envs: int = key(64, "worlds flown at once")
-    threads: int = key(0, "simulation threads, or processes of worlds from outside; 0 for all cores")
+    threads: int = key(0, "simulation threads, or processes of external environments; 0 for all cores")
     shard: int = key(1000, "episodes of each job, where launcher= divides the work")
     rerun: bool = key(False, "show the first world in rerun while it flies; a file where there is no screen")
     progress: bool = key(True, "show a progress bar")
@@ -138,11 +140,11 @@ def record_outside(config: Config) -> None:
 
     source = config.policy.path
     if config.rerun:
-        raise InvalidValueError("rerun=true shows worlds of the suite: leave out env=..., or leave out rerun=true.")
+        raise InvalidValueError("rerun=true works in this suite only: leave out env=... or rerun=true.")
     if config.horizon is not None:
-        raise InvalidValueError(f"env={config.env} has no horizon of ours: say max_steps={config.horizon}.")
+        raise InvalidValueError(f"horizon= is for the suite: with env={config.env} set max_steps={config.horizon}.")
     if source is None:
-        raise InvalidValueError(f"env={config.env} needs policy=... too: who flies there has to be said.")
+        raise InvalidValueError(f"env={config.env} has no expert of its own: set policy=... too.")
     options = environments.given(success=config.success, max_steps=config.max_steps)
     noise = config.expert.noise
     pilot = pilots.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)

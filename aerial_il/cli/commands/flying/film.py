@@ -32,7 +32,7 @@ class Config:
     def __post_init__(self) -> None:
         at_least(self, abreast=1)
         if len(self.size) != 2:
-            raise InvalidValueError(f"size={self.size} is no height and width, e.g. size=[280,280].")
+            raise InvalidValueError(f"size={self.size} is not a height and a width, e.g. size=[280,280].")
         if wrong := [flight for flight in self.flights if flight.count("/") != 1]:
             raise InvalidValueError(f"{', '.join(wrong)}: name flights ROBOT/TASK, e.g. ua_quad_arm4/reach.")
 

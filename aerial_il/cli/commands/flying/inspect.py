@@ -34,7 +34,7 @@ class Config:
     episode: int | None = key(None, "which flight of a dataset, from 0 (null: all, up to most; of two: the first)")
     most: int = key(50, "how many flights of a dataset are opened")
     policy: MaybeLocated = located(MaybeLocated, "folder of a run whose predicted actions are drawn along the flights")
-    tier: TierName = group("how rough the air is where a run flies now", "calm", composed=True)
+    tier: TierName = group("disturbance tier where a run flies now", "calm", composed=True)
     seed: int = key(10000, "of the flight of a run")
     save: str | None = key(None, f"where the file goes (null: below {INSPECTIONS})")
     web: bool = key(False, "serve the viewer to this machine's browsers")
@@ -45,13 +45,15 @@ class Config:
     def __post_init__(self) -> None:
         at_least(self, most=1, seed=0, port=0)
         if self.save and Path(self.save).suffix != ".rrd":
-            raise InvalidValueError(f"save={self.save} is no file of rerun's: its name ends in .rrd.")
+            raise InvalidValueError(f"save={self.save} is not a file of rerun: its name must end in .rrd.")
         if self.screenshot and Path(self.screenshot).suffix not in (".png", ".webp"):
-            raise InvalidValueError(f"screenshot={self.screenshot} is no picture: its name ends in .png or .webp.")
+            raise InvalidValueError(
+                f"screenshot={self.screenshot} is not an image: its name must end in .png or .webp."
+            )
         if self.at is not None and not 0.0 <= self.at <= 1.0:
-            raise InvalidValueError(f"at={self.at:g} is no share of a flight: from 0 to 1.")
+            raise InvalidValueError(f"at={self.at:g} is not a fraction of a flight, from 0 to 1.")
         if self.at is not None and not self.screenshot:
-            raise InvalidValueError("at=... is the moment of a picture: say screenshot=FILE too.")
+            raise InvalidValueError("at=... is the moment of a screenshot: set screenshot=FILE too.")
 
 
 def run(config: Config) -> None:

@@ -26,15 +26,15 @@ ENDINGS = {viewer: suffix for suffix, viewer in SUFFIXES.items()}
 
 @dataclass
 class Config:
-    policy: Located = path(Located, "who flies: expert, random, hover, or the folder of a policy", value="expert")
-    robot: Named | None = group("which vehicle (null: the one that the policy was trained on)")
-    task: Named | None = group("what it does (null: the task that the policy was trained on)")
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
-    env: str | None = key(None, "environment from outside, e.g. gymnasium:Hopper-v5 (null: the policy's own)")
-    controller: Named = group("which law flies the base", "geometric_observer")
+    policy: Located = path(Located, "pilot: expert, random, hover, or the folder of a policy", value="expert")
+    robot: Named | None = group("robot that flies (null: the one that the policy was trained on)")
+    task: Named | None = group("task that it does (null: the task that the policy was trained on)")
+    tier: TierName = group("disturbance tier, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    env: str | None = key(None, "external environment, e.g. gymnasium:Hopper-v5 (null: the policy's own)")
+    controller: Named = group("control law of the base", "geometric_observer")
     action: str | None = key(None, "action level (null: the policy's own, ee_pose for the others)")
     seed: int | None = key(None, "of the flight, or which episode of a dataset (null: the first)")
-    recording: str | None = key(None, "an MCAP file, or a dataset of them, to watch instead of flying")
+    recording: str | None = key(None, "an MCAP file, or a dataset, to watch instead of flying")
     viewer: str = key(
         "auto",
         "auto: a window where there is a screen, else a page; rerun: its viewer, or a file for it where no screen is",
@@ -47,14 +47,14 @@ class Config:
         check_choices(self)
         at_least(self, seed=0)
         if self.recording and (self.robot or self.task or self.policy.path != "expert"):
-            raise InvalidValueError("recording=... says who flew what: leave out robot=, task= and policy=.")
+            raise InvalidValueError("recording=... determines who flies what: leave out robot=, task= and policy=.")
         if self.out:
             self._take_viewer_of_out(self.out)
 
     def _take_viewer_of_out(self, out: str) -> None:
         meant = SUFFIXES.get(Path(out).suffix)
         if meant is None:
-            raise InvalidValueError(f"out={out} ends in none of {', '.join(SUFFIXES)}.")
+            raise InvalidValueError(f"out={out} must end in one of {', '.join(SUFFIXES)}.")
         if self.viewer not in ("auto", meant):
             raise InvalidValueError(f"out={out} is for viewer={meant}, not for viewer={self.viewer}.")
         self.viewer = meant
@@ -211,7 +211,7 @@ def _find(place: Path, seed: int | None) -> Path:
     if place.is_file() and place.suffix == ".mcap":
         return place
     if place.is_file():
-        raise DemoError(place, "is no MCAP recording, and holds no states to show.")
+        raise DemoError(place, "is not an MCAP recording, and holds no states to show.")
     if not place.exists():
         raise DemoError(place, "does not exist.", hint="Record some with: aerial-il collect robot=R task=T out=PATH")
     files = [file for kind in KINDS for file in DatasetFolder(place).files(kind)] or sorted(place.glob("*.mcap"))

@@ -23,17 +23,17 @@ from aerial_il.cli.configuration.quoting import command_line
 
 @dataclass
 class Config:
-    robot: Named = group("which vehicle", "ua_quad_arm4")
-    task: Named = group("what it does", "pick_place")
-    tier: TierName = group("how rough the air is, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
-    expert: collect.Expert = group("how the demonstrator flies", "noisy")
-    controller: Named = group("which law flies the base", "geometric_observer")
-    policy: dict[str, Any] = group("what is trained", "mlp")
-    algorithm: dict[str, Any] = group("how it is trained", "bc")
+    robot: Named = group("robot that flies", "ua_quad_arm4")
+    task: Named = group("task that it does", "pick_place")
+    tier: TierName = group("disturbance tier, e.g. gusts, hard-payload, calm+latency", "calm", composed=True)
+    expert: collect.Expert = group("how the expert flies", "noisy")
+    controller: Named = group("control law of the base", "geometric_observer")
+    policy: dict[str, Any] = group("policy class to train", "mlp")
+    algorithm: dict[str, Any] = group("training algorithm", "bc")
     out: str = output("runs/demo", "folder for everything")
     episodes: int = key(100, "demonstrations flown")
-    evaluation_episodes: int = key(200, "unseen seeds flown by the policy")
-    evaluation_seed: int = key(10000, "the first of them")
+    evaluation_episodes: int = key(200, "held-out seeds flown by the policy")
+    evaluation_seed: int = key(10000, "first seed")
     seed: int = key(0, "first seed of the demonstrations, and seed of the training")
     progress: bool = key(True, "show progress bars")
 

@@ -30,7 +30,7 @@ PAGE = "report.html"
 class Config:
     result: list[str] = key(MISSING, "folder of an evaluation, of a run, or of several runs", position=0, many=True)
     run: str | None = key(None, "training run whose curves are shown beside an evaluation")
-    dataset: MaybeLocated = path(MaybeLocated, "demonstrations to sum up, or that a run learned from")
+    dataset: MaybeLocated = path(MaybeLocated, "demonstrations to summarise, or that a run learned from")
     learning_curve: dict[int, str] = key({}, "number of demonstrations -> evaluation: {10:runs/a,25:runs/b}")
     videos: int = key(1, "films of successes and of failures of a run that has none")
     out: str | None = key(None, "the page; report.html beside what it is about by default")
@@ -67,7 +67,7 @@ def _of_session(config: Config, flown: list[str]) -> Path:
     from aerial_il.core.errors import InvalidValueError
 
     if len(config.result) > 1:
-        raise InvalidValueError(f"{flown[0]} is a folder of recordings: its report is about it alone.")
+        raise InvalidValueError(f"{flown[0]} is a folder of recordings: report it alone.")
     return write_summary(flown[0], config.out)
 
 
@@ -79,7 +79,7 @@ def _of_evaluation(config: Config) -> Path:
     from aerial_il.evaluation.result import load_result
 
     if len(config.result) > 1:
-        raise InvalidValueError(f"{config.result[0]} is no training run; evaluations are reported one at a time.")
+        raise InvalidValueError(f"{config.result[0]} is not a training run; evaluations are reported one at a time.")
     folder = Path(config.result[0])
     folder = folder if folder.is_dir() else folder.parent
     result = load_result(config.result[0])

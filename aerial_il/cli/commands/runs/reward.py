@@ -17,7 +17,7 @@ from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, at_least, ke
 class Config:
     run: str = key(MISSING, "folder of a finished run", position=0)
     dataset: MaybeLocated = path(MaybeLocated, "recordings to take the episode from")
-    episode: int = key(0, "which of them")
+    episode: int = key(0, "number of the episode, from 0")
     out: str | None = key(None, "the figure; reward.svg in the run's folder by default")
 
     def __post_init__(self) -> None:
@@ -33,7 +33,7 @@ def run(config: Config) -> None:
     from aerial_il.core.files import write_atomic
 
     if config.dataset.path is None:
-        raise InvalidValueError("Which episodes? Say dataset=PATH.")
+        raise InvalidValueError("The reward is drawn along a recorded episode: set dataset=PATH.")
     dataset = aerial_il.open_dataset(config.dataset.path)
     if config.episode >= len(dataset):
         raise InvalidValueError(f"episode={config.episode}; {config.dataset.path} has {len(dataset)}, counted from 0.")

@@ -32,13 +32,13 @@ MOST_COMPARED = 8  # side by side
 
 @dataclass
 class Config:
-    folder: str = key("runs", "where to look, at any depth", position=0)
+    folder: str = key("runs", "folder to search, at any depth", position=0)
     where: str | None = key(None, "conditions that all must hold, e.g. 'success>0.5,policy.name=mlp'")
     sort: str | None = key(None, "column or setting to sort by; -success for the best first (null: by name)")
-    columns: list[str] = key([], "what is shown beside the name ([]: state, axes and results)", many=True)
+    columns: list[str] = key([], "columns beside the name ([]: state, axes and results)", many=True)
     compare: bool = key(False, "a column for each run, a line for each setting or result in which they differ")
     page: bool = key(False, f"write {PAGE} into the folder: axes, curves, table")
-    prune: str | None = key(None, "trash or delete: what becomes of the runs that where= leaves")
+    prune: str | None = key(None, "trash or delete: what happens to the runs that where= selects")
     json: bool = key(False, "print one JSON object (also: --json)")
 
     def __post_init__(self) -> None:
@@ -47,7 +47,7 @@ class Config:
         if self.prune not in (None, "trash", "delete"):
             raise InvalidValueError(f"prune={self.prune} is not one of trash, delete.")
         if self.prune and not self.where:
-            raise InvalidValueError("prune= needs where=: say which runs are to go, e.g. where='state!=finished'.")
+            raise InvalidValueError("prune= needs where=, the runs to remove, e.g. where='state!=finished'.")
 
 
 def run(config: Config) -> None:
@@ -92,7 +92,7 @@ def _compared(found: RunCollection) -> str:
 
     if not 2 <= len(found.runs) <= MOST_COMPARED:
         raise InvalidValueError(
-            f"compare=true takes 2 to {MOST_COMPARED} runs and found {len(found.runs)}: say where=."
+            f"compare=true compares 2 to {MOST_COMPARED} runs, and {len(found.runs)} match: choose them with where=."
         )
     rows = [{name: _short(value) for name, value in row.items()} for row in found.rows]
     differing = [name for name in rows[0] if name != "run" and len({repr(row[name]) for row in rows}) > 1]

@@ -67,28 +67,30 @@ class Config:
     PRESETS: ClassVar[dict[str, str | None]] = {"experiment": None}
 
     dataset: Dataset = group("folder of demonstrations, how many (null: all), whether by hand", "all", path=True)
-    policy: dict[str, Any] = group("what is trained", "mlp")
-    algorithm: dict[str, Any] = group("how it is trained", "bc")
-    robot: Named | None = group("where learners from reward fly; with a dataset, what it must be of")
-    task: Named | None = group("the same")
+    policy: dict[str, Any] = group("policy class to train", "mlp")
+    algorithm: dict[str, Any] = group("training algorithm", "bc")
+    robot: Named | None = group("where reinforcement learning flies; with a dataset, the robot it must be of")
+    task: Named | None = group("the same, for the task")
     run: str = output(MISSING, "folder of the run")
-    env: str | None = key(None, "environment from outside instead of robot and task, e.g. gymnasium:Hopper-v5")
-    success: str | None = key(None, "when an episode there succeeded: KEY:N, return:R, survived (null: as it reports)")
+    env: str | None = key(None, "external environment instead of robot and task, e.g. gymnasium:Hopper-v5")
+    success: str | None = key(
+        None, "what makes an episode there a success: KEY:N, return:R, survived (null: as it reports)"
+    )
     max_steps: int | None = key(None, "time limit there (null: its own)")
     tier: MaybeTier = tier("how rough the air is where robot= and task= are (null: calm, or any dataset's)")
     action: str | None = key(None, "action level there (null: ee_pose, or any dataset's)")
-    seed: int = key(0, "decides initial weights, validation split and minibatches")
+    seed: int = key(0, "seed of the initial weights, validation split and minibatches")
     evaluate_every: int | None = key(None, "steps between two evaluations by rollouts (null: as the algorithm says)")
-    evaluate_episodes: int = key(20, "how many seeds are flown each time")
-    evaluate_seed: int = key(5000, "the first of them; the seeds from 10000 on judge finished policies")
-    evaluate_tier: str | None = key(None, "how rough the air is in these rollouts (null: as in the dataset)")
+    evaluate_episodes: int = key(20, "number of episodes each time")
+    evaluate_seed: int = key(5000, "first seed; those from 10000 on are kept for finished policies")
+    evaluate_tier: str | None = key(None, "disturbance tier of these rollouts (null: as in the dataset)")
     expert: MaybeLocated = path(
         MaybeLocated,
         "whom an algorithm asks: a file of one from outside, module:factory, human, or driver (null: the task's own)",
     )
-    flight_tier: str | None = key(None, "how rough the air is where it flies (null: as in the dataset)")
+    flight_tier: str | None = key(None, "disturbance tier where it flies (null: as in the dataset)")
     num_envs: int | None = key(None, "worlds in which it flies at once (null: its own default)")
-    threads: int = key(0, "threads of its flights, or processes of worlds from outside; 0 for all cores")
+    threads: int = key(0, "threads of its flights, or processes of external environments; 0 for all cores")
     port: int = key(8642, "of the page of expert=human; another one where it is taken")
     tracker: list[str] = key(
         ["tensorboard"], "who is told the metrics: tensorboard, wandb, mlflow; []: nobody", many=True
@@ -160,7 +162,7 @@ def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterab
     if path is not None:
         if reference.options:
             raise InvalidValueError(
-                f"{path} says how its environment is made: leave out {', '.join(reference.options)}."
+                f"{path} already defines its environment: leave out {', '.join(reference.options)}."
             )
         demonstrations.check_origin(path, reference.expected)
         demonstrations.warn_of_changes(path)
@@ -169,7 +171,7 @@ def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterab
         )
     if algorithm.demonstrated:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
-        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: say dataset=PATH. {hint}")
+        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
     return None
 
 

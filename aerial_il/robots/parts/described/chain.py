@@ -68,7 +68,7 @@ def _root(model: Model, base: str | None) -> int:
     roots = model.children(0)
     if len(roots) != 1:
         found = _list(model.name(body) for body in roots)
-        raise model.error(f"it holds {len(roots)} robots or parts: {found}. Say which: base=....")
+        raise model.error(f"it holds {len(roots)} robots or parts: {found}. Choose one with base=....")
     return roots[0]
 
 
@@ -82,7 +82,9 @@ def _tool(model: Model, tool: str | None, kept: list[int]) -> int:
     ends = [body for body in kept if not set(model.children(body)) & set(kept)]
     if len(ends) != 1:
         found = _list(model.name(body) for body in ends)
-        raise ModelFileError(model.source, f"it has {len(ends)} ends: {found}. Which carries the gripper? tool=....")
+        raise ModelFileError(
+            model.source, f"it has {len(ends)} ends: {found}. Name the one that carries the gripper with tool=...."
+        )
     return ends[0]
 
 

@@ -111,7 +111,7 @@ def _only_root(model: Model) -> int:
     roots = model.children(0)
     if len(roots) != 1:
         found = ", ".join(model.name(body) for body in roots) or "none"
-        raise model.error(f"it holds {len(roots)} bodies in the world: {found}. Say which: body=....")
+        raise model.error(f"it holds {len(roots)} bodies in the world: {found}. Choose one with body=....")
     return roots[0]
 
 
@@ -157,7 +157,7 @@ def _thrusts(model: Model, i: int, max_thrust: float | None) -> tuple[float, flo
         return 0.0, max_thrust
     if not compiled.actuator_ctrllimited[i]:
         name = compiled.actuator(i).name
-        raise model.error(f"actuator {name!r} has no ctrlrange. Give one, or say max_thrust=... (N).")
+        raise model.error(f"actuator {name!r} has no ctrlrange. Give one, or set max_thrust=... (N).")
     scale = abs(compiled.actuator_gear[i, 2]) * compiled.actuator_gainprm[i, 0]
     low, high = (float(value) for value in scale * compiled.actuator_ctrlrange[i])
     if not 0.0 < high < np.inf or low >= high:

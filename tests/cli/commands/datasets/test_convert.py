@@ -68,9 +68,9 @@ def test_an_rrd_is_rerun_s(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["out=a.rrd", "format=robomimic"], "its name ends in .hdf5 or .h5"),
+        (["out=a.rrd", "format=robomimic"], "its name must end in .hdf5 or .h5"),
         (["out=a.hdf5", "format=lerobot"], "in no ending of another format"),
-        (["out=folder", "format=rrd"], "its name ends in .rrd"),
+        (["out=folder", "format=rrd"], "its name must end in .rrd"),
         (["format=tfrecord"], "not one of lerobot, robomimic, d4rl, rrd"),
     ],
 )

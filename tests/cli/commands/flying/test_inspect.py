@@ -63,11 +63,11 @@ def test_the_expert_flies_beside_a_recording_from_the_same_start(flights: Path) 
     [
         (["{demos}", "episode=2"], "expected 0 to 1, got 2"),
         (["nowhere"], "does not exist"),
-        (["{demos}", "save=x.mp4"], "its name ends in .rrd"),
-        (["{demos}", "screenshot=x.jpg"], "its name ends in .png or .webp"),
+        (["{demos}", "save=x.mp4"], "its name must end in .rrd"),
+        (["{demos}", "screenshot=x.jpg"], "its name must end in .png or .webp"),
         (["{demos}", "screenshot=x.png", "at=2"], "from 0 to 1"),
-        (["{demos}", "at=0.5"], "say screenshot=FILE too"),
-        (["expert"], "expert flies beside something"),
+        (["{demos}", "at=0.5"], "set screenshot=FILE too"),
+        (["expert"], "expert is shown beside another flight"),
         (["{demos}", "policy=nowhere"], "nowhere"),
     ],
 )

@@ -76,8 +76,8 @@ def test_a_robot_and_a_task_are_flown(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["task", "reach"], "There is a task reach already"),
-        (["policy", "mlp_local"], "There is a policy mlp_local already"),
+        (["task", "reach"], "A task named reach already exists"),
+        (["policy", "mlp_local"], "A policy named mlp_local already exists"),
         (["task", "../escape"], "cannot be the name"),
         (["task", "class"], "cannot be the name"),
         (["gadget", "x"], "kind=gadget is not one of task, robot, policy, algorithm"),
@@ -94,7 +94,7 @@ def test_what_is_there_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFi
     file = tmp_path / "aerial_il/policies/my_network.py"
     file.write_text("mine")
     assert main(["new", "policy", "my_network", f"into={tmp_path}"]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
     assert file.read_text() == "mine"
 
 

@@ -95,14 +95,14 @@ def test_who_learns_from_reward_needs_no_demonstrations(tmp_path: Path, monkeypa
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "algorithm=bc learns from demonstrations: say dataset=PATH"),
+        ([], "algorithm=bc learns from demonstrations: set dataset=PATH"),
         (["algorithm=dac", "policy=squashed_gaussian", *PENDULUM], "algorithm=dac learns from demonstrations"),
-        (["algorithm=sac", "policy=squashed_gaussian"], "say env=KEY, or robot=... and task=..., or dataset=PATH"),
-        (["algorithm=sac", "policy=squashed_gaussian", "robot=quad"], "say env=KEY, or robot=... and task=..."),
+        (["algorithm=sac", "policy=squashed_gaussian"], "set env=KEY, or robot=... and task=..., or dataset=PATH"),
+        (["algorithm=sac", "policy=squashed_gaussian", "robot=quad"], "set env=KEY, or robot=... and task=..."),
         (["algorithm=sac", "policy=squashed_gaussian", "robot=quad", *PENDULUM], "leave out robot=quad"),
         (
             ["algorithm=sac", "policy=squashed_gaussian", "max_steps=9"],
-            "max_steps=9 is for an environment from",
+            "max_steps=9 is for an external environment",
         ),
         (["dataset=demos", *PENDULUM], "leave out max_steps"),
         (["dataset=demos", "env=gymnasium:Pendulum-v1"], "robot=ua_quad_arm4; robot=gymnasium was asked for"),
