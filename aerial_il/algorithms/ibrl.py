@@ -107,8 +107,10 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             for size, name in ((2 * len(run.demos.frames), "demonstrations"), (self.buffer_size, "minibatches"))
         )
         demos.add(demonstrated_rows(run.demos, interface, absorbing=self.absorbing))
-        run.wrap = lambda own: GatedPolicy(
-            own, prior.fresh(), agent.critics, hidden=self.critic_hidden, caution=self.caution
+        run.wrap = lambda own: (
+            GatedPolicy(own, prior.fresh(), agent.critics, hidden=self.critic_hidden, caution=self.caution)
+            if run.collector.steps
+            else prior.fresh()  # before anything is flown, it is the prior that is judged
         )
         parts = {"agent": agent, "clone": cloned, "proposals": proposals}
         run.begin(agent.actor, {**parts, "demonstrations": demos, "replay_buffer": buffer})

@@ -125,9 +125,7 @@ class NaturalGradientAgent:
     def improve(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> dict[str, float]:
         """Take one natural step up the advantages (B,) of what was drawn, ``raw`` (B, R), for ``obs`` (B, Do)."""
         weights = [weight for weight in self.actor.parameters() if weight.requires_grad]
-        log_prob, _ = self.actor.judge(obs[:, None], raw)
-        gain = (log_prob * advantages).mean() - self.settings.smoothness.loss(self.actor, obs, next_obs)
-        gradient = flat_gradient(gain, weights)
+        gradient = flat_gradient(self.gain(obs, next_obs, raw, advantages), weights)
         direction = conjugate_gradients(self._fisher(obs, weights), gradient, self.settings.cg_iterations)
         slope = float(gradient @ direction)
         if slope <= 0:  # no advantage differs from another: there is nowhere to go
@@ -138,6 +136,11 @@ class NaturalGradientAgent:
             vector_to_parameters(parameters_to_vector(weights) + length * direction, weights)
             moved = self.actor.divergence(before, self.actor.distribution(obs[:, None])).mean().item()
         return {"actor/approx_kl": moved, "actor/step_length": length, "actor/surrogate": length * slope}
+
+    def gain(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> Tensor:
+        """Return what a step climbs, as in :meth:`improve`."""
+        log_prob, _ = self.actor.judge(obs[:, None], raw)
+        return (log_prob * advantages).mean() - self.settings.smoothness.loss(self.actor, obs, next_obs)
 
     def _fisher(self, obs: Tensor, weights: list[nn.Parameter]) -> Callable[[Tensor], Tensor]:
         """Return what multiplies vectors (W,) with the Fisher information over ``obs`` (B, Do), and damping."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -19,9 +19,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from aerial_il import experts
 from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
+from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.jsrl import JumpStart
+from aerial_il.algorithms.residual import ResidualLearning
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -57,7 +63,9 @@ NOTES = (
     "Flown: control steps of practice, mean over trainings. Minutes: time of optimisation, mean over trainings.",
     "Dip: how far success fell below that of the initial policy, measured at the start of each round on the round's "
     "own starts, before anything was learned from them; the largest over all draws and rounds. Rounds of filtered "
-    "cloning fly with noise, so its dip is that of the noisy policy.",
+    "cloning fly with noise, so its dip is that of the noisy policy. bc_ppo, residual and dapg "
+    "have no rounds: theirs are the stretches between two rows of their metrics, flown with exploration noise, and "
+    "the first one is that of the prior. For jsrl no dip can be given, since a guide begins its episodes.",
 )
 
 
@@ -78,6 +86,44 @@ class Practised(Shown):
         return train_in_rounds(self, self.algorithm, stages, run, worlds=self.algorithm.worlds, expert=None)
 
 
+@dataclass(frozen=True, eq=False)
+class Continued(Shown):
+    """A policy that goes on, step by step, from the very clone that stands beside it.
+
+    Attributes:
+        algorithm: how, beside those of :class:`Shown`; its ``prior`` is that clone. cloning: how that was made.
+    """
+
+    algorithm: PractisedPolicy
+    cloning: BehaviourCloning
+
+    @property
+    def clone(self) -> Cloned:
+        """What it begins with."""
+        return Cloned("bc", self.source, self.demos, self.policy, self.cloning)
+
+    def decided_by(self) -> dict[str, Any]:
+        own = all_that_decides(self, "bc", self.algorithm.name, *_beside(self.algorithm))
+        return {**own, "clone": self.clone.decided_by()}
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        stages.policy(self.clone)
+        source, settings = self.source, replace(self.algorithm, prior=str(stages.run_of(self.clone)))
+        env = stages.environment(source, source.tier, settings.worlds)
+        try:
+            return settings.train(
+                stages.demonstrations(source, self.demos),
+                self.policy,
+                run=run,
+                env=env,
+                expert=experts.make(source.robot, source.task) if "expert" in settings.needs else None,
+                seed=source.draw,
+                progress=stages.progress,
+            )
+        finally:
+            env.close()
+
+
 @dataclass(frozen=True)
 class Arm:
     """One training and what it stands for.
@@ -88,7 +134,7 @@ class Arm:
 
     name: str
     demos: int
-    training: Cloned | Practised
+    training: Cloned | Practised | Continued
 
     @property
     def cell(self) -> tuple[str, int]:
@@ -96,7 +142,15 @@ class Arm:
         return self.training.source.task, self.demos
 
 
+Practising = ExpertIteration | FilteredCloning | PractisedPolicy
 Results = Mapping[tuple[Arm, str], EvaluationResult]
+
+
+def _all_practising() -> dict[str, Practising]:
+    """Return the arms that practise, as they are shipped."""
+    found: list[Practising] = [ExpertIteration(), FilteredCloning()]
+    found += [ClonedProximalOptimisation(), ResidualLearning(), DemonstrationAugmented(), JumpStart()]
+    return {algorithm.name: algorithm for algorithm in found}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,9 +172,7 @@ class FromPrior:
     expert: Mapping[str, Any] = field(default_factory=usual_expert)
     policy: PolicyConfig = field(default_factory=MlpConfig)
     cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
-    practising: Mapping[str, ExpertIteration | FilteredCloning] = field(
-        default_factory=lambda: {JUDGED: ExpertIteration(), "filtered_bc": FilteredCloning()}
-    )
+    practising: Mapping[str, Practising] = field(default_factory=lambda: _all_practising())
     arms: tuple[str, ...] = ()
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40)})
@@ -151,7 +203,7 @@ class FromPrior:
         results = {key: stages.judged(key[0].training, key[1], seeds) for key in bar(work, self.name, progress)}
         groups = list(_grouped(arms))
         pooled = [_row(group, tier, results, stages) for group in groups for tier in (self.tier, self.harder)]
-        practice = Practice(stages, [arm for arm in arms if isinstance(arm.training, Practised)])
+        practice = Practice(stages, [arm for arm in arms if not isinstance(arm.training, Cloned)])
         return Report(
             name=self.name,
             question=self.question,
@@ -173,8 +225,14 @@ class FromPrior:
             for count in counts:
                 yield Arm(CLONE, count, Cloned("bc", source, count, self.policy, self.cloning))
                 for name in self.arms or tuple(self.practising):
-                    yield Arm(name, count, Practised(name, source, count, self.policy, self.practising[name]))
+                    yield Arm(name, count, self._practised(name, source, count))
                 yield Arm(SHOWN_MORE, count, many)
+
+    def _practised(self, name: str, source: Source, count: int) -> Practised | Continued:
+        algorithm = self.practising[name]
+        if isinstance(algorithm, PractisedPolicy):
+            return Continued(name, source, count, self.policy, algorithm, self.cloning)
+        return Practised(name, source, count, self.policy, algorithm)
 
     def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:
         """Yield what expert iteration must reach."""
@@ -215,6 +273,9 @@ class Practice:
                 yield Target(what, "at most", MOST_DIP, row["dip"], "points", f"{row['rounds']} rounds of flights")
 
     def _rounds(self, arm: Arm) -> Iterator[Row]:
+        if isinstance(arm.training, Continued):
+            yield from self._stretches(arm)
+            return
         flown = 0
         for row in read_metrics(self.stages.run_of(arm.training))[1:]:
             flown += int(row["flight_steps"])
@@ -230,16 +291,35 @@ class Practice:
                 "flown": flown,
             }
 
+    def _stretches(self, arm: Arm) -> Iterator[Row]:
+        """Yield one row for each stretch of a training between two rows of its metrics: episodes that ended in it."""
+        rows = [row for row in read_metrics(self.stages.run_of(arm.training)) if "episode/success" in row]
+        for number, row in enumerate(rows, start=1):
+            solved = round(100 * row["episode/success"], 1)
+            alone = not isinstance(arm.training.algorithm, JumpStart)
+            yield {
+                "arm": arm.name,
+                "task": arm.cell[0],
+                "demos": arm.demos,
+                "draw": arm.training.source.draw,
+                "round": number,
+                "first_percent": solved if alone else None,
+                "solved_percent": solved,
+                "flown": int(row["step"]),
+            }
+
     def _dip(self, group: Sequence[Arm]) -> Row:
         flown = [[row["first_percent"] for row in self._rounds(arm)] for arm in group]
-        dips = [max(0.0, rates[0] - min(rates)) for rates in flown]
         head = {"arm": group[0].name, "task": group[0].cell[0], "demos": group[0].demos}
-        return {**head, "dip": round(max(dips), 1), "rounds": sum(map(len, flown))}
+        guided = any(rate is None for rates in flown for rate in rates)
+        dip = None if guided else round(max(max(0.0, rates[0] - min(rates)) for rates in flown), 1)
+        return {**head, "dip": dip, "rounds": sum(map(len, flown))}
 
 
-def _beside(algorithm: ExpertIteration | FilteredCloning) -> tuple[str, ...]:
-    """Return the other algorithms whose code an algorithm flies with."""
-    return ("dart",) if isinstance(algorithm, FilteredCloning) else ()
+def _beside(algorithm: Practising) -> tuple[str, ...]:
+    """Return the other algorithms whose code an algorithm uses."""
+    others = {"filtered_bc": ("dart",), "bc_ppo": ("ppo",), "dapg": ("npg", "ppo")}
+    return others.get(algorithm.name, ("bc_ppo", "ppo") if isinstance(algorithm, PractisedPolicy) else ())
 
 
 def _grouped(arms: Sequence[Arm]) -> Iterator[list[Arm]]:
@@ -270,6 +350,8 @@ def _flown(arm: Arm, stages: Stages) -> int:
     """Return the control steps that a training has flown by itself."""
     if isinstance(arm.training, Cloned):
         return 0
+    if isinstance(arm.training, Continued):
+        return int(read_metrics(stages.run_of(arm.training))[-1]["step"])
     return sum(int(row["flight_steps"]) for row in read_metrics(stages.run_of(arm.training)))
 
 

@@ -56,6 +56,10 @@ def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
     """Return the policy that was saved, beside its prior where it has one."""
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
     from aerial_il.policies.parts.gated import GATE, GatedPolicy
+    from aerial_il.policies.parts.residual import RESIDUAL, ResidualPolicy
+
+    if RESIDUAL in saved.config:
+        return ResidualPolicy.around(saved, _rebuilt)
 
     kind, settings = policy_config(saved.config["policy"]), saved.config["settings"]
     if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:

@@ -9,10 +9,13 @@ from typing import Any
 import pytest
 
 from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.from_prior import CLONE, JUDGED, SHOWN_MORE, Arm, FromPrior, Practice, Practised
+from aerial_il.benchmarks.from_prior import CLONE, JUDGED, SHOWN_MORE, Arm, Continued, FromPrior, Practice, Practised
+from aerial_il.benchmarks.parts.records.record import digest
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
@@ -102,3 +105,40 @@ def test_a_study_of_nothing_is_refused(wrong: dict[str, Any]) -> None:
 def test_an_arm_that_is_none_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="filtered_bc"):
         FromPrior(arms=("ppo",))
+
+
+def decisions_of(study: FromPrior) -> dict[str, str]:
+    """Return a digest of all that decides the trainings of each arm."""
+    return {f"{arm.name}/{arm.demos}": digest(arm.training.decided_by()) for arm in study._all_arms()}
+
+
+def test_an_arm_that_is_added_leaves_what_decides_the_others() -> None:
+    """So that what they have done stays valid."""
+    usual = {"starts": {"reach": (2,)}, "draws": (0,)}
+    study = FromPrior(**usual)
+    few = FromPrior(**usual, practising={name: study.practising[name] for name in (JUDGED, "filtered_bc")})
+    before, now = decisions_of(few), decisions_of(study)
+    assert before.items() < now.items()
+    assert len({*now.values()}) == len(now), "and no two arms are one"
+
+
+def test_whatever_practice_begins_with_decides_it() -> None:
+    source, other = Source(robot="z1", task="reach"), replace(CLONING, steps=11)
+    clones = [
+        Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), cloning) for cloning in (CLONING, other)
+    ]
+    assert clones[0].decided_by() != clones[1].decided_by()
+
+
+@pytest.mark.slow
+def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(tmp_path: Path) -> None:
+    """All four, from one clone, once."""
+    small = {"steps": 64, "rollout": 64, "warmup": 64, "critic_hidden": (8,), "log_every": 64}
+    usual = FromPrior().practising
+    practising = {n: replace(a, **small) for n, a in usual.items() if isinstance(a, PractisedPolicy)}
+    report = FromPrior(**{**SMALL, "practising": practising}).run(tmp_path, progress=False)
+    flown = {row["arm"]: row["flown"] for row in report.tables["Success"]}
+    assert [flown[name] for name in practising] == [64] * 4
+    clones = {run.parent for run in tmp_path.glob("training/bc/*/2/*/metrics.jsonl")}
+    assert len(clones) == 1
+    assert {row["arm"]: row["dip"] for row in report.tables["Dips"]}["jsrl"] is None

@@ -44,13 +44,14 @@ LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to w
 CLONES = BehaviourCloning(
     steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0, validate_every=0, checkpoint_every=60
 )
-ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_floor": 1.0}  # no clone does the work
+ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_floor": 1.0}
+ALONE |= {"cloning": replace(CLONES, steps=1)}  # no clone does the work
 NETWORKS = {"critic_hidden": (32, 32), "reward_hidden": (32,), "gamma": 0.9, "gradient_penalty": 1.0}
 ONLINE: dict[str, Any] = {**NETWORKS, **ALONE, "steps": 1_200, "warmup": 200, "batch_size": 64, "lr": 3e-3}
 OFF_POLICY = {**ONLINE, "utd_ratio": 0.5, "tau": 0.05, "actor_every": 1, "reward_lr": 2e-3, "reward_updates": 1.0}
 OFF_POLICY |= {"exploration": 0.5, "target_every": 1, "offline_steps": 200}
 ON_POLICY = {**ONLINE, "steps": 10_240, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
-ON_POLICY |= {"step_size": 0.1}
+ON_POLICY |= {"reward": "environment", "step_size": 0.1, "critic_lr": 3e-3, "noise": 0.5, "kl": 0.0}
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
 
@@ -260,7 +261,7 @@ def test_it_trains_on_a_real_cell(tmp_path: Path, name: str, cell: tuple[Any, An
     env, expert, demos = cell
     settings = short(name, 24)
     if "expert" in settings.needs:
-        settings = replace(settings, rounds=1, episodes=1)
+        settings = replace(settings, **known(type(settings), {"rounds": 1, "episodes": 1}))
     options = {"expert": expert} if "expert" in settings.needs else {}
     policy = train(settings, tmp_path / "run", env=env, demos=demos, **options)
     obs = env.reset(np.array([5000, 5001]))

@@ -17,6 +17,7 @@ from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.replay.demonstrations import Transitions
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
+from aerial_il.algorithms.run.judged_first import is_judged_first
 from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
@@ -210,6 +211,9 @@ class OnlineRun:
         A run killed while it evaluates resumes just before.
         """
         step = self.collector.steps
+        if is_judged_first(self._settings, self._problem.inputs) and self._evaluate and step == self._offline == 0:
+            with self._signals.at_once(), torch.random.fork_rng():
+                self.folder.log(0, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), 0).items()})
         if self._evaluate and (self._done or self._due(self._settings.evaluate_every) if step else self._offline):
             with self._signals.at_once(), torch.random.fork_rng():
                 self.folder.log(step, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), step).items()})

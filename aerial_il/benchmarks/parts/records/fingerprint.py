@@ -15,6 +15,11 @@ from aerial_il.core.provenance import package_versions
 
 PROBED_SEEDS, PROBE_NOISE, LONGEST_PROBE = (4_000_000, 4_000_001), 0.3, 1500
 PACKAGE = Path(aerial_il.__file__).parent
+SET_APART = (  # parts that only some algorithms use: the code of the others is what it would be without them
+    "algorithms.decisions",
+    "algorithms.run.judged_first",
+    "policies.parts.residual",
+)
 ROOMS = sorted(file.parent for file in (PACKAGE / "algorithms").glob("*/__init__.py"))  # what algorithms share
 LEARNING = (PACKAGE / "policies", *ROOMS, *(PACKAGE / "data" / f"{name}.py" for name in ("windows", "waypoints")))
 
@@ -62,21 +67,63 @@ def _flown(env: BatchEnv, expert: Expert) -> str:
 def learning_code(*algorithms: str) -> dict[str, str]:
     """Return what decides a training besides its data and settings: digest of the code, version of torch.
 
+    What is set apart counts where one of the algorithms imports it, and nowhere else.
+
     Args:
         algorithms: names of those that train, e.g. ``bc``.
     """
     files = [PACKAGE / "algorithms" / f"{name}.py" for name in algorithms]
-    files += [file for part in LEARNING for file in _sources(part)]
-    return {"code": code_digest(files), "torch": package_versions().get("torch", "")}
+    apart = () if any(imports(file, SET_APART) for file in files) else SET_APART
+    files += [file for part in LEARNING for file in _sources(part) if not _is_one_of(file, apart)]
+    return {"code": code_digest(files, apart), "torch": package_versions().get("torch", "")}
 
 
-def code_digest(files: list[Path]) -> str:
-    """Return a digest of what Python files do: comments, docstrings and layout do not count."""
+def code_digest(files: list[Path], apart: tuple[str, ...] = ()) -> str:
+    """Return a digest of what Python files do: comments, docstrings and layout do not count.
+
+    Args:
+        apart: modules of the package that do not count either, nor do imports of them, nor branches (``if``) whose
+            condition names what they bring.
+    """
     found = hashlib.sha256()
     for file in sorted(files):
+        tree = _without_docstrings(ast.parse(file.read_text(encoding="utf-8")))
         found.update(file.relative_to(file.parents[1]).as_posix().encode())
-        found.update(ast.dump(_without_docstrings(ast.parse(file.read_text(encoding="utf-8")))).encode())
+        found.update(ast.dump(_Without(apart).visit(tree) if apart else tree).encode())
     return found.hexdigest()[:16]
+
+
+def imports(file: Path, modules: tuple[str, ...]) -> bool:
+    """Whether a Python file imports from one of the ``modules`` of the package, or from one below."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    return any(isinstance(node, ast.ImportFrom) and _is_from(node, modules) for node in ast.walk(tree))
+
+
+class _Without(ast.NodeTransformer):
+    """Takes imports of some modules out of a tree, and branches whose condition names what these bring."""
+
+    def __init__(self, modules: tuple[str, ...]) -> None:
+        self._modules, self._names = modules, set[str]()
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.ImportFrom | None:
+        if not _is_from(node, self._modules):
+            return node
+        self._names |= {alias.asname or alias.name for alias in node.names}
+        return None
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        named = {part.id for part in ast.walk(node.test) if isinstance(part, ast.Name)}
+        return None if named & self._names else self.generic_visit(node)
+
+
+def _is_from(node: ast.ImportFrom, modules: tuple[str, ...]) -> bool:
+    return any(f"{node.module}.".startswith(f"{PACKAGE.name}.{module}.") for module in modules)
+
+
+def _is_one_of(file: Path, modules: tuple[str, ...]) -> bool:
+    """Whether a file of the package is one of the modules or lies below one."""
+    dotted = ".".join(file.relative_to(PACKAGE).with_suffix("").parts)
+    return any(f"{dotted}.".startswith(f"{module}.") for module in modules)
 
 
 def _sources(path: Path) -> list[Path]:

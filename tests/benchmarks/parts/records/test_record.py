@@ -41,6 +41,52 @@ def test_words_about_code_do_not_count_and_what_it_does_counts(tmp_path: Path) -
     assert coded('def f(x):\n    """Only words."""\n') != coded("def f(x):\n    return None\n")
 
 
+HOOKED = """
+from aerial_il.core import x
+{imported}
+
+def f(y):
+    {hook}
+    return x
+"""
+
+
+def test_what_is_set_apart_counts_for_none_but_those_that_use_it(tmp_path: Path) -> None:
+    """Neither does what brings it in, an import and a branch; a branch on anything else does."""
+    file, apart = tmp_path / "code.py", ("policies.parts.residual",)
+
+    def coded(imported: str, hook: str, apart: tuple[str, ...] = apart) -> str:
+        file.write_text(HOOKED.format(imported=imported, hook=hook))
+        return fingerprint.code_digest([file], apart)
+
+    plain, brought = coded("", ""), "from aerial_il.policies.parts.residual import KEY"
+    assert coded(brought, "if KEY in y:\n        return 2") == plain
+    assert coded(brought, "if KEY in y:\n        return 2", ()) != plain
+    assert coded("", "if y:\n        return 2") != plain
+    assert coded("from aerial_il.policies.parts.gated import KEY", "if KEY in y:\n        return 2") != plain
+
+
+def test_code_that_is_set_apart_is_there_and_decides_those_that_import_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in fingerprint.SET_APART:
+        path = fingerprint.PACKAGE.joinpath(*module.split("."))
+        assert path.is_dir() or path.with_suffix(".py").is_file()
+    sources = fingerprint._sources
+
+    def altered(name: str) -> str:
+        """Return the digest of an algorithm's code without the parts that are set apart."""
+        fingerprint.learning_code.cache_clear()
+        return fingerprint.learning_code(name)["code"]
+
+    before = {name: altered(name) for name in ("bc", "bc_ppo", "residual")}
+    without = [f for f in sources(fingerprint.PACKAGE / "policies") if f.name != "residual.py"]
+    monkeypatch.setattr(fingerprint, "_sources", lambda p: without if p.name == "policies" else sources(p))
+    now = {name: altered(name) for name in before}
+    fingerprint.learning_code.cache_clear()
+    assert now["bc"] == before["bc"]
+    assert now["bc_ppo"] != before["bc_ppo"]
+    assert now["residual"] != before["residual"]
+
+
 class Flown:
     """Two worlds whose episodes end after some steps; the observation, reward and success can be altered a little."""
 

@@ -1,0 +1,245 @@
+"""Settings of on-policy learners that practise what they have been shown: the clone they begin with, and its opening.
+
+What begins is a clone of the demonstrations, trained in the folder ``prior`` of the run, or a policy that was trained
+before. It is flown chunk by chunk: a mean over overlapping chunks is no chunk that could have been drawn.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
+from aerial_il.algorithms.decisions.cut_short import cut_short
+from aerial_il.algorithms.rl.demonstrated import check_lengths
+from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy
+from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
+from aerial_il.algorithms.rl.reinforcement import Reinforcement, Reward
+from aerial_il.algorithms.rl.replay.demonstrations import check_same
+from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.algorithms.run.prior import load_prior
+from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
+from aerial_il.core.checkpoint import Checkpoint, digest
+from aerial_il.core.contracts import BatchEnv, Policy
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+
+PRIOR = "prior"  # folder of the clone below a run's
+ANY_CLASS = "algorithm=residual takes a prior of any class."
+
+
+class Practice(NamedTuple):
+    """What practice has: the run, the policy that it begins with, demonstrations, and an expert where there is one."""
+
+    run: OnlineRun
+    prior: ChunkPolicy
+    demos: Sequence[Episode]
+    expert: Policy | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PractisedPolicy(Reinforcement):
+    """What they are given; stands before :class:`OnPolicy` among the bases. :meth:`practise` is the algorithm.
+
+    The reward is sparse unless ``reward`` says otherwise.
+
+    Attributes:
+        prior: a run or policy to begin with; None for a clone of the demonstrations. cloning: how that is made.
+        warmup: environment steps in which the prior flies alone, and a critic learns what it is worth.
+        patience: episodes of practice are cut at so many times the longest demonstration.
+    """
+
+    demonstrated: ClassVar[bool] = True
+    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (PolicyConfig,)
+    worlds: ClassVar[int] = 64
+
+    log_every: int = 50_000
+    reward: Reward = "sparse"
+    prior: str | None = None
+    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
+    warmup: int = 50_000
+    patience: float = 1.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "warmup")
+        require_positive(self, "patience")
+
+    def train(
+        self,
+        dataset: Iterable[Episode] | None,
+        policy: PolicyConfig,
+        *,
+        env: BatchEnv,
+        run: str | os.PathLike[str],
+        seed: int = 0,
+        expert: Policy | None = None,
+        evaluate: Evaluate | None = None,
+        resume: bool = True,
+        progress: bool = True,
+    ) -> ChunkPolicy:
+        """Clone the demonstrations, or take the prior, and practise in ``env``; see :class:`OnlineAlgorithm`.
+
+        Args:
+            policy: what is cloned; the prior's own is trained where there is one.
+            expert: who can fly here, for those that need one.
+
+        Raises:
+            InvalidValueError: also for a prior that cannot fly here or be trained, and demonstrations longer than
+                episodes.
+        """
+        inputs = self.inputs(env.spec, expert)
+        begun = load_prior(self.prior, env.spec) if self.prior else None
+        demos = shown(dataset or (), begun.config if begun else policy, env)
+        if begun is None:
+            options = {"seed": seed, "resume": resume, "progress": progress}
+            begun = self.cloning.train(demos, policy, run=Path(run) / PRIOR, **options)
+        prior = self.flown(begun)
+        problem = Problem(
+            self.name,
+            seed,
+            prior.config,
+            cut_short(env, math.ceil(self.patience * max(map(len, demos)))),
+            prior.interface,
+            dataset=described(demos, prior),
+            scheme=self.scheme,
+            inputs={PRIOR: digest(Checkpoint(prior.to_checkpoint().arrays)), **inputs},
+            initial=prior.network.state_dict(),
+        )
+        with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
+            return self.practise(Practice(opened, prior, demos, expert)) if opened else load_policy(run)
+
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        """Refuse: practice needs something to begin with, which :meth:`train` brings.
+
+        Raises:
+            InvalidValueError: always.
+        """
+        raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
+
+    @abstractmethod
+    def practise(self, practice: Practice) -> ChunkPolicy:
+        """Collect and learn until the run has no steps left; return the trained policy."""
+
+    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
+        """Return the prior as practice flies it."""
+        return prior
+
+    def inputs(self, spec: EnvSpec, expert: Policy | None) -> Mapping[str, str]:
+        """Return digests of whatever else it learns from, by name; refuse what cannot be learned from."""
+        return {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnchoredOnPolicy(ProximalOnPolicy):
+    """Settings of PPO that begins with something good and holds on to it; ``lr`` is the actor's.
+
+    Attributes:
+        critic_lr: the critic's learning rate, which stays.
+        kl: weight of the divergence of a decision from what the beginning would have drawn; it falls linearly to zero.
+        gate: standard errors by which a rollout's episodes may be worth less than the prior's; see
+            :mod:`aerial_il.algorithms.decisions.gate`. A large number for any.
+    """
+
+    rollout: int = 16_384
+    lr: float = 1e-5
+    critic_lr: float = 1e-3
+    epochs: int = 5
+    batch_size: int = 256
+    target_kl: float = 0.05
+    critic_hidden: tuple[int, ...] = (128, 128)
+    kl: float = 0.003
+    gate: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "critic_lr")
+        require_not_negative(self, "kl", "gate")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PractisedChunks(PractisedPolicy):
+    """What learners are given that go on with the clone's own network.
+
+    Attributes:
+        execute: steps of a chunk that are flown before the next one is drawn, no more than it has.
+        noise: deviation of what is drawn, in those of the demonstrated actions. It is learned from there on.
+        correlation: of that noise from one step of a chunk to the next.
+    """
+
+    execute: int = 10
+    noise: float = 0.1
+    correlation: float = 0.9
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "execute", "noise")
+        require_share(self, "correlation", below_one=True)
+
+    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
+        """Return the prior as a policy of single chunks.
+
+        Raises:
+            InvalidValueError: its network cannot be trained by what its chunks brought.
+        """
+        check_trainable(prior, self.prior)
+        execute = min(self.execute, prior.config.chunk)
+        config = replace(prior.config, execute=execute, ensemble=None)
+        return ChunkPolicy(config, prior.interface, prior.network, prior.origin)
+
+    def actor(self, practice: Practice) -> ChunkActor:
+        """Return the clone, exploring."""
+        config = practice.prior.config
+        return ChunkActor(
+            practice.run.build_actor(ChunkNetwork),
+            history=config.history,
+            execute=config.execute,
+            explored=practice.prior.interface.varied,
+            deviation=self.noise,
+            correlation=self.correlation,
+        )
+
+
+def shown(dataset: Iterable[Episode], policy: PolicyConfig, env: BatchEnv) -> list[Episode]:
+    """Return the demonstrations.
+
+    Raises:
+        InvalidValueError: there are none, they come from another environment, or they are longer than episodes here.
+    """
+    layout, demos = read_demos(dataset, policy)
+    check_same(layout.spec, env.spec)
+    check_lengths(demos, env.spec.max_steps)
+    return demos
+
+
+def described(demos: Sequence[Episode], prior: ChunkPolicy) -> dict[str, object]:
+    """Return which demonstrations these are, for the run's configuration."""
+    windows = cut_windows(demos, prior.interface.layout, prior.config)
+    return {"demonstrations": len(demos), "frames": len(windows), "digest": digest_of(windows)}
+
+
+def check_trainable(prior: ChunkPolicy, source: str | None) -> None:
+    """Raise :class:`InvalidValueError` unless a gradient can tell the prior's network how to change its chunks."""
+    name = f"policy={prior.config.name}" if source is None else f"The prior {source} (policy={prior.config.name})"
+    if type(prior) is not ChunkPolicy:
+        raise InvalidValueError(f"{name} stands beside another one: its weights alone do not fly. {ANY_CLASS}")
+    if prior.interface.layout.images:
+        raise InvalidValueError(f"{name} sees images; practice on state fields alone can train it. {ANY_CLASS}")
+    if prior.network.noise_size:
+        raise InvalidValueError(
+            f"{name} draws its chunks from noise of its own, so that how likely one was is not known. Clone with "
+            f"policy=mlp, recurrent, gaussian or squashed_gaussian; {ANY_CLASS}"
+        )
+    if prior.config.name == "categorical":
+        raise InvalidValueError(f"{name} chooses among a few actions and has no chunk to shift: take algorithm=ppo.")

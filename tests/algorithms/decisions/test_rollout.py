@@ -1,0 +1,116 @@
+"""Decisions that last several steps: their advantages by hand, the noise of chunks, the gate, episodes cut short."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
+from aerial_il.algorithms.decisions.cut_short import cut_short
+from aerial_il.algorithms.decisions.gate import ReturnGate
+from aerial_il.algorithms.decisions.rollout import Decisions, advantages
+from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.layout import Layout
+from tests.algorithms.drift import SPEC, Drift
+
+PLAIN = MlpConfig(hidden=(8,), chunk=4, anchor=None, blind_to=())
+
+
+def rollout(decided: list[int], *, terminal: tuple[int, ...] = (), truncated: tuple[int, ...] = ()) -> Decisions:
+    """One world for six steps, each paid its number."""
+    steps, nothing = np.arange(6), np.zeros((6, 1, 1))
+    flags = [np.isin(steps, which)[:, None] for which in (decided, terminal, truncated)]
+    return Decisions(nothing, flags[0], nothing, nothing, steps[:, None].astype(float), *flags[1:], flags[1])
+
+
+def test_a_decision_is_worth_what_is_paid_until_the_next_one() -> None:
+    """Decisions at steps 0, 2 and 5; the second outlives no end, the third is cut by the rollout's."""
+    values = np.arange(10.0, 16.0)[:, None]
+    after = values + 1.0  # of the state after each step: what the next step's begins with
+    found, closing = advantages(rollout([0, 2, 5]), values, after, np.arange(6.0)[:, None], gamma=0.5, gae_lambda=0.8)
+    last = 5 + 0.5 * 16 - 15
+    second = 2 + 0.5 * 3 + 0.25 * 4 + 0.125 * 15 - 12 + 0.8 * 0.125 * last
+    first = 0 + 0.5 * 1 + 0.25 * 12 - 10 + 0.8 * 0.25 * second
+    np.testing.assert_allclose(found[[0, 2, 5], 0], [first, second, last])
+    np.testing.assert_array_equal(closing[[0, 2, 5], 0], [1, 4, 5])
+
+
+@pytest.mark.parametrize(("kind", "worth"), [("terminal", 0.0), ("truncated", 7.0)])
+def test_nothing_follows_an_end_and_a_cut_is_worth_what_the_critic_sees(kind: str, worth: float) -> None:
+    values, after = np.zeros((6, 1)), np.full((6, 1), 7.0)
+    ended = {"terminal": (1,)} if kind == "terminal" else {"truncated": (1,)}
+    found, _ = advantages(rollout([0, 2], **ended), values, after, np.ones((6, 1)), gamma=0.5, gae_lambda=1.0)
+    assert found[0, 0] == pytest.approx(1 + 0.5 + 0.25 * worth), "whatever comes in the next episode"
+
+
+def actor(correlation: float = 0.9, deviation: float = 0.2) -> ChunkActor:
+    torch.manual_seed(0)
+    network, explored = PLAIN.build(2, 3), np.array([True, False, True])
+    return ChunkActor(network, history=1, execute=3, explored=explored, deviation=deviation, correlation=correlation)
+
+
+def test_the_density_of_a_chunk_is_that_of_its_correlated_noise() -> None:
+    """Against torch's own Gaussian with the covariance written out."""
+    one, obs = actor(), torch.randn(5, 1, 2)
+    actions, raw, density = one.sample(obs)
+    mean, _ = one.distribution(obs)
+    lag = (torch.arange(3)[:, None] - torch.arange(3)).abs()
+    noise = torch.distributions.MultivariateNormal(torch.zeros(3), 0.2**2 * 0.9**lag)
+    apart = (raw.unflatten(1, (3, 2)) - mean).transpose(1, 2)
+    torch.testing.assert_close(density, noise.log_prob(apart).sum(1), rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(one.judge(obs, raw)[0], density)
+    still = one(obs)[:, :3, 1]
+    torch.testing.assert_close(actions.unflatten(1, (3, 3))[..., 1], still)
+    torch.testing.assert_close(one.drawn_of(actions.unflatten(1, (3, 3))), raw)
+
+
+def test_the_divergence_of_two_actors_is_that_of_their_gaussians() -> None:
+    one, other, obs = actor(), actor(deviation=0.3), torch.randn(5, 1, 2)
+    with torch.no_grad():
+        other.network.layers[-1].bias.add_(0.1)
+    found = one.divergence(one.distribution(obs), other.distribution(obs))
+    cov = 0.9 ** (torch.arange(3)[:, None] - torch.arange(3)).abs()
+    apart = (one.distribution(obs)[0] - other.distribution(obs)[0]).transpose(1, 2)
+    wanted = torch.zeros(5)
+    for element in range(2):
+        pair = (
+            torch.distributions.MultivariateNormal(mean, scale**2 * cov)
+            for mean, scale in ((apart[:, element], 0.2), (torch.zeros(5, 3), 0.3))
+        )
+        wanted += torch.distributions.kl_divergence(*pair)
+    torch.testing.assert_close(found, wanted, rtol=1e-3, atol=1e-3)
+    assert one.divergence(one.distribution(obs), one.distribution(obs)).abs().max() < 1e-5
+
+
+def returns(*values: float) -> Decisions:
+    """Episodes of one step."""
+    paid = np.array(values)[:, None]
+    ended, nothing = np.ones((len(values), 1), bool), np.zeros((len(values), 1, 1))
+    return Decisions(nothing, ended, nothing, nothing, paid, ended, ~ended, ended)
+
+
+def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_did_not() -> None:
+    one = actor()
+    gate = ReturnGate(one, 1, errors=2.0)
+    good, bad = returns(*[1.0, 0.0] * 10), returns(*[0.0] * 20)
+    assert not gate.passes(good, warming_up=True), "nothing is learned yet"
+    weight = one.network.layers[-1].bias
+    moved = weight.detach() + 1.0
+    with torch.no_grad():
+        weight.add_(1.0)
+    assert gate.passes(good, warming_up=False)
+    with torch.no_grad():
+        weight.add_(1.0)
+    assert not gate.passes(bad, warming_up=False)
+    torch.testing.assert_close(weight.detach(), moved)
+    assert ReturnGate(one, 1, errors=1e9).passes(bad, warming_up=False)
+
+
+def test_episodes_are_cut_short_and_begin_anew() -> None:
+    env = cut_short(Drift(3), 4)
+    assert cut_short(env, 99) is env
+    collector = Collector(env, Layout.of(SPEC, PLAIN), seed=0)
+    cut = [collector.step(np.zeros((3, 1))).truncated for _ in range(9)]
+    np.testing.assert_array_equal(np.array(cut)[:, 0], [False, False, False, True] * 2 + [False])
