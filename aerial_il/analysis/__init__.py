@@ -1,7 +1,7 @@
 """One's own runs, evaluations and datasets as pandas frames, and their figures as matplotlib's."""
 
 from aerial_il.analysis.demonstrations import dataset, steps
-from aerial_il.analysis.figures import learning_curves, paired_comparison, returns, success, survival, use_style
+from aerial_il.analysis.figures import curves, learning_curves, paired_comparison, returns, success, survival, use_style
 from aerial_il.analysis.flights import compare, evaluation
 from aerial_il.analysis.training import metrics, runs
 
@@ -14,6 +14,7 @@ __all__ = [
     "steps",
     "success",
     "learning_curves",
+    "curves",
     "returns",
     "survival",
     "paired_comparison",

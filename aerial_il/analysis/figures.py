@@ -19,7 +19,7 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.compare import compare
 from aerial_il.evaluation.pages.run_figures import mean_success, unit_of
-from aerial_il.evaluation.training_run import read_run
+from aerial_il.evaluation.training_run import TrainingRun, read_run
 
 # Seven hues that people with any colour vision tell apart; M. Okabe and K. Ito, "Color Universal Design", 2008.
 HUES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -84,6 +84,39 @@ def learning_curves(runs: Runs) -> Figure:
     return figure
 
 
+def curves(runs: Runs, number: str = "episode/return", *, over: str = "step") -> Figure:
+    """Draw any number that runs logged: a hue per label, thick the mean over its runs, thin each of them.
+
+    Args:
+        runs: of any algorithm. number: a column of :func:`aerial_il.analysis.metrics`.
+        over: the column to draw it over, one that grows from row to row, e.g. ``elapsed_s``.
+
+    The mean is drawn where all runs of a label have values, which are joined by straight lines; the band is from the
+    worst of several runs to the best, no interval.
+
+    Raises:
+        InvalidValueError: one is no run, or did not log both numbers.
+    """
+    _some(runs)
+    figure, axes = _figure()
+    groups = {label: [read_run(path) for path in paths] for label, paths in runs.items()}
+    for hue, (label, members) in zip(_hues(groups), groups.items(), strict=True):
+        drawn = [_curve(run, number, over) for run in members]
+        for x, y in drawn if len(drawn) > 1 else ():
+            axes.plot(x, y, color=hue, lw=0.8, alpha=0.5)
+        start, end = max(x[0] for x, _ in drawn), min(x[-1] for x, _ in drawn)
+        grid = np.unique([p for x, _ in drawn for p in x if start <= p <= end])
+        if not len(grid):
+            raise InvalidValueError(f"{label!r}: its runs logged {number!r} at no common stretch of {over!r}.")
+        each = np.array([np.interp(grid, x, y) for x, y in drawn])
+        axes.plot(grid, each.mean(axis=0), color=hue, lw=2, label=f"{label} ({len(drawn)} run{'s'[: len(drawn) > 1]})")
+        axes.fill_between(grid, each.min(axis=0), each.max(axis=0), color=hue, alpha=0.15, lw=0)
+    x_label = unit_of(r for members in groups.values() for r in members) if over == "step" else over
+    axes.set(ylabel=number, xlabel=x_label)
+    axes.legend()
+    return figure
+
+
 def returns(evaluations: Mapping[str, Evaluation]) -> Figure:
     """Draw the return of every flight of each evaluation, and the mean with its 95 % bootstrap interval."""
     _some(evaluations)
@@ -138,6 +171,17 @@ def paired_comparison(a: Evaluation, b: Evaluation) -> Figure:
     difference.axvline(0, color="0.5", lw=1)
     difference.set(xlabel="b - a, points of success, 95 %", yticks=[], title=f"p = {found.p_value:.2g} (McNemar)")
     return figure
+
+
+def _curve(run: TrainingRun, number: str, over: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the values of ``over`` and of ``number`` in the rows of a run that have both."""
+    found = [(row[over], row[number]) for row in run.rows if number in row and over in row]
+    points = np.array(found, dtype=float).reshape(-1, 2)
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        logged = ", ".join(sorted({name for row in run.rows for name in row})) or "nothing yet"
+        raise InvalidValueError(f"{run.path} has no row with both {number!r} and {over!r}; it logged {logged}.")
+    return points[:, 0], points[:, 1]
 
 
 def _style() -> dict[Any, Any]:

@@ -38,8 +38,8 @@ def compare(a: Evaluation, b: Evaluation) -> pd.DataFrame:
 
     Returns:
         Index: ``success``, then the metrics. Columns: ``label``, ``unit``, ``a``, ``b``, ``difference`` (b - a) with
-        its 95 % interval ``low`` to ``high`` (of success alone), ``p_value``, and ``p_adjusted`` by Holm's method
-        for all metrics at once (success, the question asked, is not among them). ``frame.attrs`` has the
+        its 95 % interval ``low`` to ``high`` (of a metric by bootstrap), ``p_value``, and ``p_adjusted`` by Holm's
+        method for all metrics at once (success, the question asked, is not among them). ``frame.attrs`` has the
         names, the method, and the seeds that only one of them won.
 
     Raises:
@@ -66,6 +66,8 @@ def compare(a: Evaluation, b: Evaluation) -> pd.DataFrame:
             "a": change.mean_a,
             "b": change.mean_b,
             "difference": change.difference,
+            "low": change.ci95.lo,
+            "high": change.ci95.hi,
             "p_value": change.p_value,
             "p_adjusted": change.p_adjusted,
         }

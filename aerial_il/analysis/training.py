@@ -15,7 +15,7 @@ from aerial_il.evaluation.training_run import CONFIG, FINAL, TrainingRun, read_r
 
 COLUMNS = (
     *("run", "algorithm", "policy", "environment", "robot", "task", "tier", "seed"),
-    *("episodes", "steps", "unit", "success", "low", "high", "flights", "finished", "folder"),
+    *("episodes", "steps", "unit", "flown", "success", "low", "high", "flights", "finished", "folder"),
 )
 
 
@@ -25,8 +25,9 @@ def runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
     Returns:
         Columns: ``run`` (path below the folder), ``algorithm``, ``policy``, ``environment`` (``suite``, or
         ``gymnasium:ID``), ``robot``, ``task``, ``tier``, ``seed``, ``episodes`` (demonstrations that it learned from),
-        ``steps`` with their ``unit``, ``success`` of the last rollouts on the way with Wilson's 95 % interval ``low``
-        to ``high`` and the number of ``flights`` behind it, ``finished``, ``folder``. Missing where it does not say.
+        ``steps`` with their ``unit``, ``flown`` (control steps flown while it learned), ``success`` of the last
+        rollouts on the way with Wilson's 95 % interval ``low`` to ``high`` and the number of ``flights`` behind it,
+        ``finished``, ``folder``. Missing where it does not say.
 
     Raises:
         InvalidValueError: there is no such folder.
@@ -61,6 +62,7 @@ def _row(run: TrainingRun) -> dict[str, Any]:
         "episodes": _part(config, "dataset").get("demonstrations"),
         "steps": run.steps,
         "unit": run.unit,
+        "flown": run.flown,
         "success": last.rate if last else None,
         "low": low,
         "high": high,

@@ -26,6 +26,7 @@ class MetricChange:
     """The mean of one number in a and in b, over the episodes where it exists (in both, if paired).
 
     Attributes:
+        ci95: 95 % interval of the difference of the means, by bootstrap over episodes (over seeds, if paired).
         p_value: two-sided, that both means are one, by permutation.
         p_adjusted: the same by Holm's method for all the numbers that are compared at once.
     """
@@ -35,6 +36,7 @@ class MetricChange:
     unit: str
     mean_a: float
     mean_b: float
+    ci95: Interval
     p_value: float
     p_adjusted: float
 
@@ -88,7 +90,8 @@ class Comparison:
             lines.append(f"         won by a alone: {len(self.only_a)} seeds, by b alone: {len(self.only_b)}")
         width = max(len(change.key) for change in self.changes)
         lines += [
-            f"{c.key:<{width}}  a {c.mean_a:.4g}  b {c.mean_b:.4g}  ({c.difference:+.3g})  {p_value_text(c.p_value)}, "
+            f"{c.key:<{width}}  a {c.mean_a:.4g}  b {c.mean_b:.4g}  ({c.difference:+.3g}, 95 % interval "
+            f"{c.ci95.lo:+.3g} to {c.ci95.hi:+.3g})  {p_value_text(c.p_value)}, "
             f"adjusted {p_value_text(c.p_adjusted, tests=len(self.changes))}"
             for c in self.changes
         ]
@@ -171,9 +174,12 @@ def _change(
     x, y = (np.array(list(values.values()), dtype=float) for values in (values_a, values_b))
     if not x.size or not y.size:
         return None
-    rng = named_rng(0, "evaluation", "compare", metric.key)
+    rng, resampling = (named_rng(0, "evaluation", use, metric.key) for use in ("compare", "interval"))
     if paired:
         p_value = statistics.paired_permutation_test(y - x, rng=rng)
+        ci95 = statistics.bootstrap_mean(y - x, rng=resampling) if len(x) > 1 else statistics.NO_INTERVAL
     else:
         p_value = statistics.permutation_test(x, y, rng=rng)
-    return MetricChange(metric.key, metric.label, metric.unit, float(x.mean()), float(y.mean()), p_value, p_value)
+        ci95 = statistics.bootstrap_difference(x, y, rng=resampling)
+    means = float(x.mean()), float(y.mean())
+    return MetricChange(metric.key, metric.label, metric.unit, *means, ci95, p_value, p_value)

@@ -82,6 +82,36 @@ def bootstrap_mean(
     return Interval(float(found.confidence_interval.low), float(found.confidence_interval.high))
 
 
+def bootstrap_difference(
+    a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, level: float = 0.95, resamples: int = 2000
+) -> Interval:
+    """Return the percentile bootstrap interval of the difference ``b - a`` of the means of independent samples.
+
+    Args:
+        a: (N,) and b: (M,) observations. rng: source of the resamples.
+        level: confidence level in (0, 1). resamples: number of resampled differences.
+
+    Returns:
+        The interval; NaN where either has fewer than two observations, which say nothing of their spread.
+
+    Source:
+        B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 1979.
+    """
+    a, b = _finite(a), _finite(b)
+    if min(a.size, b.size) < 2:
+        return NO_INTERVAL
+    found = stats.bootstrap(
+        (a, b),
+        _difference_of_means,
+        n_resamples=resamples,
+        batch=_batch(a.size + b.size),
+        confidence_level=level,
+        method="percentile",
+        rng=rng,
+    )
+    return Interval(float(found.confidence_interval.low), float(found.confidence_interval.high))
+
+
 def t_interval(values: np.ndarray, *, level: float = 0.95) -> Interval:
     """Return Student's interval of a mean of few independent observations, e.g. one number of each training.
 
@@ -255,6 +285,10 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def _batch(size: int) -> int:
     """Return how many resamples of ``size`` numbers are drawn at once: a million numbers, to bound memory."""
     return max(1, 1_000_000 // size)
+
+
+def _difference_of_means(a: np.ndarray, b: np.ndarray, axis: int = -1) -> np.ndarray:
+    return b.mean(axis) - a.mean(axis)
 
 
 def _finite(values: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from aerial_il.evaluation.statistics import wilson
 CONFIG, METRICS, FINAL = "config.yaml", "metrics.jsonl", "policy"
 PROVENANCE, COMMAND = "provenance.json", "command.json"
 SUCCESS, EPISODES, REWARD = "evaluate/success", "evaluate/episodes", "evaluate/mean_reward"
+FLOWN = "flight_steps"  # of a round
 SETTLING = 0.02  # share of a run's steps before it is expected to hold what its prior could
 BY_CHANCE = ("seed", "dataset.digest", "dataset.frames", "dataset.transitions")  # what a seed changes
 
@@ -87,6 +88,13 @@ class TrainingRun:
     @property
     def steps(self) -> int:
         return int(self.rows[-1]["step"]) if self.rows else 0
+
+    @property
+    def flown(self) -> int:
+        """Control steps flown while it learned, rollouts on the way not counted; 0 for one that flies none."""
+        if self.unit == "environment step":
+            return self.steps
+        return round(sum(row.get(FLOWN, 0) for row in self.rows))
 
     @cached_property
     def rollouts(self) -> list[Rollouts]:

@@ -16,7 +16,7 @@ from aerial_il import analysis
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.statistics import wilson
 from tests.analysis.test_frames import evaluated
-from tests.evaluation.pages.test_run_report import RATES, make_run
+from tests.evaluation.pages.test_run_report import RATES, make_adversarial, make_dagger, make_run
 
 
 def axes_of(figure: Figure) -> list[Axes]:
@@ -45,6 +45,24 @@ def test_learning_curves_show_each_run_and_their_mean(tmp_path: Path) -> None:
         analysis.learning_curves({"blind": [make_run(tmp_path / "2", rates=())]})
 
 
+def test_any_number_of_any_run_is_drawn_over_any_other(tmp_path: Path) -> None:
+    dac = [make_adversarial(tmp_path / "0"), make_adversarial(tmp_path / "1", seed=1, rewards=(0.5, 1.5))]
+    (axes,) = axes_of(analysis.curves({"dac": dac}))
+    one, other, mean = (np.asarray(line.get_xydata()) for line in axes.lines)
+    assert np.allclose(one, [[5000, 1], [10000, 1 / 2], [15000, 1 / 3]])
+    assert np.allclose(other, one[:2])
+    assert np.allclose(mean, one[:2]), "drawn where both have values"
+    (axes,) = axes_of(analysis.curves({"dac": dac[:1]}, "evaluate/mean_reward"))
+    assert list(np.asarray(axes.lines[0].get_ydata())) == [0.5, 1.5, 3.0]
+    (axes,) = axes_of(analysis.curves({"dagger": [make_dagger(tmp_path / "2")]}, "beta", over="total/queries"))
+    assert (axes.get_xlabel(), list(np.asarray(axes.lines[0].get_xdata()))) == ("total/queries", [1, 2, 3, 4])
+    with pytest.raises(InvalidValueError, match=r"it logged .*beta"):
+        analysis.curves({"dagger": [tmp_path / "2"]}, "episode/return")
+    (tmp_path / "1" / "metrics.jsonl").write_text('{"step": 90000, "episode/return": 1}\n')
+    with pytest.raises(InvalidValueError, match="no common stretch"):
+        analysis.curves({"dac": dac})
+
+
 def test_returns_show_every_flight_and_survival_never_counts_a_failure() -> None:
     result = evaluated([True, False, True, False])
     (axes,) = axes_of(analysis.returns({"p": result}))
@@ -71,6 +89,6 @@ def test_a_notebook_draws_what_is_returned_though_pyplot_was_never_used() -> Non
 
 
 def test_nothing_to_draw_is_said() -> None:
-    for figure in (analysis.success, analysis.returns, analysis.survival, analysis.learning_curves):
+    for figure in (analysis.success, analysis.returns, analysis.survival, analysis.learning_curves, analysis.curves):
         with pytest.raises(InvalidValueError, match="nothing to draw"):
             figure({})

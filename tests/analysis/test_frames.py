@@ -15,7 +15,7 @@ from aerial_il.core.errors import AerialError, DemoError, InvalidValueError
 from aerial_il.evaluation.metrics import EpisodeRecord
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import wilson
-from tests.evaluation.pages.test_run_report import make_run
+from tests.evaluation.pages.test_run_report import make_adversarial, make_other, make_run
 
 RECORD = EpisodeRecord(0, "timeout", 100, 2.0, None, 30.0, 0.3, 0.01, 0.02, 0.2, {"m/s^3": 5.0}, 0, 0.0, {"near": None})
 
@@ -47,6 +47,16 @@ def test_a_row_per_run_and_what_is_none_is_named_and_stops_nothing(tmp_path: Pat
     assert (row.robot, row.task, row.tier, row.environment) == ("quad", "reach", "calm", "suite")
     assert (row.success, row.flights, bool(row.finished)) == (0.7, 20, True)
     assert (row.low, row.high) == wilson(14, 20)
+
+
+def test_what_a_run_flew_while_it_learned(tmp_path: Path) -> None:
+    make_run(tmp_path / "clone")
+    rows = [{"step": k, "flight_steps": 100.0 * k, "total/flight_steps": 1.0} for k in range(4)]
+    make_other(tmp_path / "dagger", {"algorithm": "dagger", "environment": {}, "settings": {"rounds": 3}}, rows)
+    make_adversarial(tmp_path / "gail")
+    frame = analysis.runs(tmp_path).set_index("run")
+    assert dict(frame["flown"]) == {"clone": 0, "dagger": 600, "gail": 15000}
+    assert dict(frame["unit"]) == {"clone": "training step", "dagger": "round", "gail": "environment step"}
 
 
 def test_no_runs_and_a_missing_folder(tmp_path: Path) -> None:
@@ -99,6 +109,8 @@ def test_a_comparison_has_the_numbers_of_the_command() -> None:
     assert tuple(frame.loc["success", ["a", "b", "difference", "p_value"]]) == (0.25, 0.75, 0.5, 0.5)
     assert (frame.attrs["only_a"], frame.attrs["only_b"], frame.attrs["paired"]) == ([], [10001, 10002], True)
     assert frame.loc["return", "a"] == pytest.approx((40 + 30 + 30 + 30) / 4)
+    low, high = frame.loc["return", ["low", "high"]]
+    assert 0 <= low < frame.loc["return", "difference"] < high <= 12
     with pytest.raises(InvalidValueError, match="one robot and task"):
         analysis.compare(a, evaluated([True], task="hover"))
 

@@ -141,6 +141,7 @@ def test_a_comparison_says_how_many_numbers_it_tests_and_adjusts_them(
     changes, told = comparison.changes, comparison.summary()
     assert [c.p_adjusted for c in changes] == statistics.holm([c.p_value for c in changes])
     assert all(c.p_value <= c.p_adjusted <= 1 for c in changes)
+    assert all(c.ci95.lo <= c.difference <= c.ci95.hi for c in changes)
     assert f"{len(changes)} numbers were tested at once" in told
     assert told.count(", adjusted p") == len(changes)
 

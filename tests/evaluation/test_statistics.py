@@ -90,6 +90,17 @@ def test_bootstrap_of_equal_values_has_no_width_and_repeats_with_its_seed() -> N
     assert first == second
 
 
+def test_bootstrap_covers_the_difference_of_two_means_and_says_nothing_of_one_value() -> None:
+    rng, held = np.random.default_rng(1), []
+    for _ in range(200):
+        a, b = rng.exponential(2.0, 60), rng.normal(3.0, 1.0, 30)
+        lo, hi = statistics.bootstrap_difference(a, b, rng=rng, resamples=400)
+        held.append(lo <= 1.0 <= hi)
+    assert 0.87 < np.mean(held) <= 0.98
+    lo, hi = statistics.bootstrap_difference(np.ones(1), np.ones(9), rng=rng)
+    assert np.isnan([lo, hi]).all()
+
+
 def test_bootstrap_refuses_nan_by_index() -> None:
     with pytest.raises(InvalidValueError, match="Observation 1 of 2"):
         statistics.bootstrap_mean(np.array([0.0, np.nan]), rng=np.random.default_rng(0))
