@@ -187,10 +187,10 @@ def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -
     return read_episode(file)
 
 
-def expert_flight(robot: str, task: str) -> tuple[Episode, np.ndarray]:
-    """Return the expert's flight of the first of a few seeds that it solves in calm air, and its sub-tasks (T, K)."""
+def expert_flight(robot: str, task: str, tier: str = "calm") -> tuple[Episode, np.ndarray]:
+    """Return the expert's flight of the first of a few seeds that it solves, and its sub-tasks (T, K)."""
     expert = pilot(EXPERT, robot=robot, task=task, action=None)
-    env = expert.environment("calm", num_envs=1, threads=1)
+    env = expert.environment(tier, num_envs=1, threads=1)
     try:
         with TemporaryDirectory() as folder:
             flights = (

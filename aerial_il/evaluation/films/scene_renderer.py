@@ -15,7 +15,7 @@ from aerial_il.core.rendering import can_render
 from aerial_il.core.scene_check import check_scene
 from aerial_il.evaluation.studio.marks import Mark
 from aerial_il.evaluation.studio.studio import MOVING, Studio
-from aerial_il.evaluation.studio.viewpoint import Viewpoint
+from aerial_il.evaluation.studio.viewpoint import ELEVATION_DEG, Viewpoint
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.rendering import Renderer
 
@@ -100,16 +100,20 @@ class SceneRenderer:
         model.geom_rgba[~robot_geoms(model) & ~ground, 3] = 0.0
         model.site_rgba[:, 3] = 0.0
 
-    def frame(self, states: Iterable[np.ndarray], aspect: float, *, props: bool = True) -> Viewpoint:
+    def frame(
+        self, states: Iterable[np.ndarray], aspect: float, *, props: bool = True, turn_deg: float = 0.0,
+        elevation_deg: float = ELEVATION_DEG,
+    ) -> Viewpoint:  # fmt: skip
         """Return the viewpoint, on the side of the ``scene`` camera, that just holds the robot in all ``states``.
 
         Args:
             states: some full states (S,). aspect: width of the picture over its height.
             props: hold the props too that are not far below, by their centres: a table may reach beyond the picture, a
                 button may not.
+            turn_deg: round the scene from there, anticlockwise from above. elevation_deg: of the line of sight.
         """
         points = np.concatenate([self._extent(self.pose(state), props) for state in states])
-        return Viewpoint((0.0, 0.0, 0.0), 1.0, self._azimuth()).holding(points, aspect)
+        return Viewpoint((0.0, 0.0, 0.0), 1.0, self._azimuth() + turn_deg, elevation_deg).holding(points, aspect)
 
     def close(self) -> None:
         """Free the graphics contexts."""

@@ -245,7 +245,9 @@ def phase_at(episode: Episode, step: int) -> str:
     return names[phase] if 0 <= phase < len(names) else ""
 
 
-def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_frames: int = 0) -> np.ndarray:
+def write_mp4(
+    path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_frames: int = 0, max_rate: int = MAX_RATE
+) -> np.ndarray:
     """Encode (H, W, 3) uint8 frames of even size as H.264 that browsers play, whole or not at all.
 
     Args:
@@ -253,6 +255,7 @@ def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_
         frames: the pictures.
         rate: frames per second.
         hold_frames: how often the last picture is shown again.
+        max_rate: bit/s.
 
     Returns:
         The last picture.
@@ -263,7 +266,7 @@ def write_mp4(path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_
 
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
-    options = {"crf": "26", "preset": "medium", "maxrate": str(MAX_RATE), "bufsize": str(MAX_RATE)}
+    options = {"crf": "26", "preset": "medium", "maxrate": str(max_rate), "bufsize": str(max_rate)}
     try:
         with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
             stream = container.add_stream("libx264", rate=rate, options=options)

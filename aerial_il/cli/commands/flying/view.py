@@ -6,6 +6,7 @@ for rerun shows one flight, whose recording is kept beside it.
 Example: aerial-il view robot=ua_quad_arm4 task=pick_place
 Example: aerial-il view policy=runs/pick_bc tier=gusts seed=10003 out=failure.html
 Example: aerial-il view recording=datasets/pick seed=3 viewer=rerun
+Example: aerial-il view recording=datasets/pick seed=3 out=flight.png size=[1080,1920]
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 
 VIEWS = "runs/views"
-SUFFIXES = {".html": "page", ".mp4": "film", ".rrd": "rerun"}
+SUFFIXES = {".html": "page", ".mp4": "film", ".rrd": "rerun", ".png": "still"}
 ENDINGS = {viewer: suffix for suffix, viewer in SUFFIXES.items()}
 
 
@@ -37,10 +38,14 @@ class Config:
     recording: str | None = key(None, "an MCAP file, or a dataset, to watch instead of flying")
     viewer: str = key(
         "auto",
-        "auto: a window where there is a screen, else a page; rerun: its viewer, or a file for it where no screen is",
-        choices=("auto", "window", "page", "film", "rerun"),
+        "auto: a window where there is a screen, else a page; rerun: its viewer, or a file for it where no screen is; "
+        "still: the flight in one picture",
+        choices=("auto", "window", "page", "film", "rerun", "still"),
     )
-    out: str | None = key(None, f"where it goes (.html, .mp4 or .rrd decide the viewer); below {VIEWS} by default")
+    out: str | None = key(
+        None, f"where it goes (.html, .mp4, .rrd or .png decide the viewer); below {VIEWS} by default"
+    )
+    size: list[int] = key([720, 1280], "height and width of a still")
     progress: bool = key(True, "show a progress bar while the film is made")
 
     def __post_init__(self) -> None:
@@ -58,6 +63,13 @@ class Config:
         if self.viewer not in ("auto", meant):
             raise InvalidValueError(f"out={out} is for viewer={meant}, not for viewer={self.viewer}.")
         self.viewer = meant
+
+    @property
+    def still_size(self) -> tuple[int, int]:
+        """Height and width of a still, pixels."""
+        if len(self.size) != 2:
+            raise InvalidValueError(f"size={self.size} is no height and width, e.g. size=[1080,1920].")
+        return self.size[0], self.size[1]
 
 
 def run(config: Config) -> None:
@@ -139,6 +151,9 @@ def _present(
     if viewer == "rerun":
         _rerun(file, out)
         return
+    if viewer == "still":
+        _still(config, episode, out)
+        return
     flags = subtask_flags(env, episode) if isinstance(env, BatchEnvironment) else None
     if viewer == "film":
         _film(config, episode, out, flags)
@@ -155,6 +170,16 @@ def _rerun(file: Path, out: Path) -> None:
         print(f"rerun shows {file}")
     else:
         print(f"No screen here. On a machine with one: rerun {rerun_view.convert(file, out)}")
+
+
+def _still(config: Config, episode: Any, out: Path) -> None:
+    from aerial_il.core.rendering import RenderingError
+    from aerial_il.evaluation.films.scene_renderer import obstacle
+    from aerial_il.evaluation.films.stroboscope import write_stroboscope
+
+    if problem := obstacle():
+        raise RenderingError(f"No picture: {problem} viewer=page shows the traces without it.")
+    print(f"Picture: {write_stroboscope(out, episode, size=config.still_size)}")
 
 
 def _film(config: Config, episode: Any, out: Path, flags: Any) -> None:

@@ -87,7 +87,7 @@ def test_a_file_for_rerun(flight: Path, capsys: pytest.CaptureFixture[str]) -> N
         (["view", "recording=x.mcap", "task=reach"], "leave out robot="),
         (["view", *REACH, "out=x.gif"], ".html, .mp4, .rrd"),
         (["view", *REACH, "out=x.mp4", "viewer=rerun"], "out=x.mp4 is for viewer=film"),
-        (["view", *REACH, "viewer=nonsense"], "auto, window, page, film, rerun"),
+        (["view", *REACH, "viewer=nonsense"], "auto, window, page, film, rerun, still"),
         (["view", *REACH, "seed=-1"], "seed=-1 is too small"),
         (["view", "policy=nowhere"], "does not exist"),
         (["list", "html=page.txt"], "ends in .html"),
