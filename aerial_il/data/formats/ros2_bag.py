@@ -223,7 +223,7 @@ def _pose(frame: Frame) -> Any:
 
 
 def _marker(number: int, time_s: float, marker: Marker) -> Any:
-    kind = _types().types["visualization_msgs/msg/Marker"]
+    kind: Any = _types().types["visualization_msgs/msg/Marker"]
     shapes = {"box": kind.CUBE, "sphere": kind.SPHERE, "cylinder": kind.CYLINDER}
     r, g, b, a = map(float, marker.colour)
     picture = _make(COMPRESSED_IMAGE, header=_header(0.0), format="", data=np.zeros(0, np.uint8))

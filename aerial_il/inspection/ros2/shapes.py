@@ -48,7 +48,7 @@ def shapes_of(model: mujoco.MjModel, body: int, *, seen: bool = True) -> Iterato
             yield Shape(kind, np.asarray(size, float), place.then(inner), colour)
 
 
-Solid = tuple[str, tuple[float, float, float], Pose]
+Solid = tuple[str, tuple[float, ...], Pose]  # of three extents
 HERE = Pose(np.zeros(3), Rotation.identity())
 
 
