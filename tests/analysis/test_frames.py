@@ -64,7 +64,7 @@ def test_no_runs_and_a_missing_folder(tmp_path: Path) -> None:
     assert "success" in analysis.runs(tmp_path).columns
     with pytest.raises(InvalidValueError, match="aerial-il train"):
         analysis.runs(tmp_path / "nowhere")
-    with pytest.raises(InvalidValueError, match="no training run"):
+    with pytest.raises(InvalidValueError, match="not a training run"):
         analysis.metrics(tmp_path)
 
 

@@ -45,7 +45,7 @@ def test_truncated_episodes_are_salvaged(folder: DatasetFolder, tmp_path: Path, 
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(raw[: int(share * len(raw))])
     if share < 0.45:  # its first 64 steps, or what precedes them, are cut
-        with pytest.raises(DemoError, match=r"less than two whole steps|lacks the attachment"):
+        with pytest.raises(DemoError, match=r"fewer than two complete steps|lacks the attachment"):
             recover_episode(cut, tmp_path / "saved.mcap")
         return
     saved = recover_episode(cut, tmp_path / "saved.mcap")

@@ -71,7 +71,7 @@ def test_conditions_leave_what_fulfils_all_of_them(folder: Path, conditions: lis
 
 def test_what_is_no_condition_is_answered(folder: Path) -> None:
     found = read_runs(folder)
-    with pytest.raises(InvalidValueError, match="no condition"):
+    with pytest.raises(InvalidValueError, match="not a condition"):
         found.where(["success"])
     with pytest.raises(UnknownNameError, match="Did you mean 'success'"):
         found.where(["sucess>0.5"])

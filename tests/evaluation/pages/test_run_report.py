@@ -276,7 +276,7 @@ def test_a_sweep_is_found_by_its_folder(tmp_path: Path) -> None:
 
 
 def test_what_is_no_run_is_refused(run: Path) -> None:
-    with pytest.raises(InvalidValueError, match=r"no training run.*aerial-il train"):
+    with pytest.raises(InvalidValueError, match=r"not a training run.*aerial-il train"):
         read_run(run / "policy")
     with pytest.raises(InvalidValueError, match="given twice"):
         write_runs_report(run / "r.html", [read_run(run), read_run(run)])
