@@ -23,6 +23,7 @@ from aerial_il import algorithms
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
+from aerial_il.algorithms.rl.reinforcement import Reinforcement
 from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
@@ -51,7 +52,7 @@ ONLINE: dict[str, Any] = {**NETWORKS, **ALONE, "steps": 1_200, "warmup": 200, "b
 OFF_POLICY = {**ONLINE, "utd_ratio": 0.5, "tau": 0.05, "actor_every": 1, "reward_lr": 2e-3, "reward_updates": 1.0}
 OFF_POLICY |= {"exploration": 0.5, "target_every": 1, "offline_steps": 200}
 ON_POLICY = {**ONLINE, "steps": 10_240, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
-ON_POLICY |= {"reward": "environment", "step_size": 0.1, "critic_lr": 3e-3, "noise": 0.5, "kl": 0.0}
+ON_POLICY |= {"step_size": 0.1, "critic_lr": 3e-3, "noise": 0.5, "kl": 0.0}
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
 
@@ -90,7 +91,10 @@ def small(name: str) -> Any:
     """Return settings that learn in seconds."""
     cls = algorithms.settings_of(name)
     if issubclass(cls, OnlineAlgorithm):
-        return cls(**known(cls, ON_POLICY if issubclass(cls, OnPolicy) else OFF_POLICY))
+        if not issubclass(cls, OnPolicy):
+            return cls(**known(cls, OFF_POLICY))
+        paid = {"reward": "environment"} if issubclass(cls, Reinforcement) else {}  # elsewhere it names a learned one
+        return cls(**known(cls, ON_POLICY | paid))
     if issubclass(cls, SupervisedAlgorithm):
         return cls(**known(cls, {f.name: getattr(CLONES, f.name) for f in fields(CLONES)}))
     return cls(**known(cls, {"rounds": 2, "episodes": 4, "training": CLONES, "between_steps": 60}))

