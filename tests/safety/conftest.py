@@ -7,6 +7,7 @@ import pytest
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.formats.hdf5 import convert_to_hdf5
+from aerial_il.data.formats.minari_export import convert_to_minari
 from tests.safety.hostile import Sound
 
 ENV = "env=gymnasium:CartPole-v1"
@@ -26,11 +27,14 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Sound:
         assert main(["train", "dataset=demos", "run=run", *CLONE, QUIET]) == 0
         judged = ["episodes=2", "videos=0", "threads=1", QUIET]
         assert main(["evaluate", "policy=run", ENV, "out=judged", "success=survived", "max_steps=5", *judged]) == 0
-    convert_to_hdf5(list(open_dataset(home / "demos")), home / "demos.hdf5")
+    episodes = list(open_dataset(home / "demos"))
+    convert_to_hdf5(episodes, home / "demos.hdf5")
+    convert_to_minari(episodes, home / "minari-v0")
     victim = home / "victim"
     (victim / "numbers" / "00000001").mkdir(parents=True)
     (victim / "precious.txt").write_text("the precious words of somebody else\n")
     for number in range(2, 9):
         (victim / "numbers" / f"{number:08d}").mkdir()
     (home / "bait.py").write_text(f"from pathlib import Path\nPath({str(home / 'canary')!r}).touch()\n")
-    return Sound(home / "demos", home / "demos.hdf5", home / "lerobot", home / "run", home / "canary", victim)
+    forms = home / "demos.hdf5", home / "lerobot", home / "minari-v0"
+    return Sound(home / "demos", *forms, home / "run", home / "canary", victim)

@@ -43,6 +43,7 @@ class Sound:
     dataset: Path
     hdf5: Path
     lerobot: Path
+    minari: Path
     run: Path
     canary: Path
     victim: Path
@@ -376,6 +377,11 @@ def hdf5_of_objects(sound: Sound, to: Path) -> Path:
     return _hdf5(sound, to, lambda raw: _with_actions(raw, text))
 
 
+def hdf5_that_is_a_pipe(sound: Sound, to: Path) -> Path:
+    os.mkfifo(to.with_suffix(".hdf5"))
+    return to.with_suffix(".hdf5")
+
+
 def _lerobot(sound: Sound, to: Path, **info: object) -> Path:
     folder = _copy(sound.lerobot, to)
     (folder / "meta" / "provenance.json").unlink()
@@ -417,6 +423,102 @@ def lerobot_spec_imports(sound: Sound, to: Path) -> Path:
 def lerobot_of_brackets(sound: Sound, to: Path) -> Path:
     folder = _lerobot(sound, to)
     (folder / "meta" / "info.json").write_text("[" * 1_000_000)
+    return folder
+
+
+def _minari(sound: Sound, to: Path, change: Callable[[h5py.File], None] | None = None, **told: object) -> Path:
+    """Return a copy with changed arrays and metadata; of metadata that are None nothing is left."""
+    folder = _copy(sound.minari, to)
+    if change is not None:
+        with h5py.File(folder / "data" / "main_data.hdf5", "a") as raw:
+            change(raw)
+    metadata = folder / "data" / "metadata.json"
+    kept = {**json.loads(metadata.read_text()), **told}
+    metadata.write_text(json.dumps({name: value for name, value in kept.items() if value is not None}))
+    return folder
+
+
+def _in_each(name: str, **described: Any) -> Callable[[h5py.File], None]:
+    """Return a change that puts another dataset in the place of ``name`` in all episodes."""
+
+    def change(raw: h5py.File) -> None:
+        for episode in map(str, raw):
+            del raw[episode][name]  # type: ignore[attr-defined]
+            raw[episode].create_dataset(name, **described)  # type: ignore[union-attr]
+
+    return change
+
+
+def minari_spec_imports(sound: Sound, to: Path) -> Path:
+    told = json.dumps({"id": "bait:Bait-v0", "entry_point": "bait:Bait"})
+    return _minari(sound, to, env_spec=told, eval_env_spec=told, aerial_il_spec=None)
+
+
+def minari_own_spec_imports(sound: Sound, to: Path) -> Path:
+    spec = json.loads(json.loads((sound.minari / "data" / "metadata.json").read_text())["aerial_il_spec"])
+    return _minari(sound, to, aerial_il_spec=json.dumps({**spec, "robot": "gymnasium", "task": "bait:Bait-v0"}))
+
+
+def minari_own_spec_lies(sound: Sound, to: Path) -> Path:
+    spec = json.loads(json.loads((sound.minari / "data" / "metadata.json").read_text())["aerial_il_spec"])
+    field = {"name": SCRIPT, "shape": [10**9, -1], "group": "image", "dtype": "float64", "unit": "", "labels": []}
+    return _minari(sound, to, aerial_il_spec=json.dumps({**spec, "observation": {"fields": [field]}}))
+
+
+def minari_of_brackets(sound: Sound, to: Path) -> Path:
+    folder = _copy(sound.minari, to)
+    (folder / "data" / "metadata.json").write_text("[" * 1_000_000)
+    return folder
+
+
+def minari_of_fill_values(sound: Sound, to: Path) -> Path:
+    huge = {"shape": (10**9, 4), "dtype": "f8", "chunks": (1000, 4), "fillvalue": 1.0}
+    return _minari(sound, to, _in_each("observations", **huge))
+
+
+def minari_of_small_numbers(sound: Sound, to: Path) -> Path:
+    """Bytes that take eight times their size as the numbers that are worked with."""
+    huge = {"shape": (10**8,), "dtype": "?", "chunks": (10**6,), "compression": "gzip"}
+    return _minari(sound, to, _in_each("truncations", **huge))
+
+
+def minari_of_texts(sound: Sound, to: Path) -> Path:
+    return _minari(sound, to, _in_each("observations", shape=(50,), dtype=h5py.string_dtype()))
+
+
+def minari_links_outside(sound: Sound, to: Path) -> Path:
+    def change(raw: h5py.File) -> None:
+        for number, name in enumerate(map(str, list(raw))):
+            episode: Any = raw[name]
+            del episode["rewards"], episode["actions"]
+            episode["rewards"] = h5py.ExternalLink(str(sound.victim / "other.hdf5"), "/x")
+            secret = str(sound.victim / "precious.txt")
+            episode.create_dataset("actions", (1, 8), "u1", external=[(secret, 0, 8)])
+            raw[f"episode_{number + 100}"] = h5py.SoftLink("/")
+
+    return _minari(sound, to, change)
+
+
+def minari_of_links(sound: Sound, to: Path) -> Path:
+    folder = _copy(sound.minari, to)
+    for name in ("main_data.hdf5", "metadata.json"):
+        (folder / "data" / name).unlink()
+        (folder / "data" / name).symlink_to(sound.victim / "precious.txt")
+    return folder
+
+
+def minari_of_devices(sound: Sound, to: Path) -> Path:
+    folder = _copy(sound.minari, to)
+    (folder / "data" / "metadata.json").unlink()
+    (folder / "data" / "metadata.json").symlink_to("/dev/zero")
+    return folder
+
+
+def minari_of_pipes(sound: Sound, to: Path) -> Path:
+    folder = _copy(sound.minari, to)
+    for name in ("main_data.hdf5", "metadata.json"):
+        (folder / "data" / name).unlink()
+        os.mkfifo(folder / "data" / name)
     return folder
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from aerial_il.cli.main import main
+from tests.cli.composed_once import composed_once
+from tests.safety.bounds import MAX_BYTES, MAX_CPU_S, peak
 from tests.safety.hostile import ATTACKS, SCRIPT, Sound, trace
 from tests.safety.openings import beside, keys, words
 
-MAX_MEMORY_BYTES, MAX_CPU_S = 500 << 20, 5.0
 OWN = {  # kind of what is attacked, as the attack's name begins -> where it is opened first
     "policy": [("evaluate", "policy")],
     "safetensors": [("evaluate", "policy")],
@@ -23,6 +25,7 @@ OWN = {  # kind of what is attacked, as the attack's name begins -> where it is 
     "mcap": [("validate", "path")],
     "hdf5": [("validate", "path"), ("train", "dataset")],
     "lerobot": [("validate", "path"), ("train", "dataset")],
+    "minari": [("validate", "path"), ("train", "dataset"), ("convert", "path")],
     "evaluation": [("compare", "a"), ("report", "result")],
     "wrong": [("info", "path"), ("evaluate", "policy")],
     "a_loop": [("info", "path"), ("evaluate", "policy")],
@@ -31,6 +34,12 @@ EVERYWHERE = ("policy_pickled", "index_of_tags")  # against every key, by defaul
 FIRST = [(*key, attack) for attack in ATTACKS for kind, at in OWN.items() if attack.startswith(kind) for key in at]
 FIRST += [(*key, attack) for attack in EVERYWHERE for key in keys() if (*key, attack) not in FIRST]
 REST = [(*key, attack) for key in keys() for attack in ATTACKS if (*key, attack) not in FIRST]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _quick() -> Iterator[None]:
+    with composed_once():
+        yield
 
 
 def test_every_key_that_opens_something_says_how(sound: Sound) -> None:
@@ -78,10 +87,10 @@ def _attack(
 ) -> None:
     monkeypatch.chdir(home)
     monkeypatch.syspath_prepend(sound.run.parent)  # a name that is imported is found there
-    before, base = trace(sound.victim), _peak(reset=True)
+    before, base = trace(sound.victim), peak(reset=True)
     started = time.process_time()
     status = main(typed)
-    spent, grown = time.process_time() - started, _peak() - base
+    spent, grown = time.process_time() - started, peak() - base
     said = "".join(capfd.readouterr())
     assert status in (0, 1, 2), said
     assert not sound.canary.exists(), "code out of a file was run"
@@ -89,7 +98,7 @@ def _attack(
     assert trace(sound.victim) == before, "something outside was changed"
     assert "precious words" not in said
     assert not any(SCRIPT in page.read_text() for page in _pages(home)), "a name became markup"
-    assert grown < MAX_MEMORY_BYTES, f"{grown >> 20} MB"
+    assert grown < MAX_BYTES, f"{grown >> 20} MB"
     if status:
         assert spent < MAX_CPU_S, f"{spent:.1f} s before: {said}"
         assert re.search(r"\baerial-il: ", said), said
@@ -97,11 +106,3 @@ def _attack(
 
 def _pages(home: Path) -> list[Path]:
     return [page for ending in ("html", "svg") for page in home.rglob(f"*.{ending}") if page.is_file()]
-
-
-def _peak(*, reset: bool = False) -> int:
-    """Return the most memory that the process has held, in bytes, since it was last ``reset``."""
-    if reset:
-        Path("/proc/self/clear_refs").write_text("5")
-    status = Path("/proc/self/status").read_text()
-    return int(re.findall(r"VmHWM:\s+(\d+) kB", status)[0]) << 10

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from aerial_il.data.formats import hdf5_probe
+from tests.safety import fuzz
 from tests.safety.fuzz import ALL, GOOD, Target, outcomes, sound
 
 SHARE = {"mcap": 100, "lerobot": 20, "hdf5": 8, "run": 20}
@@ -32,6 +34,18 @@ def test_a_careless_reader_would_be_seen(targets: dict[str, Target], tmp_path: P
     assert Counter(said for _, said in outcomes("mcap", range(2), fragile, tmp_path)) == {
         "untyped ZeroDivisionError": 2
     }
+
+
+def test_a_copy_of_the_process_probes_a_file_as_a_new_one_does(
+    targets: dict[str, Target], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, torn = str(targets["hdf5"].path), tmp_path / "torn.hdf5"
+    torn.write_bytes(b"torn")
+    assert [fuzz._comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
+    assert [hdf5_probe._comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
+    monkeypatch.setattr(hdf5_probe, "_READ", "import os; os.abort()")
+    assert not fuzz._comes_back(path, 1, 0)
+    assert not hdf5_probe._comes_back(path, 1, 0)
 
 
 @pytest.mark.slow

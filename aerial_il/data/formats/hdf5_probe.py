@@ -6,6 +6,7 @@ So a process of its own, with little time and memory, reads all attributes and t
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 import sys
 from functools import lru_cache
@@ -39,9 +40,11 @@ def require_readable(path: Path) -> None:
     """Refuse a file in which the library stays, or dies; whatever else is wrong with it, its reader says.
 
     Raises:
-        DemoError: it would not have come back.
+        DemoError: it would not have come back, or is a pipe or a device.
     """
     found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise DemoError(path, "is not a regular file.")
     if not _comes_back(str(path), found.st_mtime_ns, found.st_size):
         raise DemoError(path, f"is damaged: the HDF5 library does not come back from it within {MAX_S} s.")
 

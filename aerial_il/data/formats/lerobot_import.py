@@ -6,6 +6,7 @@ lerobot answers an incomplete dataset by asking the network for it, so completen
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -26,8 +27,16 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.formats.content_digest import sealed
 from aerial_il.data.formats.lerobot_identity import UID, declared_spec, distinct
 from aerial_il.data.formats.lerobot_states import PROVENANCE
-from aerial_il.data.formats.lerobot_videos import Clip, camera_fields, clip_of, read_clip, wanted_cameras
+from aerial_il.data.formats.lerobot_videos import (
+    Clip,
+    camera_fields,
+    clip_of,
+    field_name,
+    read_clip,
+    wanted_cameras,
+)
 
+log = logging.getLogger(__name__)
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
 SUPPORTED = "v3."
 COLUMNS = (STATE, ENVIRONMENT, ACTION, "next.reward", "next.success", "episode_index", UID)
@@ -127,6 +136,8 @@ def _loaders(path: Path, info: Mapping[str, Any], cameras: bool | Sequence[str])
     told = _told(path)
     spec = _spec(path, info, table, _instruction(told))
     seen = wanted_cameras(cameras, camera_fields(info["features"]))
+    if UID not in columns:
+        _say_what_is_left(path, info, told)
     loaders = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         rows = table.slice(start, end - start)
@@ -171,10 +182,26 @@ def _row(told: pa.Table, episode: int) -> dict[str, Any]:
 
 def _instruction(told: pa.Table) -> str:
     """Return the task text that all episodes share, empty where they differ: a policy is of one instruction."""
-    if "tasks" not in told.column_names:
-        return ""
-    texts = {text for chunk in told["tasks"].chunks for text in chunk.flatten().unique().to_pylist()}
+    texts = _texts(told)
     return str(texts.pop()) if len(texts) == 1 else ""
+
+
+def _texts(told: pa.Table) -> set[Any]:
+    """Return the different task texts of the episodes."""
+    if "tasks" not in told.column_names:
+        return set()
+    return {text for chunk in told["tasks"].chunks for text in chunk.flatten().unique().to_pylist()}
+
+
+def _say_what_is_left(path: Path, info: Mapping[str, Any], told: pa.Table) -> None:
+    """Warn of what a foreign dataset holds and is not read: task texts that differ, depth, pictures inside Parquet."""
+    read = {field.name for field in camera_fields(info["features"])}
+    pictures = [name for name, feature in info["features"].items() if feature.get("dtype") in ("video", "image")]
+    left = sorted(name for name in pictures if field_name(name) not in read)
+    if (count := len(_texts(told))) > 1:
+        left.append(f"{count} task texts, as a policy has one instruction")
+    if left:
+        log.warning("%s: not read: %s.", path, "; ".join(left))
 
 
 def _labels(feature: Mapping[str, Any], size: int) -> tuple[str, ...]:

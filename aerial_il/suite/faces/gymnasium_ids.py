@@ -25,6 +25,18 @@ def gymnasium_id(robot: str, task: str) -> str:
     return f"aerial_il/{task}-{robot}-v0"
 
 
+def known_spec(robot: str, task: str) -> str | None:
+    """Return Gymnasium's specification, as JSON, of an environment that is registered, ours or its own; else None.
+
+    Args:
+        robot: of ours, or ``gymnasium`` where ``task`` is an id. Names are looked up, and nothing is imported for them.
+    """
+    import gymnasium
+
+    spec = gymnasium.registry.get(task if robot == "gymnasium" else gymnasium_id(robot, task))
+    return None if spec is None else spec.to_json()
+
+
 def register() -> None:
     """Register every robot with every task; one that a robot cannot do says so when it is made."""
     import gymnasium

@@ -72,6 +72,33 @@ def test_what_minari_itself_wrote_is_read(tmp_path: Path, monkeypatch: pytest.Mo
         assert episode.spec.task == ENV
 
 
+@pytest.mark.parametrize("space", ["jpeg", "ragged jpeg", "tuple", "nested", "discrete actions"])
+def test_spaces_that_minari_itself_wrote_and_we_do_not_read_are_named(
+    space: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    minari = pytest.importorskip("minari", reason="Minari is not installed: python -m pip install 'minari[hdf5]'")
+    box, picture = gymnasium.spaces.Box(-9, 9, (3,)), gymnasium.spaces.Box(0, 255, (40, 40, 3), np.uint8)
+    spaces = {"tuple": gymnasium.spaces.Tuple((box, box)), "discrete actions": box}
+    spaces["nested"] = gymnasium.spaces.Dict(inner=gymnasium.spaces.Dict(deep=box))
+    seen = spaces.get(space, picture)
+    done = gymnasium.spaces.Discrete(3) if space == "discrete actions" else box
+    seen.seed(0)
+    observed = [np.full((40, 40, 3), 90, np.uint8)] * 6 if space == "jpeg" else [seen.sample() for _ in range(6)]
+    if space == "tuple":
+        observed = tuple(map(list, zip(*observed, strict=True)))
+    if space == "nested":
+        observed = {"inner": {"deep": [each["inner"]["deep"] for each in observed]}}
+    flown = minari.data_collector.EpisodeBuffer(
+        id=0, observations=observed, actions=[done.sample() for _ in range(5)], rewards=[0.0] * 5,
+        terminations=[False] * 5, truncations=[False] * 4 + [True],
+    )  # fmt: skip
+    minari.create_dataset_from_buffers("odd-v0", buffer=[flown], observation_space=seen, action_space=done)
+    says = {"tuple": "Tuple space", "nested": "of its own", "discrete actions": "not vectors"}.get(space, "JPEG")
+    with pytest.raises(DemoError, match=says):
+        open_dataset(tmp_path / "odd-v0")[0]
+
+
 @pytest.mark.parametrize(
     ("name", "values", "said"),
     [

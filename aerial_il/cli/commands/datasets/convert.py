@@ -1,13 +1,14 @@
-"""Derive another form of recordings: LeRobot v3, robomimic's or D4RL's HDF5, files for rerun, Foxglove and ROS 2.
+"""Derive another form of recordings: LeRobot v3, robomimic's or D4RL's HDF5, Minari, files for rerun, Foxglove.
 
 The form is that of the ending of out=: .hdf5 is robomimic's, .rrd is rerun's, .mcap is one flight for ROS 2's viewers,
-a folder is LeRobot's; format= says otherwise. Every recorded camera becomes a video, or images. An up-to-date LeRobot
-dataset is left as it is.
+a folder is LeRobot's; format= says otherwise. A dataset of Minari's is a folder named NAME-vN. Every recorded camera
+becomes a video, or images. An up-to-date LeRobot dataset is left as it is.
 
 Example: aerial-il convert datasets/pick
 Example: aerial-il convert datasets/pick cameras=[wrist] out=datasets/pick_wrist
 Example: aerial-il convert datasets/pick out=pick.hdf5
 Example: aerial-il convert datasets/pick format=d4rl out=pick_flat.hdf5
+Example: aerial-il convert datasets/pick format=minari out=pick-v0
 Example: aerial-il convert datasets/pick format=mcap
 """
 
@@ -16,14 +17,19 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from aerial_il.cli.configuration.keys import MISSING, key
 from aerial_il.core.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from aerial_il.data.episode import Episode
 
 ENDINGS = {
     "lerobot": ("",),
     "robomimic": (".hdf5", ".h5"),
     "d4rl": (".hdf5", ".h5"),
+    "minari": ("",),
     "rrd": (".rrd",),
     "mcap": (".mcap", ""),
 }
@@ -31,6 +37,7 @@ OWN_NAME = {
     "lerobot": "lerobot",
     "robomimic": "robomimic.hdf5",
     "d4rl": "d4rl.hdf5",
+    "minari": "minari/flights-v0",
     "rrd": "flights.rrd",
     "mcap": "mcap",
 }
@@ -70,6 +77,8 @@ def run(config: Config) -> None:
         _to_rerun(config)
     elif config.form == "mcap":
         _to_views(config)
+    elif config.form == "minari":
+        _to_minari(config)
     else:
         _to_hdf5(config)
 
@@ -86,16 +95,29 @@ def _to_lerobot(config: Config) -> None:
 
 
 def _to_hdf5(config: Config) -> None:
-    from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.data.formats.hdf5 import convert_to_hdf5
     from aerial_il.data.formats.transitions import convert_to_d4rl
 
-    cameras = config.cameras if config.form == "robomimic" else []  # D4RL's are numbers alone
-    dataset = open_dataset(config.path, cameras=True if cameras is None else [f"{name}_rgb" for name in cameras])
-    read = list(Progress(dataset, desc="convert", unit="ep", disable=not config.progress))
+    read = _episodes(config, config.cameras if config.form == "robomimic" else [])  # D4RL's are numbers alone
     write = convert_to_hdf5 if config.form == "robomimic" else convert_to_d4rl
     print(f"{config.form}: {write(read, _own_place(config))}")
+
+
+def _to_minari(config: Config) -> None:
+    from aerial_il.data.formats.minari_export import convert_to_minari
+    from aerial_il.suite.faces.gymnasium_ids import known_spec
+
+    out, read = _own_place(config), _episodes(config, config.cameras)
+    spec = read[0].spec
+    print(f"Minari dataset: {convert_to_minari(read, out, env_spec=known_spec(spec.robot, spec.task))}")
+
+
+def _episodes(config: Config, cameras: list[str] | None) -> list[Episode]:
+    from aerial_il.core.progress import Progress
+    from aerial_il.data.dataset import open_dataset
+
+    dataset = open_dataset(config.path, cameras=True if cameras is None else [f"{name}_rgb" for name in cameras])
+    return list(Progress(dataset, desc="convert", unit="ep", disable=not config.progress))
 
 
 def _to_rerun(config: Config) -> None:
