@@ -9,6 +9,9 @@ from aerial_il.cli.configuration import groups, keys
 from aerial_il.cli.configuration.overrides import FLAGS, known_keys
 from aerial_il.core.errors import UnknownNameError
 
+ACTION = "action"
+CELL = {"robot": "task", "task": "robot"}  # what each must fit
+
 # COMP_WORDBREAKS splits at "=": the word under the cursor is taken from the line itself, and only what
 # stands behind the last "=" is handed back.
 _BASH = r"""_aerial_il() {
@@ -66,9 +69,33 @@ def _words(name: str, typed: list[str], last: str) -> list[str]:
         return bare + [f"{k}=" for k in inner] + [flag for flag in (*FLAGS, "--help") if last.startswith("-")]
     field = next((f for f in fields(command.config) if f.name == key), None)
     if key in chosen:
-        return [f"{key}={option}" for option in groups.options(key)]
+        return [f"{key}={option}" for option in _fitting(key, typed)]
+    if field is not None and key == ACTION:
+        return [f"{key}={level}" for level in _levels()]
     if field is None:
         return []
     if keys.type_text(command.config, field) == "true or false":
         return [f"{key}=true", f"{key}=false"]
     return [f"{key}={choice}" for choice in field.metadata.get("choices", ())]
+
+
+def _fitting(group: str, typed: list[str]) -> list[str]:
+    """Return what may be chosen in a group; of robots and tasks, only those that fit the other one that was typed.
+
+    Robots say themselves what they decline: only then is the suite imported, half a second.
+    """
+    said = dict(word.split("=", 1) for word in typed if "=" in word)
+    options = list(groups.options(group))
+    if group not in CELL or said.get(CELL[group]) not in groups.options(CELL[group]):
+        return options
+    from aerial_il.suite import tasks
+
+    cells = [dict(zip(("robot", "task"), cell, strict=True)) for cell in tasks.cells()]
+    fitting = {cell[group] for cell in cells if cell[CELL[group]] == said[CELL[group]]}
+    return [option for option in options if option in fitting]
+
+
+def _levels() -> list[str]:
+    from aerial_il.control.actions import ActionLevel
+
+    return [level.label for level in ActionLevel]

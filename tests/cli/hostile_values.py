@@ -125,11 +125,11 @@ def _too_slow(number: int, frame: FrameType | None) -> NoReturn:
 
 def _child(folder: Path, part: int, parts: int) -> None:
     """Write the outcomes of the cases of one part that have none yet, one line each."""
-    rows, home = _rows(folder, part, parts), folder / f"part_{part}" / "in" / "its" / "own" / "place"
+    home = folder / f"part_{part}" / "in" / "its" / "own" / "place"
     home.mkdir(parents=True, exist_ok=True)
-    done = {tuple(json.loads(line)[:3]) for line in rows.read_text().splitlines()} if rows.exists() else set()
+    done = {tuple(row[:3]) for row in _tried(folder)}
     signal.signal(signal.SIGALRM, _too_slow)
-    out = rows.open("a")
+    out = _rows(folder, part, parts).open("a")
     os.chdir(home)
     sys.stdout = sys.stderr = open(os.devnull, "w", errors="backslashreplace")  # noqa: SIM115
     with composed_once():
@@ -144,6 +144,11 @@ def _child(folder: Path, part: int, parts: int) -> None:
 
 def _rows(folder: Path, part: int, parts: int) -> Path:
     return folder / f"rows_{part}_of_{parts}.jsonl"
+
+
+def _tried(folder: Path) -> list[list[str]]:
+    """Return command, key, value and outcome of all cases so far, of whatever parts."""
+    return [json.loads(line) for file in sorted(folder.glob("rows_*.jsonl")) for line in file.read_text().splitlines()]
 
 
 def run(folder: Path, part: int, parts: int) -> int:
@@ -163,7 +168,7 @@ def run(folder: Path, part: int, parts: int) -> int:
 
 def table(folder: Path) -> int:
     """Print command x outcome, and each case that was not answered; return the number of these."""
-    found = [json.loads(line) for file in sorted(folder.glob("rows_*.jsonl")) for line in file.read_text().splitlines()]
+    found = _tried(folder)
     counts, keys = defaultdict[str, Counter[str]](Counter), defaultdict[str, set[str]](set)
     for name, key, _, said in found:
         counts[name][said if said in ANSWERED else "not answered"] += 1

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import aerial_il
 from aerial_il.cli import commands, completion
 from aerial_il.cli.configuration import groups
 
@@ -33,6 +34,21 @@ def test_candidates(line: list[str], offered: list[str]) -> None:
 def test_every_command_is_offered_first_and_a_given_key_is_not_offered_twice() -> None:
     assert set(commands.names()) <= set(completion.candidates(["aerial-il", "''"]))
     assert "seed=" not in completion.candidates(["aerial-il", "train", "seed=1", "''"])
+
+
+def test_only_tasks_that_the_robot_can_do_are_offered_and_the_other_way_round() -> None:
+    offered = completion.candidates(["aerial-il", "collect", "robot=quad", "task="])
+    assert offered == [f"task={task}" for robot, task in aerial_il.list_cells() if robot == "quad"]
+    offered = completion.candidates(["aerial-il", "teleop", "task=hover", "robot="])
+    assert offered == ["robot=quad"]
+    every = completion.candidates(["aerial-il", "collect", "robot=nonsense", "task="])
+    assert every == [f"task={task}" for task in aerial_il.list_tasks()]
+
+
+def test_action_levels_are_offered() -> None:
+    levels = completion.candidates(["aerial-il", "collect", "action="])
+    assert {"action=ee_pose", "action=velocity"} <= set(levels)
+    assert completion.candidates(["aerial-il", "evaluate", "action=ee_d"]) == ["action=ee_delta"]
 
 
 def test_no_choice_is_shown_by_importing_anything_heavy() -> None:

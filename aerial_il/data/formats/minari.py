@@ -98,7 +98,7 @@ def _check_size(path: Path, episode: h5py.Group) -> None:
         groups += [(inner, str(name)) for name in inner]
     else:
         groups.append((episode, "observations"))
-    size = sum(8 * child(path, group, name, h5py.Dataset).size for group, name in groups)
+    size = sum(8 * _dataset(path, group, name).size for group, name in groups)
     if size > MAX_BYTES:
         problem = f"has an absurdly large episode {episode.name}."
         raise DemoError(path, problem, expected=f"at most {MAX_BYTES} bytes", got=size)
@@ -177,9 +177,7 @@ def _observations(path: Path, group: h5py.Group) -> dict[str, np.ndarray]:
 
 def _field(path: Path, group: h5py.Group, name: str) -> np.ndarray:
     """Return (T + 1, ...) numbers, or (T + 1, H, W, C) uint8 of an image."""
-    dataset = child(path, group, name, h5py.Dataset) if isinstance(group.get(name), h5py.Dataset) else None
-    if dataset is None:
-        raise DemoError(path, f"has {group.name}/{name} within a Dict or Tuple of its own, which is not read.")
+    dataset = _dataset(path, group, name)
     values = array(path, group, name) if dataset.dtype.kind != "O" else np.zeros((0, 0), np.uint8)
     jpeg = values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] > 2 and (values[:, :3] == JPEG).all()
     if dataset.dtype.kind == "O" or jpeg:
@@ -188,3 +186,9 @@ def _field(path: Path, group: h5py.Group, name: str) -> np.ndarray:
     if values.dtype == np.uint8 and values.ndim == 4:
         return values
     return values.astype(float) if values.ndim > 1 else values[:, None].astype(float)
+
+
+def _dataset(path: Path, group: h5py.Group, name: str) -> h5py.Dataset:
+    if isinstance(group.get(name, getlink=True), h5py.HardLink) and isinstance(group[name], h5py.Group):
+        raise DemoError(path, f"has a Dict or Tuple of its own in {group.name}/{name}, which is not read.")
+    return child(path, group, name, h5py.Dataset)

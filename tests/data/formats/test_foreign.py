@@ -71,7 +71,24 @@ def robomimic(home: Path, flown: dict[str, np.ndarray]) -> Path:
     return home / "low_dim.hdf5"
 
 
-FORMS = {"npz": npz, "d4rl": d4rl, "robomimic": robomimic}
+def mimicgen(home: Path, flown: dict[str, np.ndarray]) -> Path:
+    """As MimicGen writes what it generated: robomimic's layout, and in each demonstration how it came about."""
+    file = robomimic(home, flown).rename(home / "generated.hdf5")
+    with h5py.File(file, "a") as raw:
+        raw["mask/train"] = np.array([b"demo_0", b"demo_2"])
+        for demo in raw["data"].values():
+            steps = len(demo["actions"])
+            demo["states"] = np.zeros((steps, 7))
+            demo.attrs["model_file"] = "<mujoco/>"
+            told, poses = demo.create_group("datagen_info"), np.tile(np.eye(4), (steps, 1, 1))
+            told["eef_pose"] = told["target_pose"] = told["object_poses/cube"] = poses
+            told["gripper_action"], told["subtask_term_signals/grasp"] = np.zeros((steps, 1)), np.zeros(steps, int)
+            demo["src_demo_inds"], demo["src_demo_labels"] = np.zeros(2, int), np.zeros((steps, 1), int)
+    return file
+
+
+FORMS = {"npz": npz, "d4rl": d4rl, "robomimic": robomimic, "mimicgen": mimicgen}
+ROBOMIMIC = ("robomimic", "mimicgen")
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -84,7 +101,7 @@ def test_it_opens_with_every_value(form: str, flown: dict[str, np.ndarray], tmp_
     assert all(not first.spec.differences(episode.spec) for episode in dataset), "one environment for all"
     if form != "d4rl":  # which has no observation after the last action
         np.testing.assert_array_equal(first.obs["observation"][-1], flown["next_obs"][STEPS - 1])
-    if form != "robomimic":
+    if form not in ROBOMIMIC:
         assert [bool(e.truncated[-1]) for e in dataset] == [True] * EPISODES
         np.testing.assert_allclose(first.rewards, flown["rews"][:STEPS])
 
@@ -96,7 +113,7 @@ def test_it_trains_with_the_shipped_defaults_and_flies_where_an_environment_is_n
     monkeypatch.chdir(tmp_path)
     file = FORMS[form](tmp_path, flown)
     assert main(["train", f"dataset={file}", "run=run", *SMALL]) == 0
-    where = [] if form == "robomimic" else [f"env=gymnasium:{ENV}"]  # its file tells
+    where = [] if form in ROBOMIMIC else [f"env=gymnasium:{ENV}"]  # its file tells
     judged = ["episodes=2", "videos=0", "out=judged", "success=survived", "progress=false"]
     assert main(["evaluate", "policy=run", *where, "max_steps=10", *judged]) == 0
     assert aerial_il.load_policy("run").spec.action.size == 1
