@@ -40,6 +40,9 @@ def main(argv: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except OSError as error:
+        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+            _complain(f"aerial-il: {_shortened(str(error.filename))} cannot be a path: {error.strerror}.")
+            return BAD_USAGE
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
             raise
         _complain(f"aerial-il: {error}. What was finished is whole; make room and run the same command again.")
@@ -99,6 +102,10 @@ class _PlainFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         text = record.getMessage()
         return text if record.levelno <= logging.INFO else f"{record.levelname.capitalize()}: {text}"
+
+
+def _shortened(text: str, most: int = 60) -> str:
+    return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
 
 
 def _complain(text: str) -> None:

@@ -40,6 +40,11 @@ class StepResult:
     truncated: np.ndarray
     info: dict[str, np.ndarray]
 
+    @property
+    def observation(self) -> dict[str, np.ndarray]:
+        """The observations by the name that they have in dm_env's ``TimeStep``."""
+        return self.obs
+
 
 class Actuated(Protocol):
     """A model as far as a recording asks for it: ``mujoco.MjModel`` is one."""

@@ -104,16 +104,17 @@ class BatchEnvironment:
         """Disturbances that the tier draws for the episode ``seed``, as plain values."""
         return {**self.simulation.disturbances.drawn(seed), **self.simulation.seen.drawn(seed)}
 
-    def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    def reset(self, seeds: np.ndarray | int | None = None, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Start episodes in all worlds, or in those of ``mask`` (n,) bool.
 
         Args:
-            seeds: (n,) integers, or one integer s for s, s + 1, …; entries outside ``mask`` are ignored.
+            seeds: (n,) integers, or one integer s for s, s + 1, …; entries outside ``mask`` are ignored. None for those
+                that follow the greatest seed of the running episodes.
 
         Returns:
             Observations of all worlds.
         """
-        given = np.asarray(seeds)
+        given = np.asarray(self.seeds.max() + 1 if seeds is None else seeds)
         each = given + np.arange(self.num_envs) if given.ndim == 0 else given
         if each.shape != (self.num_envs,):
             raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {each.shape}.")

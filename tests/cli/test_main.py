@@ -45,6 +45,7 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
         (["collect", "out=x", "episodes=1000000000"], "episodes=1000000000 is too large"),
         (["collect", "out=x", "num_envs=1000000000"], "num_envs=1000000000 is too large"),
         (["collect", "out=x", "image_size=[10]"], "is not height and width"),
+        (["convert", "x" * 5000, "out=y"], "(5000 characters) cannot be a path: File name too long"),
     ],
 )
 def test_a_mistake_is_answered_in_one_paragraph_with_status_2(words: list[str], said: str, tmp_path: Path) -> None:

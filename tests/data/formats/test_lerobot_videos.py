@@ -62,7 +62,7 @@ def test_names_texts_and_pictures_are_read(foreign: Path) -> None:
         np.testing.assert_allclose(episode.obs["front_rgb"][:-1].mean((1, 2, 3)), greys, atol=3)
 
 
-def test_task_texts_that_differ_and_depth_are_left_out_with_a_word(
+def test_task_texts_that_differ_and_stills_are_left_out_with_a_word(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -70,21 +70,21 @@ def test_task_texts_that_differ_and_depth_are_left_out_with_a_word(
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     monkeypatch.setattr(logging.getLogger("aerial_il"), "propagate", True)
     joints = {"dtype": "float32", "shape": (2,), "names": JOINTS}
-    depth = {"dtype": "image", "shape": (8, 8, 1), "names": ["height", "width", "channels"]}
-    features = {"observation.state": joints, "action": joints, "observation.images.depth": depth}
+    still = {"dtype": "image", "shape": (8, 8, 3), "names": ["height", "width", "channels"]}
+    features = {"observation.state": joints, "action": joints, "observation.images.still": still}
     dataset = LeRobotDataset.create("them/two", 20, features, root=tmp_path / "two", use_videos=False)
     for text in ("Fold it.", "Unfold it."):
         for step in range(4):
             told = np.array([step, 0], np.float32)
-            seen = np.full((8, 8, 1), step, np.uint8)
+            seen = np.full((8, 8, 3), step, np.uint8)
             dataset.add_frame(
-                {"observation.state": told, "action": told, "observation.images.depth": seen, "task": text}
+                {"observation.state": told, "action": told, "observation.images.still": seen, "task": text}
             )
         dataset.save_episode()
     dataset.finalize()
     opened = open_dataset(tmp_path / "two", cameras=True)
     assert (len(opened), opened.spec.instruction, opened.spec.observation.of_group("image")) == (2, "", ())
-    assert "not read: observation.images.depth; 2 task texts" in caplog.text
+    assert "not read: observation.images.still; 2 task texts" in caplog.text
 
 
 def test_pictures_that_nobody_asked_for_are_not_decoded(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
