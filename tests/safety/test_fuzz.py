@@ -6,6 +6,8 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
 from aerial_il.data.formats import hdf5_probe
@@ -49,7 +51,19 @@ def test_a_copy_of_the_process_probes_a_file_as_a_new_one_does(
 
 
 @pytest.mark.slow
-def test_a_file_in_which_the_hdf5_library_stays_for_ever_is_refused(targets: dict[str, Target], tmp_path: Path) -> None:
-    """Mutation 368: found by ``make fuzz``."""
-    ((_, found),) = outcomes("hdf5", range(368, 369), targets["hdf5"], tmp_path)
+@pytest.mark.parametrize("number", [368, 986])
+def test_a_file_in_which_the_hdf5_library_stays_for_ever_is_refused(
+    number: int, targets: dict[str, Target], tmp_path: Path
+) -> None:
+    """Mutations that ``make fuzz`` found: in the second, what comes before the place raises."""
+    ((_, found),) = outcomes("hdf5", range(number, number + 1), targets["hdf5"], tmp_path)
     assert found == "refused"
+
+
+@pytest.mark.slow
+def test_a_file_of_thousands_of_demonstrations_is_not_taken_for_damaged(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "many.hdf5", "w") as file:
+        for demo in range(600):
+            for name in ("actions", *(f"obs/f{i}" for i in range(10)), *(f"next_obs/f{i}" for i in range(10))):
+                file[f"data/demo_{demo}/{name}"] = np.zeros((60, 3))
+    hdf5_probe.require_readable(tmp_path / "many.hdf5")

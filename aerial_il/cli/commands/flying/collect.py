@@ -100,6 +100,7 @@ def record(config: Config) -> None:
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
 
+    _check_of_the_suite(config)
     if config.cameras:
         require_rendering(f"cameras=[{','.join(config.cameras)}]")
     robot, task, own = config.robot.name, config.task.name, config.expert.path
@@ -131,6 +132,19 @@ def record(config: Config) -> None:
         env.close()
     if config.lerobot:
         convert.run(convert.Config(config.out, progress=config.progress))
+
+
+def _check_of_the_suite(config: Config) -> None:
+    """Refuse what is read for external environments alone, instead of recording something else in silence."""
+    said = {"policy": config.policy.path, "success": config.success, "max_steps": config.max_steps}
+    for name, value in said.items():
+        if value is not None:
+            instead = {
+                "policy": "here experts fly, yours too with expert=module:factory; aerial-il evaluate flies a policy",
+                "success": "the task decides here",
+                "max_steps": f"here horizon={value} records so many steps",
+            }[name]
+            raise InvalidValueError(f"{name}={value} is for env=...: {instead}.")
 
 
 def record_outside(config: Config) -> None:
