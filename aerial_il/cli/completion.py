@@ -90,7 +90,7 @@ def _fitting(group: str, typed: list[str]) -> list[str]:
         return options
     from aerial_il.suite import tasks
 
-    cells = [dict(zip(("robot", "task"), cell, strict=True)) for cell in tasks.cells()]
+    cells: list[dict[str, str]] = [{"robot": robot, "task": task} for robot, task in tasks.cells()]
     fitting = {cell[group] for cell in cells if cell[CELL[group]] == said[CELL[group]]}
     return [option for option in options if option in fitting]
 

@@ -98,7 +98,7 @@ def _check_size(path: Path, episode: h5py.Group) -> None:
         groups += [(inner, str(name)) for name in inner]
     else:
         groups.append((episode, "observations"))
-    size = sum(8 * _dataset(path, group, name).size for group, name in groups)
+    size = sum(8 * int(_dataset(path, group, name).size or 0) for group, name in groups)
     if size > MAX_BYTES:
         problem = f"has an absurdly large episode {episode.name}."
         raise DemoError(path, problem, expected=f"at most {MAX_BYTES} bytes", got=size)
