@@ -45,6 +45,8 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
         (["collect", "out=x", "episodes=1000000000"], "episodes=1000000000 is too large"),
         (["collect", "out=x", "num_envs=1000000000"], "num_envs=1000000000 is too large"),
         (["collect", "out=x", "image_size=[10]"], "is not height and width"),
+        (["train", "--cfg", "jbo", "dataset=x"], "Did you mean 'job'"),
+        (["train", "--cfg"], "--cfg needs one of job, hydra, all"),
         (["collect", "out=x", "policy=runs/a"], "policy=runs/a is for env=...: here experts fly"),
         (["collect", "out=x", "max_steps=5"], "is for env=...: here horizon=5 records"),
         (["convert", "x" * 5000, "out=y"], "(5000 characters) cannot be a path: File name too long"),

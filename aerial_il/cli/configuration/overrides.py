@@ -16,7 +16,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.renamed import ALGORITHM_KEYS
 
 FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
-_TAKES_VALUE = ("--cfg",)
+_TAKES_VALUE = {"--cfg": ("job", "hydra", "all")}
 _PLAIN = re.compile(r"[\w.\-]+")
 _COMPOSED = re.compile(r"[+-]")
 _NAME = re.compile(r"[\w.@-]+|hydra/.*")
@@ -103,8 +103,7 @@ def _named(command: Command, words: list[str]) -> tuple[list[str], list[str]]:
             named.append(f"{word[2:]}=true")
             continue
         if word.startswith("-") or (flags and flags[-1] in _TAKES_VALUE):
-            if word.startswith("-") and word not in FLAGS:
-                raise UnknownNameError("option", word, FLAGS, f"See: aerial-il {command.name} --help")
+            _check_flag(command, word, _TAKES_VALUE.get(flags[-1]) if flags else None)
             flags.append(word)
             continue
         bare = _is_bare(word, known)
@@ -115,7 +114,17 @@ def _named(command: Command, words: list[str]) -> tuple[list[str], list[str]]:
             lists.setdefault(name, []).append(word)
         else:
             named.append(f"{name}={word}" if bare else word)
+    if flags and flags[-1] in _TAKES_VALUE:
+        raise InvalidValueError(f"{flags[-1]} needs one of {', '.join(_TAKES_VALUE[flags[-1]])}.")
     return flags, named + [f"{name}={_list(values)}" for name, values in lists.items()]
+
+
+def _check_flag(command: Command, word: str, values: tuple[str, ...] | None) -> None:
+    """Refuse a flag that there is not, or a value that is none of the ``values`` of the flag before it."""
+    if values is not None and word not in values:
+        raise UnknownNameError("--cfg", word, values, f"See: aerial-il {command.name} --help")
+    if values is None and word not in FLAGS:
+        raise UnknownNameError("option", word, FLAGS, f"See: aerial-il {command.name} --help")
 
 
 def _says_the_usual_nothing(command: Command, word: str) -> bool:
