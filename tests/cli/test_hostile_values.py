@@ -28,6 +28,14 @@ def test_a_value_is_answered(case: Case, tmp_path: Path, monkeypatch: pytest.Mon
     assert not (tmp_path / "owned").exists()
 
 
+@pytest.mark.parametrize("case", [("info", "path", "x" * 5000), ("inspect", "beside", "\x00")], ids=["long", "null"])
+def test_a_value_that_was_not_answered_once_is_answered(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert answered(*case)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", commands.names())
 def test_more_values_are_answered(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,6 +40,8 @@ def prepare(command: Command, words: list[str]) -> list[str]:
         UnknownNameError: an unknown flag, key or group value.
         InvalidValueError: a word that is neither of them.
     """
+    if nulls := [word for word in words if "\0" in word]:
+        raise InvalidValueError(f"{nulls[0]!r} has a null character, which no name and no path can have.")
     flags, words = _named(command, words)
     chosen = dict(command.choices)
     chosen |= {key: value for key, _, value in [word.partition("=") for word in words] if key in chosen}
