@@ -14,6 +14,7 @@ from aerial_il.cli import commands
 from aerial_il.core.errors import AerialError
 
 OK, FAILED, BAD_USAGE = 0, 1, 2
+MISTYPED = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)  # said of a path
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -40,8 +41,8 @@ def main(argv: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except OSError as error:
-        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
-            _complain(f"aerial-il: {_shortened(str(error.filename))} cannot be a path: {error.strerror}.")
+        if error.errno in MISTYPED:
+            _complain(f"aerial-il: {_shortened(str(error.filename))} cannot be such a path: {error.strerror}.")
             return BAD_USAGE
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
             raise

@@ -28,7 +28,11 @@ def test_a_value_is_answered(case: Case, tmp_path: Path, monkeypatch: pytest.Mon
     assert not (tmp_path / "owned").exists()
 
 
-@pytest.mark.parametrize("case", [("info", "path", "x" * 5000), ("inspect", "beside", "\x00")], ids=["long", "null"])
+@pytest.mark.parametrize(
+    "case",
+    [("info", "path", "x" * 5000), ("inspect", "beside", "\x00"), ("new", "into", "/proc/self/mem")],
+    ids=["long", "null", "in a file"],
+)
 def test_a_value_that_was_not_answered_once_is_answered(
     case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -49,7 +49,7 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
         (["train", "--cfg"], "--cfg needs one of job, hydra, all"),
         (["collect", "out=x", "policy=runs/a"], "policy=runs/a is for env=...: here experts fly"),
         (["collect", "out=x", "max_steps=5"], "is for env=...: here horizon=5 records"),
-        (["convert", "x" * 5000, "out=y"], "(5000 characters) cannot be a path: File name too long"),
+        (["convert", "x" * 5000, "out=y"], "(5000 characters) cannot be such a path: File name too long"),
     ],
 )
 def test_a_mistake_is_answered_in_one_paragraph_with_status_2(words: list[str], said: str, tmp_path: Path) -> None:
