@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -256,46 +256,28 @@ class FlightControl:
         seconds: float,
     ) -> Report:
         success = list(self._success(results))
-        curves = {
-            (lesson.task, lesson.algorithm): [
-                _curve(self.run_of(replace(lesson, seed=seed), record)) for seed in range(self.seeds)
-            ]
-            for lesson in self.lessons()
-            if lesson.seed == 0
-        }
         return Report(
             name=self.name,
             question=self.question,
             settings=json.loads(json.dumps({**asdict(self), "policy": described(self.policy)})),
             targets=tuple(self._targets(success)),
-            tables={
-                "Tasks": success,
-                "Step responses": [_response_row(name, step, all_) for name, all_ in flown.items() for step in STEPS],
-                "Push": [_push_row(name, all_) for name, all_ in flown.items()],
-                "Holding": [
-                    {"flown_by": name, "tier": tier, **_mean_held([one["held"][tier] for one in all_])}
-                    for name, all_ in flown.items()
-                    for tier in HELD_IN
-                ],
-                "Mismatch": [
-                    {"flown_by": name, "vehicle": what, **_mean_held([one["mismatch"][what] for one in all_])}
-                    for name, all_ in flown.items()
-                    for what in all_[0]["mismatch"]
-                ],
-                "Decisions": [
-                    {"flown_by": name, "us": round(float(np.mean([one["decision_us"] for one in all_])), 1)}
-                    for name, all_ in flown.items()
-                ],
-            },
+            tables={"Tasks": success, **_manoeuvre_tables(flown)},
             notes=NOTES,
             figures={
                 "steps.svg": step_lines(_times(), _drawn(flown)),
                 "mismatch.svg": mismatch_lines(_by_mismatch(flown)),
-                "learning.svg": success_curves(curves),
+                "learning.svg": success_curves(self._curves(record)),
             },
             details={"failed_seeds": {f"{flier}, {tier}": failed_seeds(r) for (flier, tier), r in results.items()}},
             wall_time_s=seconds + sum(_minutes(self.run_of(lesson, record)) * 60 for lesson in self.lessons()),
         )
+
+    def _curves(self, record: Record) -> Mapping[tuple[str, str], list[list[tuple[float, float]]]]:
+        """Return (task, algorithm) -> the learning curve of each of its trainings."""
+        return {
+            (task, by): [_curve(self.run_of(Lesson(task, by, seed), record)) for seed in range(self.seeds)]
+            for task, by in product(TASKS, self.learners)
+        }
 
     def _success(self, results: Mapping[tuple[Lesson | tuple[str, str], str], EvaluationResult]) -> Iterator[Row]:
         """Yield success of each law and each learner on each task in each tier."""
@@ -313,6 +295,28 @@ class FlightControl:
             found = [r for r in rows if (r["task"], r["tier"]) == (task, OWN_TIER) and r["flown_by"] in self.learners]
             best = max(found, key=lambda row: row["percent"])
             yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
+
+
+def _manoeuvre_tables(flown: Mapping[str, list[dict[str, Any]]]) -> dict[str, list[Row]]:
+    """Return the tables of the manoeuvres: pilots by name, each with the figures of its trainings."""
+    return {
+        "Step responses": [_response_row(name, step, all_) for name, all_ in flown.items() for step in STEPS],
+        "Push": [_push_row(name, all_) for name, all_ in flown.items()],
+        "Holding": [
+            {"flown_by": name, "tier": tier, **_mean_held([one["held"][tier] for one in all_])}
+            for name, all_ in flown.items()
+            for tier in HELD_IN
+        ],
+        "Mismatch": [
+            {"flown_by": name, "vehicle": what, **_mean_held([one["mismatch"][what] for one in all_])}
+            for name, all_ in flown.items()
+            for what in all_[0]["mismatch"]
+        ],
+        "Decisions": [
+            {"flown_by": name, "us": round(float(np.mean([one["decision_us"] for one in all_])), 1)}
+            for name, all_ in flown.items()
+        ],
+    }
 
 
 def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult]) -> Row:

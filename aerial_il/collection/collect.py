@@ -68,6 +68,12 @@ class Collection:
         text += f"; {len(self.skipped)} recorded before" if self.skipped else ""
         return text + (f"; {len(self.busy)} left to another process" if self.busy else "")
 
+    def show(self, bar: Progress) -> None:
+        """Move a progress bar, which counts seeds, to what has been done."""
+        done = sum(map(len, (self.demos, self.failures, self.skipped, self.busy)))
+        bar.set_postfix_str(f"success {len(self.demos)}, failure {len(self.failures)}", refresh=False)
+        bar.update(done - bar.n)
+
 
 def collect(
     env: BatchEnv,
@@ -123,10 +129,7 @@ def collect(
         Progress(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
     ):
         for _ in flight.fly(seeds):
-            result = flight.result
-            done = sum(map(len, (result.demos, result.failures, result.skipped, result.busy)))
-            bar.set_postfix_str(f"success {len(result.demos)}, failure {len(result.failures)}", refresh=False)
-            bar.update(done - bar.n)
+            flight.result.show(bar)
     return flight.result
 
 
