@@ -1,6 +1,6 @@
 """The environment, expert and collector that an algorithm which flies while it learns is handed.
 
-The environment is that of its demonstrations; an algorithm that needs none flies where it is told.
+The environment is that of its demonstrations; an algorithm that needs none flies in the one that is named.
 """
 
 from __future__ import annotations
