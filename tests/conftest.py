@@ -14,6 +14,19 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run in a row what a module asks of one cell, so that an environment is made once and not kept."""
+    first = {item.path: number for number, item in reversed(list(enumerate(items)))}
+    items.sort(key=lambda item: (first[item.path], *_cell(item)))
+
+
+def _cell(item: pytest.Item) -> tuple[str, str]:
+    """Return the robot and the task that a test is parametrised with; empty words where there are none."""
+    values = item.callspec.params if isinstance(item, pytest.Function) and hasattr(item, "callspec") else {}
+    found = values.get("cell", (values.get("robot"), values.get("task")))
+    return found if isinstance(found, tuple) and all(isinstance(name, str) for name in found) else ("", "")
+
+
 @pytest.fixture(autouse=True)
 def _skip_without_rendering(request: pytest.FixtureRequest) -> None:
     if request.node.get_closest_marker("render") and not can_render():
