@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import logging
+import os
+import shutil
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from aerial_il.core.rendering import can_render, choose_backend
 
+MEMORY, ROOM_BYTES = Path("/dev/shm"), 8 << 30
+
 choose_backend()
+if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
+    # Thousands of small files are flushed to the disk, up to 10 ms each; where memory is plenty they lie there.
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
