@@ -109,9 +109,12 @@ def test_the_same_job_is_not_done_twice_at_a_time(tmp_path: Path, monkeypatch: p
 
 def test_ctrl_c_stops_the_jobs_and_says_how_to_continue(tmp_path: Path) -> None:
     words = ["collect", "-m", *HOVER, "episodes=5000", "seed=0,5000", "out=s", "launcher=processes", "launcher.jobs=2"]
-    sweep = subprocess.Popen(
-        [sys.executable, "-m", "aerial_il", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    )
+    command = [sys.executable, "-m", "aerial_il", *words]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background would pass on: ignored
+    try:
+        sweep = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert sweep.stderr is not None
     while "seed=5000: started" not in sweep.stderr.readline():
         assert sweep.poll() is None
