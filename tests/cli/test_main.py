@@ -80,10 +80,12 @@ def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(tmp_path: Path) -> None:
-    done = aerial_il("train", "-m", "dataset=nowhere", "run=sweep", "seed=0,1", cwd=tmp_path)
-    assert done.returncode == main.BAD_USAGE
-    assert "2 of 2 jobs failed. seed=0, seed=1: nowhere" in done.stderr
+def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main.main(["train", "-m", "dataset=nowhere", "run=sweep", "seed=0,1"]) == main.BAD_USAGE
+    assert "2 of 2 jobs failed. seed=0, seed=1: nowhere" in capfd.readouterr().err
     assert sorted(p.name for p in (tmp_path / "sweep").iterdir()) == ["multirun.yaml", "seed=0", "seed=1"]
 
 
