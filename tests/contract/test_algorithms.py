@@ -112,6 +112,7 @@ def short(name: str, steps: int) -> Any:
         "reward_batch": 8,
         "batch_size": 8,
         "log_every": 10,
+        "buffer_size": 4096,  # the usual million takes 0.4 GB of a real cell's transitions, and some algorithms stay
     }
     if "training" in {field.name for field in fields(settings)}:
         training = replace(CLONES, steps=steps, batch_size=8)
