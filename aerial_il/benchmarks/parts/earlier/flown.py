@@ -16,6 +16,11 @@ import aerial_il
 _environments: dict[tuple[str, str, int], Any] = {}
 
 
+def knows(robot: str, task: str) -> bool:
+    """Return whether there is such a cell."""
+    return (robot, task) in aerial_il.list_cells()
+
+
 def first(robot: str, task: str, num_envs: int, threads: int) -> float:
     """Return the seconds from nothing but the import to the end of a first control step, compilation included."""
     started = time.perf_counter()
