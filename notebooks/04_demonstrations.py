@@ -206,7 +206,9 @@ command("convert datasets/pick out=pick.hdf5 progress=false")
 command("inspect datasets/pick episode=0 save=flight.rrd")
 
 # %% [markdown]
-# Do they hold the same numbers? Open each with the tool that anybody would use, not with ours, and compare with the recording.
+# Do they hold the same numbers? Open each with the tool that anybody would use, not with ours, and compare with the recording. One thing to know first: a demonstration with noise has two
+# actions in each step, the one that was *flown* and the one that the expert *meant*. The second is the label, what a learner should answer in this state; LeRobot's file has room for
+# one only, and gets the label.
 
 # %%
 [parquet] = Path("datasets/pick/derived/lerobot/data").rglob("*.parquet")
@@ -216,8 +218,10 @@ own, shown_by_task = (features[name]["names"] for name in ("observation.state", 
 print(frames.shape[0], "frames;", len(own), "elements of the robot,", len(shown_by_task), "of the task;", "columns", list(frames.columns))
 uids = [one.uid for one in dataset]
 first = frames[frames["episode_index"] == 0]
-ours = flight.executed_actions.astype(np.float32)
-print("LeRobot, actions of the first flight equal as float32:", np.array_equal(np.stack(first["action"]), ours))
+same = np.array_equal(np.stack(first["action"]), flight.labels)
+print("LeRobot, actions of the first flight equal to the labels to the bit:", same)
+apart = 100 * np.linalg.norm((flight.labels - flight.executed_actions)[:, :3], axis=1)
+print(f"what the expert meant less what the noise made of it: {apart.mean():.2f} cm on average, at most {apart.max():.1f} cm")
 
 with h5py.File("pick.hdf5") as file:
     demo = next(group for group in file["data"].values() if group.attrs["uid"] == flight.uid)
@@ -255,7 +259,7 @@ from rerun.chunk import RrdReader
 chunks = RrdReader("flight.rrd").stream().to_chunks()
 entities = sorted({str(chunk.entity_path) for chunk in chunks})
 groups = pd.Series([entity.split("/")[1] for entity in entities if entity.count("/") > 1]).value_counts()
-print(len(entities), "entities:", dict(groups))
+print(len(entities), "entities:", groups.to_dict())
 print([entity for entity in entities if entity.startswith("/signals")][:8])
 
 
