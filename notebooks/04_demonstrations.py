@@ -72,7 +72,7 @@ command("info datasets/pick")
 #
 # ## 4.2 Look
 #
-# The whole flight in one picture: five moments, and the paths of base and tool.
+# The whole flight in one picture: several moments of it, and the paths of base and tool.
 
 # %%
 def shown(picture):
@@ -216,7 +216,6 @@ frames = pd.read_parquet(parquet)
 features = json.loads(Path("datasets/pick/derived/lerobot/meta/info.json").read_text())["features"]
 own, shown_by_task = (features[name]["names"] for name in ("observation.state", "observation.environment_state"))
 print(frames.shape[0], "frames;", len(own), "elements of the robot,", len(shown_by_task), "of the task;", "columns", list(frames.columns))
-uids = [one.uid for one in dataset]
 first = frames[frames["episode_index"] == 0]
 same = np.array_equal(np.stack(first["action"]), flight.labels)
 print("LeRobot, actions of the first flight equal to the labels to the bit:", same)

@@ -233,7 +233,7 @@ class Guide:
 
 
 collect(env, Guide(), range(10), "around", progress=False)
-guided = aerial_il.open_dataset("around", )
+guided = aerial_il.open_dataset("around")
 print(len(guided), "demonstrations of", len(guided[0]), "steps")
 
 # %%
@@ -331,13 +331,13 @@ plt.show()
 # `reach` with `fa_hexa_arm4`: bring the tool to a marked pose. Twenty demonstrations of a fixed length, 5 s, so that they include hovering at the target: otherwise only learners
 # would ever be seen hovering there, and the discriminator would learn that. GAIL here begins with a clone, shows the discriminator demonstrated actions with the learner's own exploration noise, and
 # hides from everyone where in the world the robot is. Each of these settings closes a cue by which the discriminator would otherwise tell the two apart without looking at
-# the task ([why](../docs/adversarial.md#spurious-cues-for-the-discriminator)). It is a tenth of the flights of the study.
+# the task ([why](../docs/adversarial.md#spurious-cues-for-the-discriminator)). The study flies sixteen times as much.
 
 # %%
 ROBOT, FLIGHTS = "fa_hexa_arm4", 60
 SEES = {"name": "squashed_gaussian", "hidden": [128, 128], "relative": True, "anchor": "ee_pos", "blind_to": ["base_*", "joint_*", "ee_*"], "spread": "free", "log_std": -3.0}
 GAIL = {
-    "name": "gail", "steps": 51_200, "bounds": "demonstrations", "labels": "expert", "bc_pretrain_steps": 1500, "warmup": 12_800, "action_noise": True,
+    "name": "gail", "steps": 32_000, "bounds": "demonstrations", "labels": "expert", "bc_pretrain_steps": 1000, "warmup": 6400, "action_noise": True,
     "rollout": 6400, "epochs": 5, "batch_size": 512, "lr": 1e-4, "gamma": 0.97, "target_kl": 0.01, "critic_hidden": [128, 128], "reward_updates": 32, "log_every": 6400,
 }  # fmt: skip
 
