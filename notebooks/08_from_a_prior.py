@@ -150,7 +150,7 @@ plt.show()
 # 3. **small steps**: updates on a rollout stop once the policy has moved by `target_kl`;
 # 4. **a gate**: if a rollout's flights return less than the prior's, by more than two standard errors, the last good weights come back.
 #
-# Three settings, three trainings each, from the *same* clone: with all four; without any; and PPO from nothing, for the same steps, the control that tells what the prior was worth.
+# Three settings, three trainings each, from the *same* clone: with all four; without any; and PPO from scratch, for the same steps, the control that tells what the prior was worth.
 
 # %%
 SEEDS = (0, 1, 2)
@@ -161,12 +161,12 @@ PPO = {
 SETTINGS = {
     "guarded": {**PPO, "warmup": 4800, "kl": 0.003, "target_kl": 0.05, "gate": 2.0},
     "unguarded": {**PPO, "warmup": 0, "kl": 0.0, "target_kl": 0.0, "gate": 1000.0},
-    "nothing": {"name": "ppo", "reward": "sparse", "steps": 36_000, "rollout": 2400, "gamma": 0.98, "lr": 1e-3, "log_every": 2400},
+    "scratch": {"name": "ppo", "reward": "sparse", "steps": 36_000, "rollout": 2400, "gamma": 0.98, "lr": 1e-3, "epochs": 5, "batch_size": 256, "log_every": 2400},
 }
 for name, algorithm in SETTINGS.items():
     for seed in SEEDS:
-        begins = {"env": "gymnasium:Gap-v0", "success": "return:0.5"} if name == "nothing" else {"dataset": "gaps", "policy": {"name": "mlp", "chunk": 4, "hidden": [64, 64]}}
-        if name == "nothing":
+        begins = {"env": "gymnasium:Gap-v0", "success": "return:0.5"} if name == "scratch" else {"dataset": "gaps", "policy": {"name": "mlp", "chunk": 4, "hidden": [64, 64]}}
+        if name == "scratch":
             begins["policy"] = {"name": "squashed_gaussian", "hidden": [64, 64]}
         quietly(
             aerial_il.train, algorithm=algorithm, run=f"{name}/{seed}", seed=seed, num_envs=32, threads=1,
@@ -183,13 +183,13 @@ def curve(run):
 figure, axes = plt.subplots(1, 2, figsize=(11, 3.4), layout="constrained", width_ratios=(3, 2))
 base = curve("guarded/0")[1][0]
 axes[0].axhline(base, color="0.4", ls="--", lw=1)
-axes[0].text(35_500, base + 2, "the prior", ha="right", color="0.3")
+axes[0].text(100, base + 4, "the prior", color="0.3")
 print(f"{'setting':10s} {'seed':>4s}  {'largest dip below the prior':>28s}   judged, 400 unseen starts")
 for k, name in enumerate(SETTINGS):
     curves = [curve(f"{name}/{seed}") for seed in SEEDS]
     for seed, (steps, rates) in zip(SEEDS, curves, strict=True):
         axes[0].plot(steps, rates, color=f"C{k}", lw=0.7, alpha=0.6)
-        dip = "none to begin with" if name == "nothing" else f"{max(0.0, rates[0] - rates.min()):.1f} points"
+        dip = "(no prior)" if name == "scratch" else f"{max(0.0, rates[0] - rates.min()):.1f} points"
         won = through(aerial_il.load_policy(f"{name}/{seed}"))
         print(f"{name:10s} {seed:4d}  {dip:>28s}   {percent(won)}")
         axes[1].plot(100 * won.mean(), k + 0.12 * (seed - 1), "o", color=f"C{k}")
@@ -203,11 +203,17 @@ axes[0].legend()
 plt.show()
 
 # %% [markdown]
-# TEXT82
+# How to read it. Each point of a curve is 200 flights, so that it may be off by six points; the last column is 400 flights on unseen starts.
+#
+# - **Guarded**: none of the three fell below the prior by more than can be chance (largest dip 1.5 points), and all end a little above it: 80, 81 and 87 % beside 77.
+# - **Unguarded**: two end as high, one of them by way of a dip of 9 points. The third falls by **25 points** and has not come back to the prior when the steps are over. The guards cost nothing here, and they are what one pays for not
+#   knowing beforehand which of the three it will be. With three trainings each the means (82 and 78) do not tell the settings apart; the dips are what differs.
+# - **From scratch**: one of three never got through the gap at all, the others reached 48 and 72 % after as many steps. An easy example: a random flight happens upon the gap now and then. On the robot below, where a cube
+#   has to be gripped, lifted, carried and let go, one should not count on that.
 #
 # ## 8.3 On the robot: expert iteration
 #
-# `pick_place` with `fa_hexa_arm4` from ten demonstrations. A gradient from one bit per flight is poor when a flight has two hundred steps; with a few hundred thousand steps of practice, policy gradients move little here. A simpler idea: **fly from many starts, keep what succeeded, clone again**. That is
+# `pick_place` with `fa_hexa_arm4` from ten demonstrations. One bit per flight says little about each of its two hundred steps. A simpler idea than a gradient: **fly from many starts, keep what succeeded, clone again**. That is
 # cloning weighted by a reward of 0 or 1, and a step towards the better policy: with $\pi_{new}(a|s)\propto\pi(a|s)\,P(\text{success}\mid s,a)$, the projection of $\pi_{new}$
 # onto networks by maximum likelihood *is* cloning of the successful flights (Dayan & Hinton 1997; `algorithm=filtered_bc`). Its weakness: from a start where no flight succeeds,
 # nothing is learned, and noise does not help much.
@@ -218,17 +224,17 @@ plt.show()
 
 # %%
 ROBOT, TASK, FLIGHTS, LIMIT = "fa_hexa_arm4", "pick_place", 60, 500
-POLICY, CLONING = {"name": "mlp", "hidden": [128, 128]}, {"steps": 1500, "validation": 0.0}
+POLICY, CLONING = {"name": "mlp", "hidden": [128, 128]}, {"steps": 2500, "validation": 0.0}
 demos = quietly(aerial_il.collect, ROBOT, TASK, episodes=10, seed=0, out="demos", progress=False)
-plain = quietly(aerial_il.train, "demos", policy=POLICY, algorithm=CLONING, run="plain")
+plain = quietly(aerial_il.train, "demos", policy=POLICY, algorithm=CLONING, run="alone")
 iterated = quietly(
-    aerial_il.train, "demos", policy=POLICY, run="iterated", num_envs=80, evaluate_episodes=1,
+    aerial_il.train, "demos", policy=POLICY, run="practised", num_envs=120, evaluate_episodes=1,
     algorithm={
-        "name": "expert_iteration", "rounds": 2, "episodes": 80, "attempts": 4, "between_steps": 1500, "evaluate_every": 0,
+        "name": "expert_iteration", "rounds": 1, "episodes": 240, "attempts": 6, "evaluate_every": 0,
         "training": {**CLONING, "field_dropout": 0.6},
     },
 )  # fmt: skip
-rounds = analysis.metrics("iterated").dropna(subset=["flights"])
+rounds = analysis.metrics("practised").dropna(subset=["flights"])
 rounds[["step", "flights", "flights_solved", "flight_steps", "starts_solved_first", "starts_solved", "total/flight_steps"]].round(2)
 
 # %%
@@ -251,7 +257,7 @@ def judged(policy):
     return won, np.array(states), np.array(air)
 
 
-results = {"clone of 10": judged(plain), "expert iteration, 2 rounds": judged(iterated)}
+results = {"clone of 10": judged(plain), "expert iteration, 1 round": judged(iterated)}
 for name, (won, *_) in results.items():
     print(f"{name:28s} {won.sum():2d} of {FLIGHTS} within 10 s: {percent(won)}")
 first, second = (won for won, *_ in results.values())
