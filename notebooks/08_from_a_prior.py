@@ -206,15 +206,15 @@ plt.show()
 # How to read it. Each point of a curve is 200 flights, so that it may be off by six points; the last column is 400 flights on unseen starts.
 #
 # - **Guarded**: none of the three fell below the prior by more than can be chance (largest dip 1.5 points), and all end a little above it: 80, 81 and 87 % beside 77.
-# - **Unguarded**: two end as high, one of them by way of a dip of 9 points. The third falls by **25 points** and has not come back to the prior when the steps are over. The guards cost nothing here, and they are what one pays for not
-#   knowing beforehand which of the three it will be. With three trainings each the means (82 and 78) do not tell the settings apart; the dips are what differs.
+# - **Unguarded**: two end as high, one of them by way of a dip of 9 points. The third falls by **25 points** and has not come back to the prior when the steps are over. The guards cost nothing here, and nobody knows
+#   beforehand which of the three it will be. With three trainings each the means (82 and 78) do not tell the settings apart; the dips are what differs.
 # - **From scratch**: one of three never got through the gap at all, the others reached 48 and 72 % after as many steps. An easy example: a random flight happens upon the gap now and then. On the robot below, where a cube
 #   has to be gripped, lifted, carried and let go, one should not count on that.
 #
 # ## 8.3 On the robot: expert iteration
 #
 # `pick_place` with `fa_hexa_arm4` from ten demonstrations. One bit per flight says little about each of its two hundred steps. A simpler idea than a gradient: **fly from many starts, keep what succeeded, clone again**. That is
-# cloning weighted by a reward of 0 or 1, and a step towards the better policy: with $\pi_{new}(a|s)\propto\pi(a|s)\,P(\text{success}\mid s,a)$, the projection of $\pi_{new}$
+# cloning weighted by a reward of 0 or 1, and a step towards the better policy: with $\pi_{\text{new}}(a|s)\propto\pi(a|s)\,P(\text{success}\mid s,a)$, the projection of $\pi_{\text{new}}$
 # onto networks by maximum likelihood *is* cloning of the successful flights (Dayan & Hinton 1997; `algorithm=filtered_bc`). Its weakness: from a start where no flight succeeds,
 # nothing is learned, and noise does not help much.
 #
