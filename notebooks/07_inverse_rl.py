@@ -456,10 +456,10 @@ env.close()
 #
 # - A reward learned from demonstrations is known up to shaping, and only where demonstrations or flights were. Look at it before using it: `aerial-il reward RUN dataset=...` draws it along a flight, this
 #   notebook over a map.
-# - On `reach` the clone is enough, once it is hidden from the network where in the world it is. The study [experiments/gail](../experiments/gail/README.md), of an earlier engine and to be measured anew,
-#   found the same: GAIL from a clone 100 % (99–100), the clone alone 100 % (99–100). On `pick_place` neither learned the task (0 and 4 of 100).
-# - Where the clone is *not* enough, flying helps: from ten demonstrations of Hopper the clone had 0.93 (0.92–0.95) of the expert's return, DAC (off-policy GAIL, `algorithm=dac`) from that clone 0.997
-#   (0.990–1.001); three trainings each. Its control with random demonstrations had 0.007 (one training).
+# - On `reach` the clone is enough, once it is hidden from the network where in the world it is. The study [experiments/gail](../experiments/gail/README.md), three trainings each and 100 flights of each,
+#   found the same: GAIL from a clone 100 % (98.7–100), the clone alone 100 % (98.7–100), GAIL with random demonstrations 0 (one training). On `pick_place` neither learned the task: 2.3 % (1.1–4.7) and 1.7 % (0.7–3.8).
+# - Where the clone is *not* enough, flying helps: from ten demonstrations of Hopper, DAC (off-policy GAIL, `algorithm=dac`) from a clone had 0.994 of the expert's return (0.988–0.998 over flights, 0.994–0.995 over trainings), the
+#   clone alone 0.906 (0.883–0.928; 0.675–1.137). The control with random demonstrations had 0.007 (one training).
 # - Report clone and control beside every result. [All algorithms and their settings](../docs/adversarial.md).
 #
 # **Sources.** Ng, Harada & Russell, "Policy invariance under reward transformations", *ICML* 1999. Ziebart et al., "Maximum entropy inverse reinforcement learning", *AAAI* 2008; Ziebart, PhD thesis, 2010. Ho & Ermon,

@@ -24,7 +24,7 @@ from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.gail import AdversarialImitation
 from aerial_il.algorithms.rl.imitation import Control, Imitation
-from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.run.folder import REWARD, read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
@@ -35,6 +35,7 @@ from aerial_il.benchmarks.parts.reporting.report import Report
 from aerial_il.benchmarks.parts.training.demonstrations import SEEDS_PER_DRAW
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, without_cadence
 from aerial_il.collection.collect import collect
+from aerial_il.core.checkpoint import is_sealed
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sha256_of
@@ -42,7 +43,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
-from aerial_il.policies import load_policy
+from aerial_il.policies import FINAL, load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from aerial_il.suite.outside.processes import processes_for
 
@@ -338,6 +339,7 @@ class Gail:
         singles = [
             row(p.task, p.method, p.control, [r], experts[p.task], [self.run_of(p, record)]) for p, r in results.items()
         ]
+        rewards = self._rewards(record, results)
         return Report(
             name=self.name,
             question=self.question,
@@ -351,25 +353,40 @@ class Gail:
             ),
             tables={"Learners, controls and experts": rows, "Single trainings": singles},
             notes=NOTES,
-            figures={"reward.svg": reward_lines(self._rewards(record, results))},
+            figures={"reward.svg": reward_lines(rewards)} if rewards else {},
             wall_time_s=_seconds(
                 record, [*experts.values(), *results.values()], [self.run_of(p, record) for p in results]
             ),
         )
 
     def _rewards(self, record: Record, results: Iterable[Point]) -> dict[str, dict[str, np.ndarray]]:
-        """Return the learned reward along a demonstration and along the same with its actions shuffled, per task."""
+        """Return the learned reward along a demonstration and along the same with its actions shuffled.
+
+        Per task it is that of the first method's first training whose networks are kept, or the next method's.
+        """
+        shown: dict[str, Point] = {}
+        for point in sorted(results, key=self._order):
+            if point.control == "none" and point.method != CLONE and _keeps_networks(self.run_of(point, record)):
+                shown.setdefault(point.task, point)
         panels = {}
-        for point in results:
-            if point.seed == 0 and point.control == "none" and point.method == self._methods(point.task)[0]:
-                run, shown = self.run_of(point, record), self.demonstrations(point.task, 0, record, False)[0]
-                lines = {"demonstration": shown, "its actions shuffled": shuffled(shown)}
-                panels[point.task] = {label: reward_along(run, episode) for label, episode in lines.items()}
+        for task, point in shown.items():
+            run, episode = self.run_of(point, record), self.demonstrations(task, point.seed, record, False)[0]
+            lines = {"demonstration": episode, "its actions shuffled": shuffled(episode)}
+            panels[f"{task}, {point.method}"] = {label: reward_along(run, each) for label, each in lines.items()}
         return panels
+
+    def _order(self, point: Point) -> tuple[int, int, int]:
+        tasks = (*self.outside, *self.suite)
+        return tasks.index(point.task), self._methods(point.task).index(point.method), point.seed
 
     def _plain(self) -> dict[str, Any]:
         """The settings as JSON gives them back."""
         return json.loads(json.dumps(asdict(self)))
+
+
+def _keeps_networks(run: Path) -> bool:
+    """Whether a run still has its networks: finished stages may be kept without them."""
+    return all(is_sealed(run / part) for part in (FINAL, REWARD))
 
 
 def _successes(dataset: Path) -> Iterator[Episode]:

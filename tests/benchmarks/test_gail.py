@@ -71,6 +71,31 @@ def test_trainings_of_an_arm_differ_in_their_demonstrations_and_worlds_are_part_
     assert many["algorithm"] == like["algorithm"]
 
 
+def test_the_learned_reward_is_drawn_of_trainings_that_still_have_their_networks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, record = Gail(outside=("Hopper-v5",), suite={}, methods=("dac", "gail"), seeds=2), Record(tmp_path)
+    drawn: list[tuple[Path, int]] = []
+    monkeypatch.setattr(gail, "reward_along", lambda run, episode: drawn.append((run, episode)))
+    monkeypatch.setattr(gail, "shuffled", lambda episode: episode)
+    monkeypatch.setattr(Gail, "demonstrations", lambda self, task, draw, *more: [draw])
+
+    def keep(method: str, seed: int, *parts: str) -> Path:
+        run = study.run_of(Point("Hopper-v5", method, "none", seed), record)
+        for part in parts:
+            (run / part).mkdir(parents=True)
+            (run / part / "manifest.json").touch()
+        return run
+
+    keep("dac", 0, "reward"), keep(gail.CLONE, 0, "policy", "reward")
+    assert study._rewards(record, study.points()) == {}, "a reward without its policy, and a clone's, show nothing"
+    keep("gail", 0, "policy", "reward")
+    assert list(study._rewards(record, study.points())) == ["Hopper-v5, gail"]
+    first = keep("dac", 1, "policy", "reward")
+    assert list(study._rewards(record, study.points())) == ["Hopper-v5, dac"]
+    assert drawn[-2:] == [(first, 1)] * 2, "along a demonstration of the training's own draw"
+
+
 def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_path: Path) -> None:
     expert = result(100.0, 100.0)
     row = ratios.row("Hopper-v5", "dac", "none", [result(90.0, 110.0)], expert, [])
