@@ -1,4 +1,4 @@
-"""What the site is made of: the repository's own pages and pictures, and pages made from the code."""
+"""Sources of the site: the repository's own pages and pictures, and pages made from the code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the HDF5 library comes back from a file at all: in some damaged ones it turns for ever, deaf to Ctrl-C.
+"""A probe of whether the HDF5 library returns from a file at all: in some damaged ones it loops for ever.
 
 So a process of its own, with little time and memory, reads all attributes and the ends of all datasets first.
 """

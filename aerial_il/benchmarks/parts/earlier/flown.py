@@ -1,4 +1,4 @@
-"""What two commits of this package are asked to fly: run as a script of its own in the process of each.
+"""Flights by which two commits of this package are compared: run as a script of its own in the process of each.
 
 Only names that both have may be used here: those that ``aerial_il`` itself offers, and ``collect``.
 """

@@ -93,7 +93,7 @@ class Config:
     threads: int = key(0, "threads of its flights, or processes of external environments; 0 for all cores")
     port: int = key(8642, "of the page of expert=human; another one where it is taken")
     tracker: list[str] = key(
-        ["tensorboard"], "who is told the metrics: tensorboard, wandb, mlflow; []: nobody", many=True
+        ["tensorboard"], "trackers of the metrics: tensorboard, wandb, mlflow; []: none", many=True
     )
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")
