@@ -90,8 +90,8 @@ def found(root: Path = ROOT) -> Iterator[tuple[str, str]]:
     for file in sorted((root / "experiments").glob("*")) + sorted((root / "experiments").glob("*/*")):
         if file.suffix in (".md", *PICTURES):
             yield _name(file, root), _place(file.relative_to(root))
-    for file in sorted((root / "notebooks").glob("*.ipynb")):
-        yield _name(file, root), f"notebooks/{file.name}"
+    for file in sorted((root / "notebooks").glob("*.ipynb")) + sorted((root / "notebooks" / "zh").glob("*.ipynb")):
+        yield _name(file, root), _name(file, root)
 
 
 def with_contents(text: str, contents: Mapping[str, str | bytes]) -> str:

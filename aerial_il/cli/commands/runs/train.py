@@ -183,7 +183,9 @@ def _rollout_evaluator(config: Config, algorithm: Algorithm) -> Iterator[Rollout
         return
     from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
 
-    flights = RolloutEvaluator(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
+    flights = RolloutEvaluator(
+        config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, threads=config.threads, env=config.env
+    )
     with flights.open() as evaluator:
         yield evaluator
 
