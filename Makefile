@@ -6,7 +6,7 @@ ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
-.PHONY: help setup demo test test-all fuzz check format bench docs notebooks lock slurm clean
+.PHONY: help setup demo test test-all fuzz check format bench docs notebooks lock slurm newcomer clean
 
 help: ## list these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -51,6 +51,9 @@ lock: setup ## resolve pyproject.toml anew into requirements.lock, keeping the v
 
 slurm: ## start a SLURM of one node on this machine, installing it if need be (as root): to try launcher=slurm
 	@setup/slurm.sh
+
+newcomer: ## walk a newcomer's path on a bare Debian, as root: suite=trixie or bookworm, steps="setup demo" (an hour, 8 GB)
+	@setup/newcomer.sh $(or $(suite),trixie) $(steps)
 
 clean: ## remove caches and the environment; recordings and runs stay
 	rm -rf .venv .tools .cache .pytest_cache .ruff_cache .import_linter_cache dist build *.egg-info

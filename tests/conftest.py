@@ -3,15 +3,36 @@
 from __future__ import annotations
 
 import logging
+import os
+import shutil
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from aerial_il.core.rendering import can_render, choose_backend
 
+MEMORY, ROOM_BYTES = Path("/dev/shm"), 8 << 30
+
 choose_backend()
+if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
+    # Thousands of small files are flushed to the disk, up to 10 ms each; where memory is plenty they lie there.
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run in a row what a module asks of one cell, so that an environment is made once and not kept."""
+    first = {item.path: number for number, item in reversed(list(enumerate(items)))}
+    items.sort(key=lambda item: (first[item.path], *_cell(item)))
+
+
+def _cell(item: pytest.Item) -> tuple[str, str]:
+    """Return the robot and the task that a test is parametrised with; empty words where there are none."""
+    values = item.callspec.params if isinstance(item, pytest.Function) and hasattr(item, "callspec") else {}
+    found = values.get("cell", (values.get("robot"), values.get("task")))
+    return found if isinstance(found, tuple) and all(isinstance(name, str) for name in found) else ("", "")
 
 
 @pytest.fixture(autouse=True)

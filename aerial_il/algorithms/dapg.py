@@ -3,8 +3,8 @@
 A clone of the demonstrations goes on learning, chunk by chunk. Each turn collects ``rollout`` steps and moves the
 clone's own network once, as ``npg`` does, along the gradient
 
-    ``g = 1/N (sum over N decisions of A grad log pi(a | s)
-               + lambda_0 lambda_1^k max A sum over the demonstrations of grad log pi(a* | s*))``
+    ``g = 1/N (sum over N decisions of A grad log pi(a | s)``
+    ``+ lambda_0 lambda_1^k max A sum over the demonstrations of grad log pi(a* | s*))``
 
 with the advantages A of the chunks a that were drawn, the chunks a* that were shown, and k turns so far: what was
 shown keeps the clone where exploring tells little, and goes as that tells more. Up to ``warmup`` the clone flies alone,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -73,7 +73,7 @@ NOTES = (
 
 
 @dataclass(frozen=True, order=True)
-class Lesson:
+class Training:
     """One training: a task, an algorithm and a seed."""
 
     task: str
@@ -133,47 +133,47 @@ class FlightControl:
         }
         return self._report(record, results, flown, time.perf_counter() - started)
 
-    def lessons(self) -> list[Lesson]:
+    def trainings(self) -> list[Training]:
         """Return all trainings, the first seed of each first."""
-        return [Lesson(task, by, seed) for seed, task, by in product(range(self.seeds), TASKS, self.learners)]
+        return [Training(task, by, seed) for seed, task, by in product(range(self.seeds), TASKS, self.learners)]
 
-    def _work(self) -> list[tuple[Lesson | tuple[str, str], str]]:
-        """Return what is judged: a lesson's policy or a (task, law), and in which tier."""
-        return [*product(self.lessons(), TIERS), *product(product(TASKS, self.laws), TIERS)]
+    def _work(self) -> list[tuple[Training | tuple[str, str], str]]:
+        """Return what is judged: a training's policy or a (task, law), and in which tier."""
+        return [*product(self.trainings(), TIERS), *product(product(TASKS, self.laws), TIERS)]
 
-    def learner(self, lesson: Lesson) -> Any:
-        """Return the algorithm of a lesson."""
-        return getattr(self, lesson.algorithm)
+    def learner(self, training: Training) -> Any:
+        """Return the algorithm of a training."""
+        return getattr(self, training.algorithm)
 
-    def run_of(self, lesson: Lesson, record: Record) -> Path:
+    def run_of(self, training: Training, record: Record) -> Path:
         """Return the folder of a training."""
-        return record.place("training", lesson.place, self._decided_by(lesson))
+        return record.place("training", training.place, self._decided_by(training))
 
-    def _decided_by(self, lesson: Lesson) -> dict[str, Any]:
+    def _decided_by(self, training: Training) -> dict[str, Any]:
         """Return all that decides a training."""
         return {
-            "lesson": asdict(lesson),
+            "lesson": asdict(training),
             "action": self.action,
-            "algorithm": without_cadence(self.learner(lesson)),
+            "algorithm": without_cadence(self.learner(training)),
             "policy": described(self.policy),
-            "learning": learning_code(lesson.algorithm),
-            "worlds": self._worlds(lesson),
-            "flights": flight_fingerprint(ROBOT, lesson.task, OWN_TIER, self.horizon),
+            "learning": learning_code(training.algorithm),
+            "worlds": self._worlds(training),
+            "flights": flight_fingerprint(ROBOT, training.task, OWN_TIER, self.horizon),
         }
 
-    def _worlds(self, lesson: Lesson) -> int:
-        return self.ppo_envs if lesson.algorithm == "ppo" else self.sac_envs
+    def _worlds(self, training: Training) -> int:
+        return self.ppo_envs if training.algorithm == "ppo" else self.sac_envs
 
-    def _judged(self, flier: Lesson | tuple[str, str], tier: str, record: Record, progress: bool) -> EvaluationResult:
+    def _judged(self, flier: Training | tuple[str, str], tier: str, record: Record, progress: bool) -> EvaluationResult:
         """Return the kept evaluation of a policy or a law, or fly and keep it."""
-        task, label = (flier.task, flier.place) if isinstance(flier, Lesson) else (flier[0], "/".join(flier))
-        what = self._decided_by(flier) if isinstance(flier, Lesson) else {"law": flier[1]}
+        task, label = (flier.task, flier.place) if isinstance(flier, Training) else (flier[0], "/".join(flier))
+        what = self._decided_by(flier) if isinstance(flier, Training) else {"law": flier[1]}
         seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
         judging = {"seeds": [seeds.start, seeds.stop], "flights": flight_fingerprint(ROBOT, task, tier)}
         place = record.place("evaluations", f"{label}/{tier}", {"what": what, **judging})
         if (place / FILE_NAME).exists():
             return load_result(place)
-        if isinstance(flier, Lesson):
+        if isinstance(flier, Training):
             policy: Policy = self._trained(flier, record, progress)
             result = self._flown(task, policy, tier, seeds, action=self.action)
         else:
@@ -181,22 +181,22 @@ class FlightControl:
         result.save(place)
         return result
 
-    def _trained(self, lesson: Lesson, record: Record, progress: bool) -> Policy:
-        run = self.run_of(lesson, record)
+    def _trained(self, training: Training, record: Record, progress: bool) -> Policy:
+        run = self.run_of(training, record)
         if (run / "policy").is_dir():
             return load_policy(run)
         tuning = range(TUNING_SEEDS.start, TUNING_SEEDS.start + self.curve_episodes)
         env = aerial_il.load_batch(
-            ROBOT, lesson.task, num_envs=self._worlds(lesson), tier=OWN_TIER, action=self.action, horizon=self.horizon,
-            num_threads=self.threads,
+            ROBOT, training.task, num_envs=self._worlds(training), tier=OWN_TIER, action=self.action,
+            horizon=self.horizon, num_threads=self.threads,
         )  # fmt: skip
 
         def seen(policy: Policy, step: int) -> dict[str, float]:
-            return {"success": self._flown(lesson.task, policy, OWN_TIER, tuning, action=self.action).success["rate"]}
+            return {"success": self._flown(training.task, policy, OWN_TIER, tuning, action=self.action).success["rate"]}
 
         try:
-            return self.learner(lesson).train(
-                None, self.policy, env=env, run=run, seed=lesson.seed, evaluate=seen, progress=progress
+            return self.learner(training).train(
+                None, self.policy, env=env, run=run, seed=training.seed, evaluate=seen, progress=progress
             )
         finally:
             env.close()
@@ -217,7 +217,7 @@ class FlightControl:
         """Return who flies the manoeuvres: the laws, and of each learner what it has learned of hovering."""
         pilots: dict[str, list[Pilot]] = {law: [LawPilot(law)] for law in self.laws}
         for by in self.learners:
-            runs = [self.run_of(Lesson(HOVER, by, seed), record) for seed in range(self.seeds)]
+            runs = [self.run_of(Training(HOVER, by, seed), record) for seed in range(self.seeds)]
             pilots[by] = [PolicyPilot(load_policy(run), self.action, run.name) for run in runs]
         return pilots
 
@@ -251,60 +251,42 @@ class FlightControl:
     def _report(
         self,
         record: Record,
-        results: Mapping[tuple[Lesson | tuple[str, str], str], EvaluationResult],
+        results: Mapping[tuple[Training | tuple[str, str], str], EvaluationResult],
         flown: Mapping[str, list[dict[str, Any]]],
         seconds: float,
     ) -> Report:
         success = list(self._success(results))
-        curves = {
-            (lesson.task, lesson.algorithm): [
-                _curve(self.run_of(replace(lesson, seed=seed), record)) for seed in range(self.seeds)
-            ]
-            for lesson in self.lessons()
-            if lesson.seed == 0
-        }
         return Report(
             name=self.name,
             question=self.question,
             settings=json.loads(json.dumps({**asdict(self), "policy": described(self.policy)})),
             targets=tuple(self._targets(success)),
-            tables={
-                "Tasks": success,
-                "Step responses": [_response_row(name, step, all_) for name, all_ in flown.items() for step in STEPS],
-                "Push": [_push_row(name, all_) for name, all_ in flown.items()],
-                "Holding": [
-                    {"flown_by": name, "tier": tier, **_mean_held([one["held"][tier] for one in all_])}
-                    for name, all_ in flown.items()
-                    for tier in HELD_IN
-                ],
-                "Mismatch": [
-                    {"flown_by": name, "vehicle": what, **_mean_held([one["mismatch"][what] for one in all_])}
-                    for name, all_ in flown.items()
-                    for what in all_[0]["mismatch"]
-                ],
-                "Decisions": [
-                    {"flown_by": name, "us": round(float(np.mean([one["decision_us"] for one in all_])), 1)}
-                    for name, all_ in flown.items()
-                ],
-            },
+            tables={"Tasks": success, **_manoeuvre_tables(flown)},
             notes=NOTES,
             figures={
                 "steps.svg": step_lines(_times(), _drawn(flown)),
                 "mismatch.svg": mismatch_lines(_by_mismatch(flown)),
-                "learning.svg": success_curves(curves),
+                "learning.svg": success_curves(self._curves(record)),
             },
             details={"failed_seeds": {f"{flier}, {tier}": failed_seeds(r) for (flier, tier), r in results.items()}},
-            wall_time_s=seconds + sum(_minutes(self.run_of(lesson, record)) * 60 for lesson in self.lessons()),
+            wall_time_s=seconds + sum(_minutes(self.run_of(training, record)) * 60 for training in self.trainings()),
         )
 
-    def _success(self, results: Mapping[tuple[Lesson | tuple[str, str], str], EvaluationResult]) -> Iterator[Row]:
+    def _curves(self, record: Record) -> Mapping[tuple[str, str], list[list[tuple[float, float]]]]:
+        """Return (task, algorithm) -> the learning curve of each of its trainings."""
+        return {
+            (task, by): [_curve(self.run_of(Training(task, by, seed), record)) for seed in range(self.seeds)]
+            for task, by in product(TASKS, self.learners)
+        }
+
+    def _success(self, results: Mapping[tuple[Training | tuple[str, str], str], EvaluationResult]) -> Iterator[Row]:
         """Yield success of each law and each learner on each task in each tier."""
         for task, tier in product(TASKS, TIERS):
             for law in self.laws:
                 yield _success_row(task, tier, law, [results[(task, law), tier]])
             for by in self.learners:
                 yield _success_row(
-                    task, tier, by, [results[Lesson(task, by, seed), tier] for seed in range(self.seeds)]
+                    task, tier, by, [results[Training(task, by, seed), tier] for seed in range(self.seeds)]
                 )
 
     def _targets(self, rows: list[Row]) -> Iterator[Target]:
@@ -313,6 +295,28 @@ class FlightControl:
             found = [r for r in rows if (r["task"], r["tier"]) == (task, OWN_TIER) and r["flown_by"] in self.learners]
             best = max(found, key=lambda row: row["percent"])
             yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
+
+
+def _manoeuvre_tables(flown: Mapping[str, list[dict[str, Any]]]) -> dict[str, list[Row]]:
+    """Return the tables of the manoeuvres: pilots by name, each with the figures of its trainings."""
+    return {
+        "Step responses": [_response_row(name, step, all_) for name, all_ in flown.items() for step in STEPS],
+        "Push": [_push_row(name, all_) for name, all_ in flown.items()],
+        "Holding": [
+            {"flown_by": name, "tier": tier, **_mean_held([one["held"][tier] for one in all_])}
+            for name, all_ in flown.items()
+            for tier in HELD_IN
+        ],
+        "Mismatch": [
+            {"flown_by": name, "vehicle": what, **_mean_held([one["mismatch"][what] for one in all_])}
+            for name, all_ in flown.items()
+            for what in all_[0]["mismatch"]
+        ],
+        "Decisions": [
+            {"flown_by": name, "us": round(float(np.mean([one["decision_us"] for one in all_])), 1)}
+            for name, all_ in flown.items()
+        ],
+    }
 
 
 def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult]) -> Row:

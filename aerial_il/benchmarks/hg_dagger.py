@@ -100,12 +100,12 @@ class HumanInTheLoop:
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
-        lessons = [Lesson(self, Record(folder), draw, progress) for draw in self.draws]
-        found = {lesson: lesson.results() for lesson in bar(lessons, self.name, progress)}
+        draws = [Draw(self, Record(folder), draw, progress) for draw in self.draws]
+        found = {each: each.results() for each in bar(draws, self.name, progress)}
         arms = {name: [results[name] for results in found.values()] for name in (START, ASKED, CONTROL)}
         pooled = [{"arm": name, **self._cost(name), **pooled_row(results)} for name, results in arms.items()]
-        rounds = [{"draw": lesson.draw, **row} for lesson in lessons for row in lesson.rounds()]
-        steps = [{"draw": lesson.draw, **lesson.steps()} for lesson in lessons]
+        rounds = [{"draw": each.draw, **row} for each in draws for row in each.rounds()]
+        steps = [{"draw": each.draw, **each.steps()} for each in draws]
         return Report(
             name=self.name,
             question=self.question,
@@ -115,12 +115,12 @@ class HumanInTheLoop:
             notes=NOTES,
             details={
                 "failed_seeds": {
-                    f"{name}: {lesson.draw}": failed_seeds(result)
-                    for lesson, results in found.items()
+                    f"{name}: {each.draw}": failed_seeds(result)
+                    for each, results in found.items()
                     for name, result in results.items()
                 }
             },
-            wall_time_s=sum(lesson.seconds() for lesson in lessons),
+            wall_time_s=sum(each.seconds() for each in draws),
         )
 
     @property
@@ -148,7 +148,7 @@ class HumanInTheLoop:
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
+class Draw:
     """One draw: its demonstrations, its rounds, its control, and how each of them flies.
 
     Attributes:

@@ -58,7 +58,7 @@ NOTES = (
     "actions, in pick_place; each of their processes steps one world.",
     "Parent: this package at an earlier commit. Both fly their own experts in processes of their own, turn by turn. "
     "Flights: all of it, resets and expert included, nothing recorded. Env: the environment's steps alone. Alone: "
-    "those of a single world. Collected: demonstrations on disk.",
+    "those of a single world. Collected: demonstrations on disk. Cells that the parent did not have yet stand alone.",
     "Ceiling: the ratio to the parent that one world alone would have if its physics were all there is, the same model "
     "and the expert's flight rolled out in one call. A target above it cannot be met, one just below it hardly.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is faster.",
@@ -144,10 +144,11 @@ class Speed:
         }
         if task == MANIPULATION:
             tables[SERIAL] = [self._serial(robot, task)]
-        if parent:
-            tables[BESIDE] = [parent.flights(robot, task, seed=self.seed)]
-        if parent and task == MANIPULATION and self.demonstrations:
-            tables[COLLECTING] = [parent.collecting(robot, task, seed=self.seed, episodes=self.demonstrations)]
+        beside = parent if parent and parent.know(robot, task) else None
+        if beside:
+            tables[BESIDE] = [beside.flights(robot, task, seed=self.seed)]
+        if beside and task == MANIPULATION and self.demonstrations:
+            tables[COLLECTING] = [beside.collecting(robot, task, seed=self.seed, episodes=self.demonstrations)]
         return {title: [{**head, **row} for row in rows] for title, rows in tables.items()}
 
     def _report(self, found: Sequence[Timed], first: Row) -> Report:

@@ -1,9 +1,9 @@
 """Reaching with a fixed arm by reinforcement learning alone: which algorithm arrives, and which of them shakes.
 
-DDPG, TD3 and soft actor-critic bring the tool of ``z1`` to a pose and hold it, told by joint velocities or by poses of
-the tool, paid for the pose alone with hindsight (sparse) or by the environment (dense). Beside each, told by joint
-velocities and paid sparsely, stands the same with smoothness asked for: that alone differs, so that what it changes is
-its doing. Every stage is kept by all that decides it: killed at any moment, the same call continues.
+DDPG, TD3 and soft actor-critic bring the tool of ``z1`` to a pose and hold it, commanding joint velocities or poses of
+the tool, rewarded for the pose alone with hindsight (sparse) or by the environment (dense). Beside each that commands
+joint velocities with sparse reward stands the same training with penalties for jerky motion, and no other difference.
+Every stage is kept by all that decides it: killed at any moment, the same call continues.
 """
 
 from __future__ import annotations

@@ -68,6 +68,12 @@ class Collection:
         text += f"; {len(self.skipped)} recorded before" if self.skipped else ""
         return text + (f"; {len(self.busy)} left to another process" if self.busy else "")
 
+    def show(self, bar: Progress) -> None:
+        """Move a progress bar, which counts seeds, to what has been done."""
+        done = sum(map(len, (self.demos, self.failures, self.skipped, self.busy)))
+        bar.set_postfix_str(f"success {len(self.demos)}, failure {len(self.failures)}", refresh=False)
+        bar.update(done - bar.n)
+
 
 def collect(
     env: BatchEnv,
@@ -123,10 +129,7 @@ def collect(
         Progress(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
     ):
         for _ in flight.fly(seeds):
-            result = flight.result
-            done = sum(map(len, (result.demos, result.failures, result.skipped, result.busy)))
-            bar.set_postfix_str(f"success {len(result.demos)}, failure {len(result.failures)}", refresh=False)
-            bar.update(done - bar.n)
+            flight.result.show(bar)
     return flight.result
 
 
@@ -145,7 +148,7 @@ class _Flight:
     ) -> None:
         self.env, self.policy, self.expert, self.folder = env, policy, expert, folder
         self._longest = longest or np.iinfo(np.int64).max
-        self._minds = [mind for mind in (policy, expert) if mind is not None]
+        self._policies = [each for each in (policy, expert) if each is not None]
         self.result = Collection(folder)
         self.recorder = Recorder(env.spec, env.model.nu, env.num_envs)
         self.written: dict[str, str] = {}  # uid -> SHA-256
@@ -169,8 +172,8 @@ class _Flight:
     def fly(self, seeds: Iterable[int]) -> Iterator[None]:
         """Fly all ``seeds``; yield whenever the result has changed."""
         waiting = deque(seeds)
-        for mind in self._minds:
-            attach(mind, self.env)
+        for each in self._policies:
+            attach(each, self.env)
         obs, free = None, np.ones(self.env.num_envs, bool)
         while free.any():
             fresh = self._launch(waiting, free)
@@ -226,10 +229,10 @@ class _Flight:
     def _reset(self, worlds: np.ndarray | None) -> Observation:
         """Begin the episodes of ``worlds`` (n,), or of all, and return what all worlds show."""
         obs = self.env.reset(self._seeds, worlds)
-        for mind in self._minds:
-            mind.reset(worlds)
-            if isinstance(mind, SeededPolicy):
-                mind.begin(self._seeds, worlds)
+        for each in self._policies:
+            each.reset(worlds)
+            if isinstance(each, SeededPolicy):
+                each.begin(self._seeds, worlds)
         return obs
 
     def _step(self, obs: Observation, flying: np.ndarray) -> StepResult:
@@ -268,7 +271,7 @@ class _Flight:
         return self.env.spec.action.clip(actions)
 
     def _labels(self, obs: Observation, actions: np.ndarray) -> np.ndarray:
-        """Return what the expert would do (n, Da): asked, or told by the policy that is one, or NaN."""
+        """Return what the expert would do (n, Da): asked, or given by the policy that is one, or NaN."""
         if self.expert is not None:
             return np.asarray(self.expert.act(obs), float)
         return label_of(self.policy, np.full_like(actions, np.nan))

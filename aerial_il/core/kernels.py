@@ -18,6 +18,7 @@ from numba.core.ccallback import CFunc
 
 PACKAGE = Path(__file__).parent.parent
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}  # division by zero gives infinity
+WHOLE_ROOMS = ("control", "suite/physics")  # their constants are compiled in, too
 TASK_ROOMS = ("suite/tasks", "suite/props")
 TASK_MODULES = ("aerial_il.suite.tasks", "aerial_il.suite.props", "aerial_il.experts")  # whose kernels use theirs
 
@@ -77,18 +78,23 @@ def _kernel_sources() -> str:
     A kernel contains the kernels and constants of other files that it uses, but numba looks only at its own file to
     tell whether a cached one is stale: an edit elsewhere would go unnoticed.
     """
-    paths = (path for room in ("core", "control", "suite") for path in (PACKAGE / room).glob("*.py"))
-    return _digest(path for path in paths if path.parent.name == "control" or _is_compiled(path))
+    return _digest(_kernel_files())
+
+
+def _kernel_files() -> set[Path]:
+    whole = (path for room in WHOLE_ROOMS for path in (PACKAGE / room).glob("*.py"))
+    some = (path for room in ("core", "suite", "suite/episode") for path in (PACKAGE / room).glob("*.py"))
+    return {*whole, *(path for path in some if path.name == "timing.py" or b"@kernel" in path.read_bytes())}
 
 
 @cache
 def _task_sources() -> str:
     """The same of the tasks and their props, which change more often than what flies."""
-    return _digest(path for room in TASK_ROOMS for path in (PACKAGE / room).glob("*.py"))
+    return _digest(_task_files())
 
 
-def _is_compiled(path: Path) -> bool:
-    return path.name in ("memory.py", "scene.py") or b"@kernel" in path.read_bytes()
+def _task_files() -> set[Path]:
+    return {path for room in TASK_ROOMS for path in (PACKAGE / room).glob("*.py")}
 
 
 def _digest(paths: Iterable[Path]) -> str:

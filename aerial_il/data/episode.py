@@ -32,7 +32,7 @@ class Episode:
         sim_time: (T + 1,) seconds.
         success: whether the task was solved.
         model_xml: the compiled scene it was flown in.
-        extras: name -> (T, k) further numbers of each step that the recorder was told to keep.
+        extras: name -> (T, k) further numbers of each step that the recorder was asked to keep.
         extra_labels: name -> their k labels.
     """
 

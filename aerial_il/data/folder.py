@@ -38,7 +38,7 @@ class DatasetFolder:
         self.path = Path(path)
 
     def file(self, uid: str, kind: str = DEMOS) -> Path:
-        """Return where an episode lies; its name, which a file may have told, is one of this folder."""
+        """Return where an episode lies; its name, which may come from a file, is one of this folder."""
         if Path(uid).name != uid or "\0" in uid:
             raise DemoError(self.path, f"cannot hold an episode named {uid!r}.")
         return self.path / kind / f"{uid}.mcap"

@@ -1,4 +1,4 @@
-"""What the site is made of: the repository's own pages and pictures, and pages made from the code."""
+"""Sources of the site: the repository's own pages and pictures, and pages made from the code."""
 
 from __future__ import annotations
 
@@ -90,8 +90,8 @@ def found(root: Path = ROOT) -> Iterator[tuple[str, str]]:
     for file in sorted((root / "experiments").glob("*")) + sorted((root / "experiments").glob("*/*")):
         if file.suffix in (".md", *PICTURES):
             yield _name(file, root), _place(file.relative_to(root))
-    for file in sorted((root / "notebooks").glob("*.ipynb")):
-        yield _name(file, root), f"notebooks/{file.name}"
+    for file in sorted((root / "notebooks").glob("*.ipynb")) + sorted((root / "notebooks" / "zh").glob("*.ipynb")):
+        yield _name(file, root), _name(file, root)
 
 
 def with_contents(text: str, contents: Mapping[str, str | bytes]) -> str:

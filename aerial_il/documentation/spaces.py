@@ -41,7 +41,7 @@ def pages() -> dict[str, str]:
 
 
 def page(robot: Robot) -> str:
-    """Return what a robot may be told and what it shows of itself."""
+    """Return a robot's actions and observations."""
     parts = [f"# Spaces of {robot.name}", f"{robot.summary} [Its figures](../robots/{robot.name}.md)."]
     parts += ["## Observation", _observation(robot_fields(robot)), _task_note(robot), "## Actions"]
     for level in levels_of(robot.vehicle):

@@ -1,4 +1,4 @@
-"""Whether one evaluated policy beats another, with an interval and a p-value.
+"""Comparison of two evaluated policies: the difference in success, with an interval and a p-value.
 
 Where both flew the same seeds of the same cell and tier the comparison is paired by seed, which removes the luck of
 the draw of episodes; otherwise the two are independent samples.

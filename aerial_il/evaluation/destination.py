@@ -1,4 +1,4 @@
-"""Where a result goes: never into a dataset, never over a result of something else, and not flown twice."""
+"""The folder of a result: never inside a dataset, never over a result of something else, and not flown twice."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from aerial_il.evaluation.traces import Trace
 End = Literal["success", "crash", "dropped", "timeout"]
 ENDS: tuple[End, ...] = ("success", "crash", "dropped", "timeout")
 FAST_HZ = 5.0  # above which changes of an action are no manoeuvre but shaking
-LEAST_STEPS = 16  # of an episode whose frequencies can be told
+LEAST_STEPS = 16  # of an episode whose spectrum can be computed
 
 
 @dataclass(frozen=True)

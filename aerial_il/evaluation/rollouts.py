@@ -63,17 +63,14 @@ def evaluate(
         SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
         InvalidValueError: seeds repeat, or the policy's actions do not fit the environment.
     """
-    order, clock = _checked(seeds), time.perf_counter()
+    order = _checked(seeds)
     kept = journal.read(order) if journal else {}
-    waiting = [seed for seed in order if seed not in kept]
     bar = Progress(total=len(order), initial=len(kept), desc=f"evaluate {policy_name}", unit="ep", disable=not progress)
     with bar:
-        for trace in rollouts(env, policy, waiting) if waiting else ():
-            now = time.perf_counter()
-            flight = Flight.of(trace, phase_names_of(policy))
-            kept[trace.seed], clock = Kept(measure(trace, env.spec), flight, now - clock), now
+        for each in _judged(env, policy, [seed for seed in order if seed not in kept]):
+            kept[each.record.seed] = each
             if journal:
-                journal.keep(kept[trace.seed])
+                journal.keep(each)
             bar.set_postfix_str(f"success {sum(k.record.success for k in kept.values())}/{len(kept)}", refresh=False)
             bar.update()
     return EvaluationResult(
@@ -87,6 +84,15 @@ def evaluate(
         | dict(origin or {}),
         flights={seed: kept[seed].flight for seed in order},
     )
+
+
+def _judged(env: BatchEnv, policy: Policy, seeds: list[int]) -> Iterator[Kept]:
+    """Fly the seeds, if there are any, and yield each episode with the wall time since the one before."""
+    clock = time.perf_counter()
+    for trace in rollouts(env, policy, seeds) if seeds else ():
+        now = time.perf_counter()
+        yield Kept(measure(trace, env.spec), Flight.of(trace, phase_names_of(policy)), now - clock)
+        clock = now
 
 
 def rollouts(env: BatchEnv, policy: Policy, seeds: Iterable[int]) -> Iterator[Trace]:

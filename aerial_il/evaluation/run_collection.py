@@ -78,10 +78,10 @@ class RunCollection:
     def sorted_by(self, key: str) -> RunCollection:
         """Return the runs by a column or setting, downwards where ``-`` stands before it; those without it last."""
         name = self._known(key.removeprefix("-"))
-        told = [(self._value(run, name), run) for run in self.runs]
-        there = sorted(((v, run) for v, run in told if v is not None), key=lambda pair: _order(pair[0]))
+        pairs = [(self._value(run, name), run) for run in self.runs]
+        there = sorted(((v, run) for v, run in pairs if v is not None), key=lambda pair: _order(pair[0]))
         there = there[::-1] if key.startswith("-") else there
-        runs = [run for _, run in there] + [run for value, run in told if value is None]
+        runs = [run for _, run in there] + [run for value, run in pairs if value is None]
         return replace(self, runs=tuple(runs))
 
     def _value(self, run: TrainingRun, key: str) -> Any:
@@ -134,10 +134,10 @@ def read_runs(folder: str | os.PathLike[str]) -> RunCollection:
 
 def axes_of(runs: Sequence[TrainingRun]) -> dict[str, list[Any]]:
     """Return the settings in which ``runs`` differ -> their values, in order."""
-    told = [settings_of(run) for run in runs]
+    each = [settings_of(run) for run in runs]
     found = {}
-    for key in dict.fromkeys(key for settings in told for key in settings):
-        values = {repr(settings.get(key)): settings.get(key) for settings in told}
+    for key in dict.fromkeys(key for settings in each for key in settings):
+        values = {repr(settings.get(key)): settings.get(key) for settings in each}
         if len(values) > 1:
             found[key] = sorted(values.values(), key=_order)
     return found
@@ -145,8 +145,8 @@ def axes_of(runs: Sequence[TrainingRun]) -> dict[str, list[Any]]:
 
 def settings_of(run: TrainingRun) -> dict[str, Any]:
     """Return a run's settings by the names that are typed: ``algorithm.lr``, ``policy.chunk``, ``seed``."""
-    told = {f"algorithm.{k[9:]}" if k.startswith("settings.") else k: value for k, value in run.settings.items()}
-    return {"seed": run.seed, **told}
+    named = {f"algorithm.{k[9:]}" if k.startswith("settings.") else k: value for k, value in run.settings.items()}
+    return {"seed": run.seed, **named}
 
 
 def state_of(run: TrainingRun) -> str:

@@ -221,7 +221,7 @@ def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
 
     Returns:
         Twice the smaller one-sided p-value, at least :func:`smallest_p` where relabellings are random; 1 where a sample
-        is a single observation, from which no spread can be told; NaN where one is empty.
+        is a single observation, which shows no spread; NaN where one is empty.
 
     Source:
         B. Phipson and G. K. Smyth, "Permutation p-values should never be zero", 2010.

@@ -1,4 +1,4 @@
-"""Where everything is on the screen."""
+"""The viewer's layout: which views there are and where."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a policy predicts along a flight, chunk by chunk, beside what was flown."""
+"""Chunks that a policy predicts along a flight, beside the actions that were flown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What MuJoCo says of every recorded state: where all bodies, cameras and sites are, and which forces act."""
+"""Kinematics of every recorded state, by MuJoCo: poses of all bodies, cameras and sites, and the forces that act."""
 
 from __future__ import annotations
 

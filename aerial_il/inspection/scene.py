@@ -93,7 +93,7 @@ def log_trails(stream: rr.RecordingStream, root: str, motion: Motion, clock: Clo
 
 
 def log_command(stream: rr.RecordingStream, root: str, targets: np.ndarray, motion: Motion, clock: Clock) -> None:
-    """Log where the tool was told to be (T, 3), world, m, as a dot with a line from the tool."""
+    """Log the commanded position of the tool (T, 3), world, m, as a dot with a line from the tool."""
     if motion.tool is None:
         return
     steps = np.arange(len(targets))

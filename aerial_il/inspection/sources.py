@@ -1,4 +1,4 @@
-"""What there is to be looked at: the episodes of whatever was named, with their pictures."""
+"""Episodes to inspect: those of whatever was named, with their pictures."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ class Estimation:
 
 @dataclass(frozen=True)
 class Motors:
-    """Rotors that push more or less than they are told.
+    """Rotors that push more or less than commanded.
 
     Attributes:
         gain: half width of the range of each rotor's thrust, as a share of the commanded one.

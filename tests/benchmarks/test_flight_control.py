@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from aerial_il.benchmarks.flight_control import FlightControl, Lesson
+from aerial_il.benchmarks.flight_control import FlightControl, Training
 from aerial_il.benchmarks.parts.flight.manoeuvres import (
     Held,
     Mismatch,
@@ -93,9 +93,9 @@ def test_what_comes_after_a_crash_does_not_count() -> None:
     assert found == Held(1.0, 0.57, 1.0, 0.0, 0.5)
 
 
-def test_lessons_and_settings() -> None:
+def test_trainings_and_settings() -> None:
     study = FlightControl(seeds=2)
-    assert len(study.lessons()) == 12
-    assert study.lessons()[0] == Lesson("hover", "ppo", 0)
+    assert len(study.trainings()) == 12
+    assert study.trainings()[0] == Training("hover", "ppo", 0)
     with pytest.raises(InvalidValueError, match=r"laws names \['mpc'\]; valid: pid, lqr"):
         FlightControl(laws=("mpc",))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 import aerial_il
+from aerial_il import analysis
 from aerial_il.cli import commands
 from aerial_il.cli.called import _typed
 from aerial_il.core.errors import AerialError, UnknownNameError
@@ -53,6 +55,16 @@ def test_the_whole_path_in_three_lines(
     assert [type(command).__module__.split(".")[-1] for command in next_commands(capsys.readouterr().out)] == [
         "train", "evaluate",
     ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_an_environment_that_is_only_known_to_this_process_is_flown_and_judged_in_it(tmp_path: Path) -> None:
+    gymnasium.register("Known-here-v0", "gymnasium.envs.classic_control.cartpole:CartPoleEnv", max_episode_steps=9)
+    ppo = {"name": "ppo", "steps": 64, "rollout": 32, "log_every": 32}
+    where = {"env": "gymnasium:Known-here-v0", "success": "survived", "threads": 1, "num_envs": 8}
+    judged = {"evaluate_every": 32, "evaluate_episodes": 16}
+    aerial_il.train(run=tmp_path / "run", policy="categorical", algorithm=ppo, **where, **judged, **QUIET)
+    assert len(analysis.metrics(tmp_path / "run")["evaluate/success"].dropna()) == 2
 
 
 def test_mistakes_are_answered_as_on_the_command_line(tmp_path: Path) -> None:

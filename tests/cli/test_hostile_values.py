@@ -30,8 +30,13 @@ def test_a_value_is_answered(case: Case, tmp_path: Path, monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize(
     "case",
-    [("info", "path", "x" * 5000), ("inspect", "beside", "\x00"), ("new", "into", "/proc/self/mem")],
-    ids=["long", "null", "in a file"],
+    [
+        ("info", "path", "x" * 5000),
+        ("inspect", "beside", "\x00"),
+        ("new", "into", "/proc/self/mem"),
+        ("teleop", "size", "[10]"),
+    ],
+    ids=["long", "null", "in a file", "one side"],
 )
 def test_a_value_that_was_not_answered_once_is_answered(
     case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -19,16 +19,22 @@ def aerial_il(*words: str, cwd: Path | None = None) -> subprocess.CompletedProce
     return subprocess.run([SCRIPT, *words], capture_output=True, text=True, check=False, cwd=cwd)
 
 
-@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in commands.names())])
-def test_help_imports_nothing_heavy(words: list[str]) -> None:
-    code = (
-        "import sys; from aerial_il.cli.main import main; status = main(sys.argv[1:]);"
-        "heavy = {'torch', 'mujoco', 'lerobot', 'hydra', 'matplotlib', 'rerun', 'numba'} & set(sys.modules);"
-        "sys.exit(f'imported {heavy}' if heavy else status)"
-    )
-    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
+HELP = """
+import contextlib, io, sys
+from aerial_il.cli.main import main
+for words in (["--help"], *([name, "--help"] for name in sys.argv[1:])):
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        status = main(words)
+    heavy = {"torch", "mujoco", "lerobot", "hydra", "matplotlib", "rerun", "numba"} & set(sys.modules)
+    assert not heavy, f"{words} imports {heavy}"
+    assert status == 0 and "key=value" in said.getvalue(), words
+"""
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """In one process for all commands: what none of them has imported, each has not."""
+    done = subprocess.run([sys.executable, "-c", HELP, *commands.names()], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "key=value" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -52,13 +58,25 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
         (["convert", "x" * 5000, "out=y"], "(5000 characters) cannot be such a path: File name too long"),
     ],
 )
-def test_a_mistake_is_answered_in_one_paragraph_with_status_2(words: list[str], said: str, tmp_path: Path) -> None:
-    done = aerial_il(*words, cwd=tmp_path)
+def test_a_mistake_is_answered_in_one_paragraph_with_status_2(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main.main(words) == main.BAD_USAGE
+    _check_answer(capfd.readouterr().err, said, tmp_path)
+
+
+def test_the_script_answers_a_mistake_so_too(tmp_path: Path) -> None:
+    done = aerial_il("train", "seed=abc", "dataset=x", "run=y", cwd=tmp_path)
     assert done.returncode == main.BAD_USAGE
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert not list(tmp_path.iterdir()), "a mistake leaves nothing behind"
+    _check_answer(done.stderr, "could not be converted to Integer", tmp_path)
+
+
+def _check_answer(answer: str, said: str, folder: Path) -> None:
+    assert said in answer
+    assert "Traceback" not in answer
+    assert len(answer.strip().splitlines()) == 1
+    assert not list(folder.iterdir()), "a mistake leaves nothing behind"
 
 
 def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:
@@ -67,10 +85,12 @@ def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(tmp_path: Path) -> None:
-    done = aerial_il("train", "-m", "dataset=nowhere", "run=sweep", "seed=0,1", cwd=tmp_path)
-    assert done.returncode == main.BAD_USAGE
-    assert "2 of 2 jobs failed. seed=0, seed=1: nowhere" in done.stderr
+def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main.main(["train", "-m", "dataset=nowhere", "run=sweep", "seed=0,1"]) == main.BAD_USAGE
+    assert "2 of 2 jobs failed. seed=0, seed=1: nowhere" in capfd.readouterr().err
     assert sorted(p.name for p in (tmp_path / "sweep").iterdir()) == ["multirun.yaml", "seed=0", "seed=1"]
 
 

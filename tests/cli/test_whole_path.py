@@ -90,8 +90,9 @@ def sweep(home: Path) -> Path:
     """Two training seeds, each with rollouts on the way."""
     words = ["train", "dataset=demos", "run=sweep", "experiment=quick", "algorithm.steps=4", "seed=0,1", "--multirun"]
     words += ["evaluate_every=2", "evaluate_episodes=1", "policy.hidden=[8]", QUIET]
-    done = subprocess.run([SCRIPT, *words], cwd=home, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(home)
+        assert main(words) == 0
     return home / "sweep"
 
 

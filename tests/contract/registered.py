@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from aerial_il.suite.environment import AerialEnvironment
 
 CELLS = aerial_il.list_cells()
 TIERS = tiers.names()
+KEPT = 12  # environments at a time, some 5 MB each: what is asked of one cell is asked in a row (see conftest.py)
 
 
 def covering(cells: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
@@ -63,15 +64,28 @@ each_cell_and_tier = each_cell_with("tier", lambda robot: TIERS)
 each_cell_and_level = each_cell_with("level", levels)
 
 
-@cache
+@lru_cache(maxsize=KEPT)
 def single(robot: str, task: str, tier: str = "calm", level: str = "ee_pose") -> AerialEnvironment:
-    """One world, shared by all tests: reset it first."""
+    """One world, shared by the tests of a cell: reset it first."""
     return aerial_il.load(robot, task, tier=tier, action=level)
 
 
-@cache
+_drawn: dict[tuple[str, str], AerialEnvironment] = {}
+
+
+def drawn(robot: str, task: str) -> AerialEnvironment:
+    """One world to be looked at, as :func:`single`; its cameras, some 50 MB, are closed when another cell is drawn."""
+    if (robot, task) not in _drawn:
+        for other in _drawn.values():
+            other.close()
+        _drawn.clear()
+        _drawn[robot, task] = aerial_il.load(robot, task)
+    return _drawn[robot, task]
+
+
+@lru_cache(maxsize=KEPT)
 def batch(robot: str, task: str, tier: str = "calm", level: str = "ee_pose", num_envs: int = 3) -> BatchEnvironment:
-    """Several worlds, shared by all tests: reset them first."""
+    """Several worlds, shared by the tests of a cell: reset them first."""
     return aerial_il.load_batch(robot, task, num_envs=num_envs, tier=tier, action=level)
 
 

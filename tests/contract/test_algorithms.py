@@ -94,7 +94,8 @@ def small(name: str) -> Any:
         if not issubclass(cls, OnPolicy):
             return cls(**known(cls, OFF_POLICY))
         paid = {"reward": "environment"} if issubclass(cls, Reinforcement) else {}  # elsewhere it names a learned one
-        return cls(**known(cls, ON_POLICY | paid))
+        fewer = {"steps": 6_144} if known(cls, {"reward_updates": 0}) else {}  # a learned reward says more per step
+        return cls(**known(cls, ON_POLICY | paid | fewer))
     if issubclass(cls, SupervisedAlgorithm):
         return cls(**known(cls, {f.name: getattr(CLONES, f.name) for f in fields(CLONES)}))
     return cls(**known(cls, {"rounds": 2, "episodes": 4, "training": CLONES, "between_steps": 60}))
@@ -111,6 +112,7 @@ def short(name: str, steps: int) -> Any:
         "reward_batch": 8,
         "batch_size": 8,
         "log_every": 10,
+        "buffer_size": 4096,  # the usual million takes 0.4 GB of a real cell's transitions, and some algorithms stay
     }
     if "training" in {field.name for field in fields(settings)}:
         training = replace(CLONES, steps=steps, batch_size=8)

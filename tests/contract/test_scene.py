@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import mujoco
 import numpy as np
 import pytest
 
-import aerial_il
 from aerial_il import robots
 from aerial_il.suite.environment import AerialEnvironment
-from tests.contract.registered import CELLS, each_cell, single
+from tests.contract.registered import CELLS, drawn, each_cell, single
 
 each_cell_with_gripper = pytest.mark.parametrize(
     ("robot", "task"), [cell for cell in CELLS if robots.get(cell[0]).has_gripper]
 )
+SIZE = (240, 320)  # height and width, the default of a picture; a second size would cost as much as all pictures
 ELEMENTS = ("body", "geom", "jnt", "site", "cam", "light", "actuator", "sensor", "tendon", "eq", "mat", "tex")
 
 
@@ -48,16 +46,12 @@ def test_cameras_are_those_of_the_model(robot: str, task: str) -> None:
 
 
 @pytest.fixture
-def env(robot: str, task: str) -> Iterator[AerialEnvironment]:
-    """A world of its own, whose cameras are put away afterwards: each keeps some 50 MB of graphics memory."""
-    env = aerial_il.load(robot, task)
-    yield env
-    env.close()
+def env(robot: str, task: str) -> AerialEnvironment:
+    return drawn(robot, task)
 
 
-def seen_bodies(env: AerialEnvironment, camera: str, height: int = 120, width: int = 160) -> dict[str, int]:
-    """Pixels of each body in the picture of a camera."""
-    geoms = env.render(camera, height, width, "segmentation")
+def seen_bodies(env: AerialEnvironment, geoms: np.ndarray) -> dict[str, int]:
+    """Pixels of each body in a picture of geom numbers (H, W)."""
     model = env.physics.model.ptr
     bodies = model.geom_bodyid[geoms[geoms >= 0]]
     return {model.body(i).name: int((bodies == i).sum()) for i in np.unique(bodies)}
@@ -75,13 +69,13 @@ def props(env: AerialEnvironment) -> set[str]:
 def test_the_scene_camera_frames_robot_and_props(env: AerialEnvironment, robot: str, task: str) -> None:
     for seed in range(6):
         env.reset(seed=seed)
-        seen = seen_bodies(env, "scene", 240, 320)  # the default size of a picture
+        geoms = env.render("scene", *SIZE, "segmentation")
+        seen = seen_bodies(env, geoms)
         assert props(env) <= set(seen), f"seed {seed}: {props(env) - set(seen)} out of sight"
         assert sum(seen[body] for body in set(seen) - props(env) - {"world"}) > 120, "the robot is too small to be seen"
         assert {"finger_left", "finger_right"} & set(seen) or not robots.get(robot).has_gripper
-        border = _border(env.render("scene", 120, 160, "segmentation"))
         model = env.physics.model.ptr
-        roots = {model.body(model.body_rootid[model.geom_bodyid[g]]).name for g in border if g >= 0}
+        roots = {model.body(model.body_rootid[model.geom_bodyid[g]]).name for g in _border(geoms) if g >= 0}
         assert "base" not in roots, f"seed {seed}: the robot is cut off"
 
 
@@ -93,10 +87,10 @@ def _border(image: np.ndarray) -> np.ndarray:
 @each_cell_with_gripper
 def test_the_wrist_camera_sees_both_fingers_and_the_tool_point(env: AerialEnvironment, robot: str, task: str) -> None:
     env.reset(seed=0)
-    seen = seen_bodies(env, "wrist")
-    assert min(seen["finger_left"], seen["finger_right"]) > 20
+    seen = seen_bodies(env, env.render("wrist", *SIZE, "segmentation"))
+    assert min(seen["finger_left"], seen["finger_right"]) > 80
     assert seen["finger_left"] == pytest.approx(seen["finger_right"], rel=0.2)
-    depth, (row, column) = env.render("wrist", 120, 160, "depth"), _project(env, "wrist", "tool")
+    depth, (row, column) = env.render("wrist", *SIZE, "depth"), _project(env, "wrist", "tool")
     camera = env.physics.data.ptr.camera("wrist")
     towards_tool = (env.physics.data.ptr.site("tool").xpos - camera.xpos) @ -camera.xmat.reshape(3, 3)[:, 2]
     assert depth[row, column] > towards_tool, "something hides the tool point"
@@ -106,14 +100,15 @@ def test_the_wrist_camera_sees_both_fingers_and_the_tool_point(env: AerialEnviro
 @each_cell_with_gripper
 def test_the_base_camera_sees_the_gripper_and_what_is_below(env: AerialEnvironment, robot: str, task: str) -> None:
     env.reset(seed=0)
-    seen = seen_bodies(env, "base")
-    assert seen.get("palm", 0) + seen.get("finger_left", 0) + seen.get("finger_right", 0) > 20
-    assert seen["world"] > 0.5 * 120 * 160, "the robot blocks its own view"
+    seen = seen_bodies(env, env.render("base", *SIZE, "segmentation"))
+    assert seen.get("palm", 0) + seen.get("finger_left", 0) + seen.get("finger_right", 0) > 80
+    assert seen["world"] > 0.5 * SIZE[0] * SIZE[1], "the robot blocks its own view"
 
 
 def _project(env: AerialEnvironment, camera: str, site: str) -> tuple[int, int]:
-    """Pixel (row, column) of a site in a picture of 120 x 160."""
+    """Pixel (row, column) of a site in a picture of ``SIZE``."""
     data, model = env.physics.data.ptr, env.physics.model.ptr
     local = data.camera(camera).xmat.reshape(3, 3).T @ (data.site(site).xpos - data.camera(camera).xpos)
-    focal = 60.0 / np.tan(0.5 * np.deg2rad(model.cam_fovy[model.camera(camera).id]))
-    return round(60.0 + focal * local[1] / local[2]), round(80.0 - focal * local[0] / local[2])
+    focal = 0.5 * SIZE[0] / np.tan(0.5 * np.deg2rad(model.cam_fovy[model.camera(camera).id]))
+    across, down = local[0] / local[2], local[1] / local[2]
+    return round(0.5 * SIZE[0] + focal * down), round(0.5 * SIZE[1] - focal * across)

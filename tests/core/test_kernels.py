@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,18 +20,53 @@ def test_the_cache_is_stamped_with_all_sources() -> None:
 
 
 def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("core/kernels.py", "core/rotations.py", "core/errors.py", "control/flight.py", "suite/memory.py"):
+    counted = ("core/rotations.py", "control/flight.py", "suite/timing.py", "suite/physics/world.py")
+    for name in ("core/kernels.py", "core/errors.py", "suite/episode/variation.py", *counted):
         path = tmp_path / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text("@kernel\n" if name == "core/rotations.py" else "x = 1\n")
     monkeypatch.setattr(kernels, "PACKAGE", tmp_path)
     stamps = [kernels._kernel_sources.__wrapped__()]
-    for name in ("core/rotations.py", "control/flight.py", "suite/memory.py", "core/errors.py"):
+    for name in (*counted, "core/errors.py"):
         with (tmp_path / name).open("a") as file:
             file.write("y = 2\n")
         stamps.append(kernels._kernel_sources.__wrapped__())
-    assert len(set(stamps[:4])) == 4
-    assert stamps[4] == stamps[3], "a file without kernels costs no compilation"
+    assert len(set(stamps[:5])) == 5
+    assert stamps[5] == stamps[4], "a file without kernels costs no compilation"
+
+
+def test_the_stamp_counts_every_file_that_a_kernel_takes_a_name_from() -> None:
+    package, stamped = kernels.PACKAGE, kernels._kernel_files()
+    found = 0
+    for room in ("core", "control", "suite", "experts"):
+        for path in (package / room).rglob("*.py"):
+            used = _taken_by_kernels(path)
+            found += len(used)
+            in_task = path.relative_to(package).as_posix().startswith(("suite/tasks", "suite/props", "experts"))
+            missing = used - stamped - (kernels._task_files() if in_task else set())
+            assert not missing, f"{path} compiles what these hold: {missing}"
+    assert found > 100
+
+
+def _taken_by_kernels(path: Path) -> set[Path]:
+    """Files of the package that kernels of a module, if it has any, take kernels and constants from."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    compiled = [node for node in body if isinstance(node, ast.FunctionDef) and _is_kernel(node)]
+    names = {part.id for node in compiled for part in ast.walk(node) if isinstance(part, ast.Name)} - {"kernel"}
+    imported = (
+        node for node in body if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("aerial_il")
+    )
+    return {_file(node.module or "", a.name) for node in imported for a in node.names if (a.asname or a.name) in names}
+
+
+def _is_kernel(function: ast.FunctionDef) -> bool:
+    return any(isinstance(mark, ast.Name) and mark.id == "kernel" for mark in function.decorator_list)
+
+
+def _file(module: str, name: str) -> Path:
+    folder = kernels.PACKAGE.parent.joinpath(*module.split("."))
+    candidates = (folder / f"{name}.py", folder.with_suffix(".py"), folder / "__init__.py")
+    return next(path for path in candidates if path.exists())
 
 
 @kernels.kernel

@@ -160,18 +160,20 @@ def test_a_page_that_is_as_it_was_keeps_its_time(tmp_path: Path) -> None:
     assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.md")} == before
 
 
-def test_links_of_a_notebook_lead_to_the_pages(tmp_path: Path) -> None:
-    root = tmp_path / "repository"
+@pytest.mark.parametrize("folder", ["notebooks", "notebooks/zh"])
+def test_links_of_a_notebook_lead_to_the_pages(folder: str, tmp_path: Path) -> None:
+    root, up = tmp_path / "repository", "../" * len(folder.split("/"))
     (root / "docs").mkdir(parents=True)
-    (root / "notebooks").mkdir()
+    (root / folder).mkdir(parents=True)
     for name in ("docs/index.md", "docs/tiers.md", "CONTRIBUTING.md", "CHANGELOG.md", "CITATION.cff"):
-        (root / name).write_text("# a page\n")
+        (root / name).write_text("# a page\n\n## Notebooks\n")
     cells = [
-        {"cell_type": "markdown", "metadata": {}, "source": ["# Air\n", "see [tiers](../docs/tiers.md)"]},
+        {"cell_type": "markdown", "metadata": {}, "source": ["# Air\n", f"see [tiers]({up}docs/tiers.md)"]},
         {"cell_type": "code", "metadata": {}, "source": "'[tiers](../docs/tiers.md)'", "outputs": []},
     ]
-    (root / "notebooks" / "air.ipynb").write_text(json.dumps({"cells": cells, "metadata": {}, "nbformat": 4}))
+    (root / folder / "air.ipynb").write_text(json.dumps({"cells": cells, "metadata": {}, "nbformat": 4}))
     assemble(tmp_path / "work", {}, root=root)
-    laid = json.loads((tmp_path / "work" / "source" / "notebooks" / "air.ipynb").read_text())
-    assert laid["cells"][0]["source"] == "# Air\nsee [tiers](../tiers.md)"
+    laid = json.loads((tmp_path / "work" / "source" / folder / "air.ipynb").read_text())
+    assert laid["cells"][0]["source"] == f"# Air\nsee [tiers]({up}tiers.md)"
+    assert f"\n{folder}/air.ipynb\n" in (tmp_path / "work" / "source" / "index.md").read_text()
     assert laid["cells"][1]["source"] == "'[tiers](../docs/tiers.md)'"

@@ -35,7 +35,7 @@ def test_an_expert_is_judged_alike_on_any_number_of_worlds(robot: str, task: str
 
 @pytest.mark.render
 def test_a_flight_is_filmed_as_it_was_judged(tmp_path: Path) -> None:
-    robot, task = CELLS[0]
+    robot, task = CELLS[1]  # the shorter flight
     result = fly(robot, task, num_envs=2, episodes=2)
     env = aerial_il.load_batch(robot, task, num_envs=1, tier="gusts")
     seed = result.seeds[1]  # flown in world 1, flown again in world 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerial_il.suite.environment import AerialEnvironment
-from tests.contract.registered import CELLS, SAMPLE, single
+from tests.contract.registered import CELLS, SAMPLE, drawn
 
 SEED, HEIGHT, WIDTH = 3, 120, 160
 CAMERAS = ("scene", "wrist", "base")
@@ -26,7 +26,7 @@ each_view = pytest.mark.parametrize(
 
 @pytest.fixture
 def env(cell: tuple[str, str]) -> AerialEnvironment:
-    world = single(*cell)
+    world = drawn(*cell)
     world.reset(seed=SEED)
     return world
 

@@ -113,7 +113,7 @@ def test_the_benchmark_answers_its_question(added: None, tmp_path: Path) -> None
 def test_the_task_is_solved_by_its_expert_and_judged_alike(added: None, monkeypatch: pytest.MonkeyPatch) -> None:
     assert solved("fa_hexa_arm4", "touch_point") == 4
     text = (ROOT / "docs/writing_a_task.md").read_text(encoding="utf-8")
-    rule = re.search(r"^## The second judgement.*?```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    rule = re.search(r"^## The second definition of success.*?```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert rule
     found = dict(vars(test_success))
     exec(rule[1], found)

@@ -36,8 +36,16 @@ def test_the_lock_has_every_direct_dependency() -> None:
         assert name[0].lower().replace("_", "-") in locked
 
 
-def test_the_set_up_script_is_valid_posix_shell() -> None:
-    subprocess.run(["sh", "-n", SETUP], check=True)
+@pytest.mark.parametrize("script", sorted((ROOT / "setup").glob("*.sh")), ids=lambda path: path.name)
+def test_a_script_is_valid_posix_shell(script: Path) -> None:
+    subprocess.run(["sh", "-n", script], check=True)
+
+
+@pytest.mark.parametrize(("words", "said"), [((), "bookworm"), (("sid",), "trixie"), (("trixie", "tour"), "notebook")])
+def test_a_newcomer_s_path_that_there_is_not_is_refused_with_the_choices(words: tuple[str, ...], said: str) -> None:
+    done = subprocess.run([ROOT / "setup" / "newcomer.sh", *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert said in done.stderr
 
 
 def test_make_help_lists_every_public_target() -> None:

@@ -1,4 +1,4 @@
-"""What explores beside a frozen policy: Gaussian shifts of its actions, each held for some steps, and their pilot."""
+"""Exploration around a frozen policy: Gaussian shifts of its actions, each held for some steps, and their pilot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far apart actions are, in units in which every element counts alike, and how much an ensemble disagrees."""
+"""Distance between actions, in units in which every element counts alike, and disagreement of an ensemble."""
 
 from __future__ import annotations
 

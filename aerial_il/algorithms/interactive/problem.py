@@ -1,4 +1,4 @@
-"""What an interactive run learns on: its settings, who is asked, and who records the flights."""
+"""The problem of an interactive run: its settings, the expert to query, and the collector of flights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the agents of off-policy learning have in common: networks in training, as one part of a run's state."""
+"""The base of off-policy agents: networks in training, as one part of a run's state."""
 
 from __future__ import annotations
 

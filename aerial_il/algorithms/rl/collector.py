@@ -31,7 +31,7 @@ class RewardScheme:
     Attributes:
         sparse: 1 for success in place of what the environment pays.
         smoothness: what rough actions cost.
-        patience: environment steps after which a run stops that no reward has told anything yet; 0 for never.
+        patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
     """
 
     sparse: bool = False

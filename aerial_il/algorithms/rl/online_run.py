@@ -255,7 +255,7 @@ class OnlineRun:
         return policy
 
     def _refuse_silence(self) -> None:
-        """End a run in which no reward has told anything for too long; what it has done is kept."""
+        """End a run in which rewards have carried no information for too long; what it has done is kept."""
         step, patience = self.collector.steps, self._problem.scheme.patience
         if patience and step >= patience and not self.collector.informed and not self._done:
             self.folder.save(step, pack(self._parts, self.policy()), keep=self._settings.keep_checkpoints)

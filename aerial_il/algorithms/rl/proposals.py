@@ -1,4 +1,4 @@
-"""What a prior would do, beside what is seen: stored with each transition, so that no backup has to ask again.
+"""Actions that a prior proposes for each observation: stored with each transition, so that no backup has to ask again.
 
 A policy that plans in chunks answers by what it saw before, not by an observation alone. It therefore flies along in
 every world, whoever is followed, and its answers are kept as further columns of the observation: the proposed action,

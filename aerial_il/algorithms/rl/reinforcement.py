@@ -20,7 +20,7 @@ class Reinforcement(OnlineAlgorithm):
 
     Attributes:
         reward: what pays: the ``environment``'s own reward, dense in the suite; or ``sparse``, 1 for success.
-        reward_patience: environment steps after which a run stops that no reward has told anything yet; 0 for never.
+        reward_patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
         smoothness: what rough actions cost, and how the actor is held back from them.
     """
 

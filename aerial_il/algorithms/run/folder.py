@@ -1,7 +1,7 @@
-"""A run's folder: its configuration, metrics, checkpoints and finished policy, and the trackers that are told.
+"""A run's folder: its configuration, metrics, checkpoints and finished policy, and its trackers.
 
 ``metrics.jsonl`` is the truth: one row per report, in order of steps. A resumed run cuts it back to where its
-checkpoint was taken, so no step is missing or told twice; the trackers are told all of it anew.
+checkpoint was taken, so no step is missing or logged twice; the trackers are sent all of it anew.
 """
 
 from __future__ import annotations

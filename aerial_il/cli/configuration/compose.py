@@ -120,7 +120,7 @@ def _hydra(command: Command, overrides: list[str], job: Callable[[Any], None]) -
 def register(command: Command) -> None:
     """Put the command's dataclass, and all that may be chosen in its groups, into Hydra's store, and nothing else.
 
-    Hydra copies its whole store whenever it composes: what another command of this process left there is taken out.
+    What another command of this process left there is taken out.
     """
     from hydra.core.config_store import ConfigStore
 
@@ -131,10 +131,31 @@ def register(command: Command) -> None:
     sweep = {"hydra": {"sweep": {"dir": f"${{{target}}}"}}} if target else {}
     store.store(name=command.name, node={"defaults": [f"{command.name}_keys", *chosen, QUIET, "_self_"], **sweep})
     store.store(group="hydra", name=QUIET["hydra"], node=groups.read_yaml(groups.conf_dir() / "hydra" / "quiet.yaml"))
-    for group in command.choices:
-        for name in groups.options(group):
-            package = "_global_" if groups.is_global(group, name) else None
-            store.store(group=group, name=name, node=groups.read_option(group, name), package=package)
+    store.repo |= {group: _Choices(group) for group in command.choices}
+
+
+class _Choices(dict[str, Any]):
+    """The choices of a group as Hydra's store holds them: file name -> node, which is made when it is asked for.
+
+    Hydra copies its whole store whenever it composes. Of some hundred choices a command needs ten, and these are copied
+    once more when they are loaded.
+    """
+
+    def __init__(self, group: str) -> None:
+        super().__init__({f"{name}.yaml": None for name in groups.options(group)})
+        self._group = group
+
+    def __getitem__(self, file: str) -> Any:
+        from hydra.core.config_store import ConfigNode
+        from omegaconf import OmegaConf
+
+        name = file.removesuffix(".yaml")
+        node = OmegaConf.structured(groups.read_option(self._group, name))
+        package = "_global_" if groups.is_global(self._group, name) else None
+        return ConfigNode(name=file, node=node, group=self._group, package=package, provider=None)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Choices:
+        return self
 
 
 def typed(command: Command, cfg: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Whether a value that was typed is of the type that a setting is declared with."""
+"""Checks that a value given on the command line has the type that its setting is declared with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the dataclass of a command is written with, and what help, completion and checks read from it."""
+"""Field constructors for the dataclass of a command, and what help, completion and checks read from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who flies where: turn ``policy=...``, ``robot=...``, ``task=...`` into a policy and its environment."""
+"""Pilots, policies with the environments they fly, from ``policy=...``, ``robot=...`` and ``task=...``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands leave behind after an evaluation: numbers, films, a page."""
+"""Output of an evaluation: numbers, films, a page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run's report shows besides metrics: predictions along demonstrations, a learned reward, films of flights."""
+"""Contents of a run's report besides metrics: predictions along demonstrations, a learned reward, films of flights."""
 
 from __future__ import annotations
 

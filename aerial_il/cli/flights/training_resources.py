@@ -1,6 +1,6 @@
 """The environment, expert and collector that an algorithm which flies while it learns is handed.
 
-The environment is that of its demonstrations; an algorithm that needs none flies where it is told.
+The environment is that of its demonstrations; an algorithm that needs none flies in the one that is named.
 """
 
 from __future__ import annotations
@@ -50,24 +50,39 @@ def training_resources(
     if not needs:
         yield {}
         return
-    import aerial_il
-    from aerial_il.cli.flights.environments import EnvironmentReference, reference_of
     from aerial_il.cli.flights.page import OPERATORS, operator
     from aerial_il.collection.collect import collect
 
-    where, asked, typed = reference or EnvironmentReference(), None, reference.env if reference else None
-    if dataset is not None:
-        spec = aerial_il.open_dataset(dataset).spec
-        asked = _expert(spec, expert, typed) if "expert" in needs and expert not in OPERATORS else None
-        where = reference_of(spec, images=images, typed=typed)
-    worlds = 1 if expert in OPERATORS else num_envs or algorithm.worlds
-    env = where.load(num_envs=worlds, threads=1 if expert in OPERATORS else threads, tier=tier)
+    by_hand = expert in OPERATORS
+    scripted = "expert" in needs and not by_hand
+    where, asked = _place(dataset, reference, images, expert, scripted=scripted)
+    worlds = 1 if by_hand else num_envs or algorithm.worlds
+    env = where.load(num_envs=worlds, threads=1 if by_hand else threads, tier=tier)
     try:
-        with operator(expert, env, port=port) if expert in OPERATORS else nullcontext(asked) as teacher:
+        with operator(expert, env, port=port) if by_hand else nullcontext(asked) as teacher:
             handed = {"env": env, "expert": teacher, "collect": collect}
             yield {name: handed[name] for name in needs}
     finally:
         env.close()
+
+
+def _place(
+    dataset: str | None,
+    reference: EnvironmentReference | None,
+    images: tuple[str, ...],
+    expert: str | None,
+    *,
+    scripted: bool,
+) -> tuple[EnvironmentReference, Policy | None]:
+    """Return where to fly, and the expert of that place where one is asked that is no person."""
+    import aerial_il
+    from aerial_il.cli.flights.environments import EnvironmentReference, reference_of
+
+    if dataset is None:
+        return reference or EnvironmentReference(), None
+    spec, typed = aerial_il.open_dataset(dataset).spec, reference.env if reference else None
+    asked = _expert(spec, expert, typed) if scripted else None
+    return reference_of(spec, images=images, typed=typed), asked
 
 
 def _expert(spec: EnvSpec, source: str | None, typed: str | None) -> Policy:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.batch import BatchEnvironment
 
@@ -14,7 +14,7 @@ RECORDED = Path("runs/inspections/live.rrd")
 
 
 @contextmanager
-def watched(env: Any, threads: int, *, wanted: bool) -> Iterator[Any]:
+def watched(env: BatchEnv, threads: int, *, wanted: bool) -> Iterator[BatchEnv]:
     """Yield ``env`` itself, or what stands for it and is watched; a file is written where there is no screen.
 
     Raises:

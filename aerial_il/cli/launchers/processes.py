@@ -1,6 +1,6 @@
 """Several jobs at a time on this machine, each a process with a log of its own in its folder.
 
-A job that is killed is told as failed and the others go on, which a pool of workers that hand results back, such as
+A job that is killed is reported as failed and the others go on, which a pool of workers that hand results back, such as
 joblib's, could not do. The machine's cores are divided among those that run.
 """
 

@@ -70,10 +70,11 @@ class Optuna:
         study = self._study(Path(folder))
         search = _Search(study, self, command, {k: distribution(k, v) for k, v in space.items()}, fixed, target, folder)
         search.run()
-        told = [trial for trial in study.trials if trial.value is not None]
-        if told:
+        finished = [trial for trial in study.trials if trial.value is not None]
+        if finished:
             words = " ".join(f"{key}={value}" for key, value in study.best_trial.params.items())
-            print(f"Best of {len(told)}: trial={study.best_trial.number}, {self.metric} {study.best_value:g}: {words}")
+            best = f"trial={study.best_trial.number}, {self.metric} {study.best_value:g}"
+            print(f"Best of {len(finished)}: {best}: {words}")
         return search.board
 
     def sampler(self, number: int) -> Any:

@@ -1,4 +1,4 @@
-"""Where the jobs of a sweep stand, told while they run: bars on a terminal, lines in a log, and a table in the end."""
+"""Progress of a sweep's jobs while they run: bars on a terminal, lines in a log, and a table at the end."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Board:
     """Told by a launcher what starts and ends.
 
     Args:
-        jobs: all of them. shown: whether what they say goes to a log of theirs, and is told here by its last line.
+        jobs: all of them. shown: whether what they say goes to a log of theirs, and is shown here by its last line.
     """
 
     def __init__(self, jobs: Sequence[Job], *, shown: bool = True) -> None:

@@ -20,47 +20,47 @@ if TYPE_CHECKING:
     from aerial_il.cli.sweepers.optuna import Optuna
 
 LAUNCHER, SWEEPER = "launcher", "sweeper"
-_REASONS = 3  # told in an error; the table has all
+_REASONS = 3  # named in an error; the table has all
 
 
 class JobsFailedError(AerialError):
     """Some jobs of a sweep failed; the others did their work.
 
     Args:
-        told: which, and why. status: of the console script.
+        message: which, and why. status: of the console script.
     """
 
-    def __init__(self, told: str, status: int) -> None:
-        super().__init__(told)
+    def __init__(self, message: str, status: int) -> None:
+        super().__init__(message)
         self.status = status
 
 
 def parted(words: Sequence[str], group: str = LAUNCHER) -> tuple[dict[str, str], list[str]]:
     """Part ``launcher=NAME`` and ``launcher.KEY=VALUE``, or those of another ``group``, from the words of a command."""
     mine = [word for word in words if word.partition("=")[0].partition(".")[0] == group]
-    told = {key: value for key, _, value in (word.partition("=") for word in mine)}
-    return told, [word for word in words if word not in mine]
+    choice = {key: value for key, _, value in (word.partition("=") for word in mine)}
+    return choice, [word for word in words if word not in mine]
 
 
-def launcher_of(told: Mapping[str, str]) -> Launcher:
+def launcher_of(choice: Mapping[str, str]) -> Launcher:
     """Build the launcher that words chose.
 
     Raises:
         UnknownNameError: there is none of that name, or it has no such key.
         InvalidValueError: a value of another type, or beyond its limits.
     """
-    return _built(LAUNCHER, told.get(LAUNCHER, launchers.USUAL), told)
+    return _built(LAUNCHER, choice.get(LAUNCHER, launchers.USUAL), choice)
 
 
-def sweeper_of(told: Mapping[str, str]) -> Optuna:
+def sweeper_of(choice: Mapping[str, str]) -> Optuna:
     """Build the sweeper that words chose; errors as of :func:`launcher_of`."""
-    return _built(SWEEPER, told.get(SWEEPER, "optuna"), told)
+    return _built(SWEEPER, choice.get(SWEEPER, "optuna"), choice)
 
 
-def _built(group: str, name: str, told: Mapping[str, str]) -> Any:
+def _built(group: str, name: str, choice: Mapping[str, str]) -> Any:
     settings = groups.read_option(group, name)
     known = [f"{group}.{key}" for key in groups.leaf_keys(settings) if key]
-    for key, value in told.items():
+    for key, value in choice.items():
         if key != group:
             if key not in known:
                 raise UnknownNameError("key", key, known, f"They are those of {group}={name}.")
@@ -100,9 +100,9 @@ def _told(failed: Sequence[Outcome], count: int) -> str:
     reasons: dict[str, list[str]] = {}
     for outcome in failed:
         reasons.setdefault(outcome.reason, []).append(outcome.job.name)
-    told = " ".join(f"{', '.join(names)}: {reason}" for reason, names in list(reasons.items())[:_REASONS])
+    why = " ".join(f"{', '.join(names)}: {reason}" for reason, names in list(reasons.items())[:_REASONS])
     log = failed[0].job.log
-    return f"{len(failed)} of {count} jobs failed. {told}" + (f" See {log}." if log.exists() else "")
+    return f"{len(failed)} of {count} jobs failed. {why}" + (f" See {log}." if log.exists() else "")
 
 
 def _value(key: str, text: str) -> Any:

@@ -1,4 +1,4 @@
-"""Whether the HDF5 library comes back from a file at all: in some damaged ones it turns for ever, deaf to Ctrl-C.
+"""A probe of whether the HDF5 library returns from a file at all: in some damaged ones it loops for ever.
 
 So a process of its own, with little time and memory, opens all objects and reads their attributes and the ends of
 their data first; each by itself, as one that raises says nothing of the next.

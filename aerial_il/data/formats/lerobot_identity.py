@@ -1,4 +1,4 @@
-"""What a LeRobot dataset of ours is, kept where lerobot's own tools keep it.
+"""The identity of a LeRobot dataset of ours, stored where lerobot's own tools preserve it.
 
 They drop files that they do not know, and keep the description of every feature: the specification stands there, as the
 ``names`` of the feature ``demo.uid``. What may differ between datasets that are merged is left out: the tier.

@@ -175,7 +175,7 @@ def _told(path: Path) -> pa.Table:
 
 
 def _row(told: pa.Table, episode: int) -> dict[str, Any]:
-    """Return what is told of an episode, which the table may hold in any order; empty if nothing."""
+    """Return the metadata of an episode, which the table may hold in any order; empty if nothing."""
     found = np.flatnonzero(told["episode_index"].to_numpy() == episode)
     return told.slice(int(found[0]), 1).to_pylist()[0] if len(found) else {}
 
@@ -205,7 +205,7 @@ def _say_what_is_left(path: Path, info: Mapping[str, Any], told: pa.Table) -> No
 
 
 def _labels(feature: Mapping[str, Any], size: int) -> tuple[str, ...]:
-    """Return the names of a vector's elements, in a list or by kind as ``{"motors": [...]}``; none if not told."""
+    """Return the names of a vector's elements, in a list or by kind as ``{"motors": [...]}``; none if not given."""
     names = feature.get("names")
     names = next(iter(names.values()), None) if isinstance(names, dict) and len(names) == 1 else names
     labels = tuple(map(str, names)) if isinstance(names, list) else ()

@@ -75,7 +75,7 @@ def clip_of(path: Path, info: Mapping[str, Any], row: Mapping[str, Any], field: 
         path: of the dataset. info: its ``info.json``. row: of the episode, from ``meta/episodes``. field: the camera.
 
     Raises:
-        DemoError: the pictures would take too much memory. KeyError, ValueError: a place is not told.
+        DemoError: the pictures would take too much memory. KeyError, ValueError: a place is missing.
     """
     (key,) = (key for key in info["features"] if field_name(key) == field.name)
     place = {name: int(row[f"videos/{key}/{name}"]) for name in ("chunk_index", "file_index")}

@@ -34,7 +34,7 @@ from aerial_il.data.recording.writer import storing
 STRING, MARKERS = "std_msgs/msg/String", "visualization_msgs/msg/MarkerArray"
 IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 FOREVER = "{sec: 9223372036, nsec: 854775807}"
-LASTING = (  # the quality of service by which who comes late is told, too: durability "transient local"
+LASTING = (  # the quality of service by which late subscribers are served, too: durability "transient local"
     "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
     f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness_lease_duration: {FOREVER}}}\n"
 )

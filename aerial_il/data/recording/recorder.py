@@ -52,7 +52,7 @@ class Recorder:
         spec: the environment's specification; its image fields are recorded too.
         ctrl_size: number of actuator controls.
         num_envs: number of worlds n.
-        extras: name -> labels of further numbers that :meth:`act` is told of each step.
+        extras: name -> labels of further numbers that :meth:`act` is given at each step.
     """
 
     def __init__(self, spec: EnvSpec, ctrl_size: int, num_envs: int = 1, extras: Extras = NO_EXTRAS) -> None:

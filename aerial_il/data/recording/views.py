@@ -1,4 +1,4 @@
-"""What people look at: standard ROS 2 messages of a step, that say again what is recorded exactly."""
+"""Views of a step for people: standard ROS 2 messages, which repeat what is recorded exactly elsewhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is marked in pictures of a recorded flight: where tool and base have been, the wind, the force on the robot."""
+"""Marks in pictures of a recorded flight: where tool and base have been, the wind, the force on the robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The frames in which actions and observations are told, drawn on a robot from its own numbers."""
+"""The frames in which actions and observations are expressed, drawn on a robot from its own numbers."""
 
 from __future__ import annotations
 

@@ -46,28 +46,12 @@ def write_report(
     Raises:
         InvalidValueError: ``run`` has no readable metrics.
     """
-    filmed = {clip.episode.seed for clip in footage.clips} if footage else set()
-    failures = _failures(result, filmed)
     curve = sorted(learning_curve, key=lambda p: p.demonstrations)
     return write_page(
         path,
         "report.html.j2",
-        result=result,
-        instruction=_instruction(result),
-        success=result.success,
-        crashes=result.metrics["crash"],
-        dropped=result.metrics["dropped"],
-        ends=result.metrics["ends"],
-        end_words=END_WORDS,
-        rows=_metric_rows(result),
-        subtasks=result.metrics["subtasks"],
-        distributions=figures.distributions(result),
-        paths=figures.paths(result),
-        clips=embedded(footage.clips if footage else ()),
-        film_note=footage.note if footage else "",
-        shown=_addresses(failures, filmed),
-        failures=failures,
-        hidden_failures=max(0, len(result.episodes) - result.success["count"] - MOST_FAILURES),
+        **_outcome(result),
+        **_episodes(result, footage),
         training=_training(run) if run is not None else [],
         run=str(run or ""),
         dataset=dataset,
@@ -76,6 +60,37 @@ def write_report(
         provenance=flat(result.provenance),
         command=command,
     )
+
+
+def _outcome(result: EvaluationResult) -> dict[str, Any]:
+    """What the page says of all episodes together."""
+    return {
+        "result": result,
+        "instruction": _instruction(result),
+        "success": result.success,
+        "crashes": result.metrics["crash"],
+        "dropped": result.metrics["dropped"],
+        "ends": result.metrics["ends"],
+        "end_words": END_WORDS,
+        "rows": _metric_rows(result),
+        "subtasks": result.metrics["subtasks"],
+        "distributions": figures.distributions(result),
+        "paths": figures.paths(result),
+    }
+
+
+def _episodes(result: EvaluationResult, footage: Footage | None) -> dict[str, Any]:
+    """What it shows of single episodes: films and failures."""
+    clips = footage.clips if footage else ()
+    filmed = {clip.episode.seed for clip in clips}
+    failures = _failures(result, filmed)
+    return {
+        "clips": embedded(clips),
+        "film_note": footage.note if footage else "",
+        "shown": _addresses(failures, filmed),
+        "failures": failures,
+        "hidden_failures": max(0, len(result.episodes) - result.success["count"] - MOST_FAILURES),
+    }
 
 
 def _training(run: str | os.PathLike[str]) -> list[Figure]:

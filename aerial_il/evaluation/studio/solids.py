@@ -65,7 +65,7 @@ def block(half: np.ndarray | tuple[float, float, float], rounding: float) -> Sol
 
 
 def turned(*profile: tuple[float, float]) -> Solid:
-    """Return the solid that a profile of (radius, height) m sweeps about z, told from the bottom to the top.
+    """Return the solid that a profile of (radius, height) m sweeps about z, given from the bottom to the top.
 
     Each stretch of the profile has its own normals, so that its corners stay sharp.
     """
@@ -121,7 +121,7 @@ def _blade(radius: float, sense: float) -> Solid:
 
 
 def tube(length: float, radii: tuple[float, float, float]) -> Solid:
-    """Return a tube along z from 0 to ``length`` m, its radius told at the bottom, the middle and the top, m."""
+    """Return a tube along z from 0 to ``length`` m, its radius given at the bottom, the middle and the top, m."""
     below, waist, above = radii
     sides = ((below, 0.0), (waist, 0.22 * length), (waist, 0.78 * length), (above, length))
     return turned((0.0, 0.0), *sides, (0.0, length))

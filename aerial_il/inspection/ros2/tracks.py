@@ -1,4 +1,4 @@
-"""Where every frame of a scene is, in every recorded state, each in the frame that ROS 2 is told it hangs on."""
+"""Poses of all frames of a scene in every recorded state, each relative to its parent frame in ROS 2."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What policies share: normalisation, chunk execution, the runtime around a network."""
+"""Parts that policies share: normalisation, chunk execution, the runtime around a network."""

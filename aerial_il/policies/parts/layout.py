@@ -1,4 +1,4 @@
-"""How observations become the input of a network, and its output an action: fields, anchor, normalisers."""
+"""The mapping from observations to a network's input and from its output to actions: fields, anchor, normalisers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a policy file provides: a frozen configuration that checks itself and builds a network."""
+"""The two base classes of a policy file: a frozen configuration that checks itself, and the network that it builds."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class ChunkNetwork(nn.Module, ABC):
 class StochasticNetwork(ChunkNetwork, ABC):
     """A network that draws its actions and knows how likely each was: what policy gradients move.
 
-    Its distribution is told by some tensors, as :meth:`distribution` returns them.
+    Its distribution is given by some tensors, as :meth:`distribution` returns them.
     """
 
     @abstractmethod
@@ -75,7 +75,7 @@ class StochasticNetwork(ChunkNetwork, ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyConfig(ABC):
-    """What all chunked policies can be told; every policy file extends it.
+    """Settings of all chunked policies; every policy file extends it.
 
     Attributes:
         history: observations To that the network sees, the current one included.

@@ -77,7 +77,7 @@ def fingerprints(frames: np.ndarray) -> np.ndarray:
 
 
 def glimpses(images: Sequence[np.ndarray]) -> np.ndarray:
-    """Return a number (n, C) for each of C cameras' ``images`` (n, H, W, 3) uint8, exact and told by every pixel."""
+    """Return a number (n, C) for each of C cameras' ``images`` (n, H, W, 3) uint8, exact, of every pixel."""
     sums = []
     for image in images:
         pixels = image.reshape(len(image), -1).astype(np.uint64)

@@ -51,7 +51,7 @@ class Disturbances:
         userdata[layout.DELAY] = self._draw_delay(seed)
 
     def hold(self, mask: np.ndarray) -> None:
-        """Let the first actions find the worlds in ``mask`` (n,) told to stay where they are."""
+        """Let the command before the first action be, in the worlds of ``mask`` (n,), to stay in place."""
         if not self.tier.latency:
             return
         for i in np.flatnonzero(mask):

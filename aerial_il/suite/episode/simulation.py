@@ -161,7 +161,7 @@ class Simulation:
         return entry_of(fly, *self._orders(), 0, 0)
 
     def _orders(self) -> tuple[Any, ...]:
-        """What :func:`fly` is told, but for its last two arguments: the same types each time."""
+        """The arguments of :func:`fly` but the last two: the same types each time."""
         return (
             self._flight,
             self._rules,

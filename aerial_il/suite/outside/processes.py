@@ -31,7 +31,7 @@ from aerial_il.suite.outside.batch import OutsideBatch, seeds_of
 from aerial_il.suite.physics.thread_pool import available_cores
 
 LEAST_WORLDS = 8  # in a process: fewer do not pay for its start and its messages
-WATCH_S = 0.002  # that a process looks for what it is told before it sleeps
+WATCH_S = 0.002  # that a process polls for commands before it sleeps
 PATIENCE_S = 5.0  # for a process to end by itself
 POLITE = (signal.SIGINT, signal.SIGTERM)  # answered by who asks: it saves, and closes the pipes
 ENDED = (

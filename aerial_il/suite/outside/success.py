@@ -1,4 +1,4 @@
-"""When an episode of an environment from outside counts as a success, said in a few words that can be stored."""
+"""Success criteria for environments from outside, written as short strings that can be stored."""
 
 from __future__ import annotations
 

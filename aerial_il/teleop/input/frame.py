@@ -1,4 +1,4 @@
-"""What a device shows at one tick: the only thing of the outside world that a flight depends on."""
+"""The state of all input devices at one tick: the only thing outside the simulation that a flight depends on."""
 
 from __future__ import annotations
 

@@ -67,8 +67,8 @@ class Attached:
     """Asks one device on a thread of its own, for as long as a session lasts.
 
     Args:
-        name: of the device. driver: how it is opened. receive: gets each reading. lost: told once each time that it
-            is gone, with what to do; found: told once when it is back.
+        name: of the device. driver: how it is opened. receive: gets each reading. lost: called once each time that it
+            is gone, with what to do; found: called once when it is back.
     """
 
     def __init__(

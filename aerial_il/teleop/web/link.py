@@ -1,4 +1,4 @@
-"""How wide the link to a page is, by the time that pictures take to be shown; narrow ones get smaller pictures."""
+"""An estimate of the bandwidth to a page, by how long pictures take to be shown; slow links get smaller pictures."""
 
 from __future__ import annotations
 

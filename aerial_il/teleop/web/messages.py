@@ -1,4 +1,4 @@
-"""What a page may say to the server: small JSON messages, checked before anything believes them."""
+"""Messages from a page to the server: small JSON objects, checked before they are used."""
 
 from __future__ import annotations
 

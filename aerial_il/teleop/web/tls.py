@@ -1,4 +1,4 @@
-"""Certificates for a page over https: one's own, or one made on the spot whose fingerprint is told.
+"""Certificates for a page over https: one's own, or one made on the spot, whose fingerprint is shown.
 
 Browsers hand out a phone's sensors and poses to secure pages only, and a token must not cross a network in the clear.
 """

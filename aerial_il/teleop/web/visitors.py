@@ -1,4 +1,4 @@
-"""Who looks at the page: one of them has the controls, the others watch, and they are handed over only by word."""
+"""Visitors of the page: one has the controls, the others watch; control passes only on request."""
 
 from __future__ import annotations
 

@@ -34,6 +34,8 @@ SMALL |= {"offline_steps": 40}
 
 def short(name: str, **changes: Any) -> Any:
     cls: Any = algorithms.settings_of(name)
+    if getattr(cls(), "bc_pretrain_steps", 0):  # whose clone would take thousands, which nothing here asks about
+        changes = {"bc_pretrain_steps": 50, **changes}
     return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
 
 

@@ -37,19 +37,16 @@ def digests(folder: Path) -> dict[str, str]:
     return found
 
 
-def test_launchers_give_the_same_bytes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("abreast", [2, pytest.param(1, marks=pytest.mark.slow)])
+def test_launchers_give_the_same_bytes(tmp_path: Path, abreast: int) -> None:
     found = []
-    for name, launcher in (
-        ("serial", serial.Serial()),
-        ("one", processes.Processes(jobs=1)),
-        ("two", processes.Processes(jobs=2)),
-    ):
+    for name, launcher in (("serial", serial.Serial()), ("processes", processes.Processes(jobs=abreast))):
         jobs = [collect(tmp_path / name / f"seed={seed}", "episodes=2", f"seed={seed}") for seed in (0, 2)]
         board = Board(jobs)
         launcher.launch(jobs, board)
         assert [outcome.state for outcome in board.outcomes.values()] == ["finished"] * 2, board.table()
         found.append([digests(Path(job.folder)) for job in jobs])
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
     assert found[0][0] != found[0][1]
 
 
@@ -112,9 +109,12 @@ def test_the_same_job_is_not_done_twice_at_a_time(tmp_path: Path, monkeypatch: p
 
 def test_ctrl_c_stops_the_jobs_and_says_how_to_continue(tmp_path: Path) -> None:
     words = ["collect", "-m", *HOVER, "episodes=5000", "seed=0,5000", "out=s", "launcher=processes", "launcher.jobs=2"]
-    sweep = subprocess.Popen(
-        [sys.executable, "-m", "aerial_il", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    )
+    command = [sys.executable, "-m", "aerial_il", *words]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background would pass on: ignored
+    try:
+        sweep = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert sweep.stderr is not None
     while "seed=5000: started" not in sweep.stderr.readline():
         assert sweep.poll() is None

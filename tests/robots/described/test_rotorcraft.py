@@ -71,6 +71,11 @@ def test_what_is_no_vehicle_is_refused_in_words(tmp_path: Path, text: str, messa
         read(tmp_path, text)
 
 
+def test_the_vehicle_itself_cannot_be_dropped(tmp_path: Path) -> None:
+    with pytest.raises(ModelFileError, match="drop names body 'tern' or one above it; that is the vehicle itself"):
+        read(tmp_path, QUAD_MJCF, drop=["tern"])
+
+
 def test_a_camera_is_left_away_and_a_propeller_is_welded(tmp_path: Path) -> None:
     more = '<body name="eye" pos="0.1 0 0"><geom size="0.02" mass="0.5"/></body><body name="prop" pos="0.17 0.15 0.05">'
     more += '<joint name="spin" axis="0 0 1"/><geom size="0.01" mass="0.01"/></body><site name="fl"'

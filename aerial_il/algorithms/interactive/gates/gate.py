@@ -1,4 +1,4 @@
-"""What a gate's settings are, and what a gate of one round is made from."""
+"""The base class of a gate's settings, and the inputs that a gate of one round is built from."""
 
 from __future__ import annotations
 

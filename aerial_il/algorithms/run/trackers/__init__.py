@@ -1,4 +1,4 @@
-"""Where else the metrics of a run go: TensorBoard, Weights & Biases, MLflow; each file of this folder is one.
+"""Trackers to which the metrics of a run go as well: TensorBoard, Weights & Biases, MLflow; one file each.
 
 Which of them is said once, around a training, since no weight depends on it::
 

@@ -1,4 +1,4 @@
-"""MLflow: one run there each time the run is opened; in ``mlruns/`` of the run's folder unless told where."""
+"""MLflow: one run there each time the run is opened; in ``mlruns/`` of the run's folder unless configured otherwise."""
 
 from __future__ import annotations
 

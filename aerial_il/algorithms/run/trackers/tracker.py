@@ -1,4 +1,4 @@
-"""What a tracker is: a place outside ``metrics.jsonl`` where people look at the numbers of a run."""
+"""The interface of a tracker: a place outside ``metrics.jsonl`` where people look at the numbers of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What two commits of this package are asked to fly: run as a script of its own in the process of each.
+"""Flights by which two commits of this package are compared: run as a script of its own in the process of each.
 
 Only names that both have may be used here: those that ``aerial_il`` itself offers, and ``collect``.
 """
@@ -14,6 +14,11 @@ import numpy as np
 import aerial_il
 
 _environments: dict[tuple[str, str, int], Any] = {}
+
+
+def knows(robot: str, task: str) -> bool:
+    """Return whether there is such a cell."""
+    return (robot, task) in aerial_il.list_cells()
 
 
 def first(robot: str, task: str, num_envs: int, threads: int) -> float:

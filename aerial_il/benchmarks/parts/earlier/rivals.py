@@ -33,6 +33,10 @@ class Rivals:
     num_envs: int
     threads: int
 
+    def know(self, robot: str, task: str) -> bool:
+        """Whether both have a cell: the earlier commit lacks those that came later."""
+        return all(peer.ask("knows", robot=robot, task=task) for peer in self.peers.values())
+
     def flights(self, robot: str, task: str, *, seed: int) -> Row:
         """Return how fast both fly a cell, many worlds and one alone, the ratios, and the latter's ceiling."""
         cell = {"robot": robot, "task": task, "threads": self.threads, "seed": seed, "steps": FLIGHT_STEPS}

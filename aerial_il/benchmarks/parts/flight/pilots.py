@@ -1,4 +1,4 @@
-"""Who flies the bare quadrotor: a flight law that is handed the target, or a policy that commands the rotors."""
+"""Pilots of the bare quadrotor: a flight law that is given the target, or a policy that commands the rotors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How steadily a policy holds a pose that it has reached: how far it strays, how its action changes step by step."""
+"""Steadiness of a policy that holds a pose: how far it strays, how its action changes step by step."""
 
 from __future__ import annotations
 

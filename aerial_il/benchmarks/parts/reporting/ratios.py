@@ -104,29 +104,16 @@ def targets(rows: Sequence[Row], clones: Mapping[str, Row]) -> Iterator[Target]:
         rows: of what is judged. clones: task -> row of the run that reinforcement never moved, where there is one.
     """
     for row in (row for row in rows if row["control"] == "none"):
-        alone = clones.get(row["task"], {"ratio": 0.0, "percent": 0.0})
-        if row["task"] in RATIOS:
-            spread = f"95 % interval {row['ratio_low']} to {row['ratio_high']}, {row['steps']} steps"
-            limit = max(RATIOS[row["task"]], alone["ratio"])
-            yield Target(
-                f"{row['task']}: ratio to the expert, clone alone {alone['ratio']}",
-                "at least",
-                limit,
-                row["ratio"],
-                "",
-                spread,
-            )
-        if row["task"] in SUCCESS_PERCENT:
-            spread = f"95 % interval {row['ci95_low']} to {row['ci95_high']} %"
-            limit = max(SUCCESS_PERCENT[row["task"]], alone["percent"])
-            yield Target(
-                f"{row['task']}: success, clone alone {alone['percent']} %",
-                "at least",
-                limit,
-                row["percent"],
-                "%",
-                spread,
-            )
+        task = row["task"]
+        alone = clones.get(task, {"ratio": 0.0, "percent": 0.0})
+        if task in RATIOS:
+            wanted, spread = max(RATIOS[task], alone["ratio"]), f"{row['ratio_low']} to {row['ratio_high']}"
+            name, spread = f"ratio to the expert, clone alone {alone['ratio']}", f"{spread}, {row['steps']} steps"
+            yield Target(f"{task}: {name}", "at least", wanted, row["ratio"], "", f"95 % interval {spread}")
+        if task in SUCCESS_PERCENT:
+            wanted, spread = max(SUCCESS_PERCENT[task], alone["percent"]), f"{row['ci95_low']} to {row['ci95_high']} %"
+            name = f"success, clone alone {alone['percent']} %"
+            yield Target(f"{task}: {name}", "at least", wanted, row["percent"], "%", f"95 % interval {spread}")
 
 
 def peer_targets(rows: list[Row]) -> Iterator[Target]:

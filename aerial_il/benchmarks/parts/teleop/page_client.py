@@ -1,4 +1,4 @@
-"""What a page says to the server of a flight, without a browser: inputs fifty times a second; and what comes back."""
+"""A client that speaks as the page does, without a browser: it sends inputs at 50 Hz and reads the answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast one world could be flown at most: its physics with nothing around it."""
+"""The upper bound on the speed of one environment: its physics with nothing around it."""
 
 from __future__ import annotations
 

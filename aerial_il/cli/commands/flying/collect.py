@@ -14,13 +14,18 @@ Example: aerial-il collect env=gymnasium:AdroitHandDoor-v1 policy=dapg_policies.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from aerial_il.cli.commands.datasets import convert
 from aerial_il.cli.configuration import spelling
 from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, Named, TierName, at_least, group, key, output, path
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from aerial_il.core.contracts import BatchEnv, Policy
 
 SHARDS = ".shards"  # below the dataset: logs of the jobs that recorded it
 
@@ -96,8 +101,6 @@ def record(config: Config) -> None:
     import aerial_il
     from aerial_il.cli.flights import typed_code
     from aerial_il.cli.flights.environments import EnvironmentReference
-    from aerial_il.cli.flights.watching import watched
-    from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
 
     _check_of_the_suite(config)
@@ -116,22 +119,7 @@ def record(config: Config) -> None:
         image_size=(config.image_size[0], config.image_size[1]),
     )
     env = where.load(num_envs=min(config.num_envs, config.episodes), threads=config.threads)
-    try:
-        with watched(env, config.threads, wanted=config.rerun) as seen:
-            collect(
-                seen,
-                expert,
-                range(config.seed, config.seed + config.episodes),
-                config.out,
-                policy_name=own or "expert",
-                settings={"noise": config.expert.noise} if own is None else {},
-                mix=config.mix,
-                progress=config.progress,
-            )
-    finally:
-        env.close()
-    if config.lerobot:
-        convert.run(convert.Config(config.out, progress=config.progress))
+    _record(config, env, expert, own or "expert", {"noise": config.expert.noise} if own is None else {})
 
 
 def _check_of_the_suite(config: Config) -> None:
@@ -150,7 +138,6 @@ def _check_of_the_suite(config: Config) -> None:
 def record_outside(config: Config) -> None:
     """Record what is missing of an environment from outside, each episode over its whole horizon."""
     from aerial_il.cli.flights import environments, pilots
-    from aerial_il.collection.collect import collect
 
     source = config.policy.path
     if config.rerun:
@@ -163,18 +150,26 @@ def record_outside(config: Config) -> None:
     noise = config.expert.noise
     pilot = pilots.pilot(source, robot=None, task=None, action=None, env=config.env, options=options, noise=noise)
     env = pilot.environment(config.tier.name, num_envs=min(config.num_envs, config.episodes), threads=config.threads)
+    _record(config, env, pilot.policy, source, {"noise": noise})
+
+
+def _record(config: Config, env: BatchEnv, policy: Policy, name: str, settings: Mapping[str, Any]) -> None:
+    """Fly the seeds that are missing and close ``env``; then derive the LeRobot dataset if it is wanted."""
+    from aerial_il.cli.flights.watching import watched
+    from aerial_il.collection.collect import collect
+
     try:
-        seeds = range(config.seed, config.seed + config.episodes)
-        collect(
-            env,
-            pilot.policy,
-            seeds,
-            config.out,
-            policy_name=source,
-            settings={"noise": noise},
-            mix=config.mix,
-            progress=config.progress,
-        )
+        with watched(env, config.threads, wanted=config.rerun) as seen:
+            collect(
+                seen,
+                policy,
+                range(config.seed, config.seed + config.episodes),
+                config.out,
+                policy_name=name,
+                settings=settings,
+                mix=config.mix,
+                progress=config.progress,
+            )
     finally:
         env.close()
     if config.lerobot:

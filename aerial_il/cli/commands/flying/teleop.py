@@ -79,6 +79,8 @@ class Config:
     def __post_init__(self) -> None:
         check_choices(self)
         at_least(self, seed=0, port=0)
+        if len(self.size) != 2:
+            raise InvalidValueError(f"size={self.size} is not height and width, e.g. size=[240,320].")
         if self.host not in LOOPBACK and not self.expose:
             raise InvalidValueError(
                 f"host={self.host}: the page is served to this machine alone (host=127.0.0.1), for who reaches it can "

@@ -45,22 +45,22 @@ def advice(found: dict[str, Any]) -> dict[str, str]:
     """Return finding -> what it means here and what to do, of those that are not as they could be."""
     from aerial_il.core.rendering import BACKENDS, PACKAGES
 
-    rendering, told = found["rendering"], {}
+    rendering, notes = found["rendering"], {}
     if all(rendering[backend] != "works" for backend in BACKENDS):
-        told["rendering"] = f"Cameras and videos are off. To have them: sudo apt-get install -y {PACKAGES}; make setup"
+        notes["rendering"] = f"Cameras and videos are off. To have them: sudo apt-get install -y {PACKAGES}; make setup"
     elif rendering["chosen"] in BACKENDS and rendering[rendering["chosen"]] != "works":
-        told["rendering"] = f"MUJOCO_GL={rendering['chosen']} does not work here, another does: unset it, or make setup"
+        notes["rendering"] = f"MUJOCO_GL={rendering['chosen']} does not work, another does: unset it, or make setup"
     if missing := [name for name in PACKAGES_NEEDED if name not in found["packages"]]:
-        told["packages"] = f"{', '.join(missing)} is not installed: make setup"
+        notes["packages"] = f"{', '.join(missing)} is not installed: make setup"
     if found["git"] and found["git"]["dirty"]:
-        told["git"] = "Files differ from the commit that recordings and results will name: commit before a study."
+        notes["git"] = "Files differ from the commit that recordings and results will name: commit before a study."
     if found["free_disk_gb"] < LITTLE_DISK_GB:
-        told["free_disk_gb"] = "Little is left. What meets a full disk says so, and the same command goes on later."
+        notes["free_disk_gb"] = "Little is left. What meets a full disk says so, and the same command goes on later."
     if (found["cpu_count"] or 1) < 2:
-        told["cpu_count"] = "One core: all works, at half the speed that these pages tell and less."
+        notes["cpu_count"] = "One core: all works, at half the speed that these pages give, or less."
     if not found["platform"].startswith("Linux"):
-        told["platform"] = "Only Linux has been tried."
-    return told
+        notes["platform"] = "Only Linux has been tried."
+    return notes
 
 
 def _as_text(found: dict[str, Any]) -> str:
@@ -68,6 +68,6 @@ def _as_text(found: dict[str, Any]) -> str:
     for name, value in found.items():
         inner = value if isinstance(value, dict) else {"": value}
         lines += [f"{' '.join(filter(None, (name, key))):<24} {text}" for key, text in inner.items()]
-    told = advice(found)
-    lines += ["", *(f"{name}: {text}" for name, text in told.items())] if told else []
+    notes = advice(found)
+    lines += ["", *(f"{name}: {text}" for name, text in notes.items())] if notes else []
     return "\n".join([*lines, "", f"Each finding is explained in {PAGE}."])

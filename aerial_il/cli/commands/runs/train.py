@@ -93,7 +93,7 @@ class Config:
     threads: int = key(0, "threads of its flights, or processes of external environments; 0 for all cores")
     port: int = key(8642, "of the page of expert=human; another one where it is taken")
     tracker: list[str] = key(
-        ["tensorboard"], "who is told the metrics: tensorboard, wandb, mlflow; []: nobody", many=True
+        ["tensorboard"], "trackers of the metrics: tensorboard, wandb, mlflow; []: none", many=True
     )
     resume: bool = key(True, "continue what the run folder holds")
     progress: bool = key(True, "show a progress bar")
@@ -183,7 +183,9 @@ def _rollout_evaluator(config: Config, algorithm: Algorithm) -> Iterator[Rollout
         return
     from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
 
-    flights = RolloutEvaluator(config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, env=config.env)
+    flights = RolloutEvaluator(
+        config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, threads=config.threads, env=config.env
+    )
     with flights.open() as evaluator:
         yield evaluator
 

@@ -1,4 +1,4 @@
-"""Where the joints of an arm count as zero: where its tool points ahead."""
+"""The zero of an arm's joints: the pose in which its tool points ahead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a model file, in words that say what to change."""
+"""The error for a model file that cannot be used; its message says what to change."""
 
 from __future__ import annotations
 

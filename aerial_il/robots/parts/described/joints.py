@@ -1,4 +1,4 @@
-"""What a model file says of a joint, whichever format it is written in."""
+"""Figures of a joint as a model file gives them, whichever format it is in."""
 
 from __future__ import annotations
 

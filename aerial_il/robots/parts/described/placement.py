@@ -1,4 +1,4 @@
-"""Where the bodies of a model file are in the frame of the vehicle's base."""
+"""Poses of a model file's bodies in the frame of the vehicle's base."""
 
 from __future__ import annotations
 

@@ -78,10 +78,8 @@ def read_rotorcraft(
         ModelFileError: the file is no such vehicle; names body or actuator, value and what to change.
     """
     model = read_model(path, meshes)
-    root = model.body(body, "body") if body else _only_root(model)
-    left = {below for name in drop for below in model.below(model.body(name, "drop"))}
-    kept = [below for below in model.below(root) if below not in left]
-    place = Placement(model, model.data({}), root, np.zeros(3), np.eye(3))
+    kept = _bodies(model, body, drop)
+    place = Placement(model, model.data({}), kept[0], np.zeros(3), np.eye(3))
     whole = _whole(model, place, kept)
     pos, axis, ratio, low, high = _rotors(model, place, kept, max_thrust)
     shapes = _shapes(model, place, kept, whole.com)
@@ -100,11 +98,25 @@ def read_rotorcraft(
         hub_size=hub_size or _extent(shapes) or Rotorcraft.hub_size,
         shapes=shapes,
     )
+    _check_rotors(base, path)
+    return ReadRotorcraft(base, _vector(-whole.com), tuple(_notes(model, whole, kept)))
+
+
+def _bodies(model: Model, body: str | None, drop: Collection[str]) -> list[int]:
+    """The vehicle's bodies, its root first, without those dropped and what hangs on them."""
+    root = model.body(body, "body") if body else _only_root(model)
+    dropped = {below for name in drop for below in model.below(model.body(name, "drop"))}
+    if root in dropped:
+        raise model.error(f"drop names body {model.name(root)!r} or one above it; that is the vehicle itself.")
+    return [below for below in model.below(root) if below not in dropped]
+
+
+def _check_rotors(base: Rotorcraft, path: str | Path) -> None:
+    """Raise for a vehicle that its rotors cannot hold in the air."""
     try:
-        mixer_matrix(wrench_matrix(base.rotor_pos, axis, ratio))
+        mixer_matrix(wrench_matrix(base.rotor_pos, base.rotor_axis, base.rotor_drag_ratio))
     except InvalidValueError as error:
         raise ModelFileError(path, f"{error}") from error
-    return ReadRotorcraft(base, _vector(-whole.com), tuple(_notes(model, whole, kept)))
 
 
 def _only_root(model: Model) -> int:

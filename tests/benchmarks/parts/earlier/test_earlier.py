@@ -10,6 +10,7 @@ import pytest
 
 import aerial_il
 from aerial_il.benchmarks.parts.earlier.checkout import Checkout, PeerError, turns
+from aerial_il.benchmarks.parts.earlier.rivals import rivals
 from aerial_il.core.errors import InvalidValueError
 
 SCRIPT = """
@@ -46,6 +47,16 @@ def test_each_side_runs_its_own_package(other: Checkout) -> None:
         assert name == "other"
         assert process != os.getpid()
         assert ours.ask("file") == aerial_il.__file__
+
+
+def test_only_what_both_commits_have_is_compared(other: Checkout) -> None:
+    (other.path / "aerial_il" / "__init__.py").write_text(
+        "def list_cells(): return (('quad', 'hover'), ('bird', 'land'))\n"
+    )
+    with rivals(other.path, repetitions=1, num_envs=1, threads=1) as both:
+        assert both.know("quad", "hover")
+        assert not both.know("quad", "land"), "the earlier one lacks it"
+        assert not both.know("bird", "land"), "and this one that"
 
 
 def test_what_a_script_holds_stays_between_questions_and_the_first_round_does_not_count(other: Checkout) -> None:
