@@ -31,7 +31,7 @@ class WatchedBatch(BatchEnvironment):
         log_scene(stream, "scene", motion)
         stream.send_blueprint(_layout(motion))
 
-    def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    def reset(self, seeds: np.ndarray | int | None = None, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         obs = super().reset(seeds, mask)
         if mask is None or mask[WATCHED]:
             seed = np.array([f"seed {int(self.seeds[WATCHED])}"])

@@ -14,7 +14,7 @@ RECORDED = Path("runs/inspections/live.rrd")
 
 
 @contextmanager
-def watched(env: BatchEnv, threads: int, *, wanted: bool) -> Iterator[BatchEnv]:
+def watched[Env: BatchEnv](env: Env, threads: int, *, wanted: bool) -> Iterator[Env | BatchEnvironment]:
     """Yield ``env`` itself, or what stands for it and is watched; a file is written where there is no screen.
 
     Raises:
