@@ -5,7 +5,8 @@
 # Debian's base system is put into a folder by debootstrap, and everything runs in there, as an ordinary user, on a clone
 # of what is committed here. It needs root, debootstrap (apt-get install debootstrap), the network, 8 GB of disk and, on
 # two idle cores, about an hour for each suite. Steps: root packages setup demo readme notebook wheel, in this order;
-# "tests" (make test) and "all-tests" (make test-all) only when they are named. A step that is done is not done again; each has a log.
+# "tests" (make test) and "all-tests" (make test-all) only when they are named. A step that was done with the same commit is not
+# done again, and the root never; each step has a log.
 # NEWCOMER_HOME is where the roots go (/var/tmp/aerial-il-newcomer), NEWCOMER_MIRROR another mirror of Debian.
 set -eu
 cd "$(dirname "$0")/.."
@@ -85,9 +86,11 @@ do_wheel() { newcomer 'OMP_NUM_THREADS=1 .venv/bin/python -m pytest -q -m slow t
 do_tests() { newcomer 'make test'; }
 do_all_tests() { newcomer 'make test-all'; }
 
+commit=$(git -c safe.directory="$HERE" rev-parse --short HEAD)
 for step in $steps; do
-  if [ -e "$base/done/$step" ]; then
-    say "$suite $step: done before, $(cat "$base/done/$step")"
+  case $step in root) mark=$base/done/root ;; *) mark=$base/done/$step-$commit ;; esac
+  if [ -e "$mark" ]; then
+    say "$suite $step: done before, $(cat "$mark")"
     continue
   fi
   case $step in
@@ -106,6 +109,6 @@ for step in $steps; do
     say "$suite $step: FAILED after $(($(date +%s) - begun)) s, see $base/logs/$step.log; the same command goes on from there."
     exit 1
   fi
-  echo "$(($(date +%s) - begun)) s" > "$base/done/$step"
-  say "$suite $step: $(cat "$base/done/$step")"
+  echo "$(($(date +%s) - begun)) s" > "$mark"
+  say "$suite $step: $(cat "$mark")"
 done

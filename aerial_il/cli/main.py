@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
         return FAILED
     except OSError as error:
         if error.errno in MISTYPED:
-            _complain(f"aerial-il: {_shortened(str(error.filename))} cannot be such a path: {error.strerror}.")
+            _complain(f"aerial-il: {_of_a_path(error)}.")
             return BAD_USAGE
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
             raise
@@ -103,6 +103,13 @@ class _PlainFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         text = record.getMessage()
         return text if record.levelno <= logging.INFO else f"{record.levelname.capitalize()}: {text}"
+
+
+def _of_a_path(error: OSError) -> str:
+    """Return what is wrong with a path, which some libraries do not name apart from their message."""
+    if error.filename is None:
+        return _shortened(str(error).rstrip("."), 300)
+    return f"{_shortened(str(error.filename))} cannot be such a path: {error.strerror}"
 
 
 def _shortened(text: str, most: int = 60) -> str:

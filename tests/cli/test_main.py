@@ -66,6 +66,17 @@ def test_a_mistake_is_answered_in_one_paragraph_with_status_2(
     _check_answer(capfd.readouterr().err, said, tmp_path)
 
 
+def test_a_library_that_names_the_path_in_its_message_alone_is_quoted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def open_it(_: list[str]) -> int:
+        raise OSError(errno.ENAMETOOLONG, "Unable to open file (name = 'xxx')")
+
+    monkeypatch.setattr(main, "_dispatch", open_it)
+    assert main.main(["info", "xxx"]) == main.BAD_USAGE
+    assert "Unable to open file (name = 'xxx')." in capsys.readouterr().err
+
+
 def test_the_script_answers_a_mistake_so_too(tmp_path: Path) -> None:
     done = aerial_il("train", "seed=abc", "dataset=x", "run=y", cwd=tmp_path)
     assert done.returncode == main.BAD_USAGE
