@@ -8,6 +8,8 @@
 # "tests" (make test) and "all-tests" (make test-all) only when they are named. A step that was done with the same commit is not
 # done again, and the root never; each step has a log.
 # NEWCOMER_HOME is where the roots go (/var/tmp/aerial-il-newcomer), NEWCOMER_MIRROR another mirror of Debian.
+# Debian 12 has no Python 3.12, and uv fetches one from where it is published. Where that is out of reach, NEWCOMER_PYTHON
+# is the folder of one that pyenv has built on a Debian 12 (~/.pyenv/versions/3.12.1): the newcomer gets it as their pyenv.
 set -eu
 cd "$(dirname "$0")/.."
 HERE=$(pwd)
@@ -36,32 +38,62 @@ base=$HOME_OF_ROOTS/$suite
 root=$base/root
 mkdir -p "$base/done" "$base/logs"
 
-unmount() { for place in dev/shm dev proc; do umount "$root/$place" 2>/dev/null || true; done; }
+unmount() { for place in dev/pts dev/shm dev proc; do umount "$root/$place" 2>/dev/null || true; done; }
 mount_all() {
-  mount --bind /dev "$root/dev" && mount -t tmpfs tmpfs "$root/dev/shm" && mount -t proc proc "$root/proc"
+  mount --bind /dev "$root/dev" && mount --bind /dev/pts "$root/dev/pts" && mount -t tmpfs tmpfs "$root/dev/shm" &&
+    mount -t proc proc "$root/proc"
 }
 trap unmount EXIT
 
-# Nothing of this machine's Python, proxies apart, gets inside.
-inside() {
-  chroot "$root" /usr/bin/env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive \
-    ${http_proxy:+http_proxy="$http_proxy"} ${https_proxy:+https_proxy="$https_proxy"} sh -euc "$1"
+# How this machine reaches the network goes in with every command, if it says so; nothing else of it does.
+NETWORK="http_proxy https_proxy all_proxy no_proxy HTTP_PROXY HTTPS_PROXY ALL_PROXY NO_PROXY SSL_CERT_FILE REQUESTS_CA_BUNDLE
+  PIP_CERT PIP_INDEX_URL PIP_EXTRA_INDEX_URL PIP_DEFAULT_TIMEOUT
+  UV_DEFAULT_INDEX UV_INDEX UV_INDEX_URL UV_EXTRA_INDEX_URL UV_NATIVE_TLS UV_HTTP_TIMEOUT UV_PYTHON_INSTALL_MIRROR"
+enter() { # [NAME=VALUE ...] COMMAND [ARGUMENT ...]
+  for name in $NETWORK; do
+    eval "value=\${$name:-}"
+    [ -z "$value" ] || set -- "$name=$value" "$@"
+  done
+  chroot "$root" /usr/bin/env -i "$@"
 }
+inside() { enter HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive sh -euc "$1"; }
 newcomer() {
-  chroot "$root" /usr/bin/env -i HOME=/home/newcomer USER=newcomer PATH=/usr/local/bin:/usr/bin:/bin \
-    ${http_proxy:+http_proxy="$http_proxy"} ${https_proxy:+https_proxy="$https_proxy"} \
+  enter HOME=/home/newcomer USER=newcomer PATH=/usr/local/bin:/usr/bin:/bin \
     setpriv --reuid newcomer --regid newcomer --init-groups sh -euc "cd /home/newcomer/aerial_il; $1"
+}
+
+# The files of the same kind: where names are looked up, which authorities are trusted, where pip and uv look.
+bring_network() {
+  cp -L /etc/resolv.conf "$root/etc/resolv.conf"
+  mkdir -p "$root/usr/local/share/ca-certificates" "$root/etc/uv"
+  bring "$root/usr/local/share/ca-certificates" /usr/local/share/ca-certificates/*.crt
+  bring "$root/etc/pip.conf" /etc/pip.conf "$HOME/.config/pip/pip.conf"
+  bring "$root/etc/uv/uv.toml" /etc/uv/uv.toml "$HOME/.config/uv/uv.toml"
+}
+bring() { # TARGET SOURCE ...: those that exist; of several for one file, the last
+  target=$1
+  shift
+  for source in "$@"; do [ ! -e "$source" ] || cp -L "$source" "$target"; done
 }
 
 do_root() { debootstrap --variant=minbase "$suite" "$root" ${NEWCOMER_MIRROR:+"$NEWCOMER_MIRROR"}; }
 
 do_packages() { # what the README asks for, and what an ordinary user cannot install later: libraries to draw with
+  bring_network
   inside 'apt-get update -q
     apt-get install -y -q --no-install-recommends git make ca-certificates python3 python3-venv libegl1 libopengl0 libgl1-mesa-dri
     id newcomer >/dev/null 2>&1 || useradd --create-home --shell /bin/sh newcomer'
   rm -rf "$root/home/newcomer/aerial_il" "$root/tmp/aerial_il.bundle"
   git -c safe.directory="$HERE" bundle create "$root/tmp/aerial_il.bundle" HEAD
   inside 'git clone -q /tmp/aerial_il.bundle /home/newcomer/aerial_il && chown -R newcomer: /home/newcomer'
+  [ -z "${NEWCOMER_PYTHON:-}" ] || bring_python
+}
+
+bring_python() {
+  versions=/home/newcomer/.pyenv/versions
+  mkdir -p "$root$versions"
+  cp -a "$NEWCOMER_PYTHON" "$root$versions"
+  inside "chown -R newcomer: $versions"
 }
 
 do_setup() { newcomer 'make setup'; }
