@@ -9,7 +9,7 @@
 # done again, and the root never; each step has a log.
 # NEWCOMER_HOME is where the roots go (/var/tmp/aerial-il-newcomer), NEWCOMER_MIRROR another mirror of Debian.
 # Debian 12 has no Python 3.12, and uv fetches one from where it is published. Where that is out of reach, NEWCOMER_PYTHON
-# is the folder of one that pyenv has built on a Debian 12 (~/.pyenv/versions/3.12.1): the newcomer gets it as their pyenv.
+# is the folder of one that was built on a Debian 12 (~/.pyenv/versions/3.12.1, say): it is put into the root's /usr/local.
 set -eu
 cd "$(dirname "$0")/.."
 HERE=$(pwd)
@@ -90,10 +90,8 @@ do_packages() { # what the README asks for, and what an ordinary user cannot ins
 }
 
 bring_python() {
-  versions=/home/newcomer/.pyenv/versions
-  mkdir -p "$root$versions"
-  cp -a "$NEWCOMER_PYTHON" "$root$versions"
-  inside "chown -R newcomer: $versions"
+  cp -a "$NEWCOMER_PYTHON/." "$root/usr/local/"
+  inside 'ldconfig && python3.12 -c "import ssl, ctypes"'
 }
 
 do_setup() { newcomer 'make setup'; }
