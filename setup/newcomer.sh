@@ -91,7 +91,7 @@ do_packages() { # what the README asks for, and what an ordinary user cannot ins
 
 bring_python() {
   cp -a "$NEWCOMER_PYTHON/." "$root/usr/local/"
-  inside 'ldconfig && python3.12 -c "import ssl, ctypes"'
+  inside 'ldconfig && /usr/local/bin/python3.12 -c "import ssl, ctypes"'
 }
 
 do_setup() { newcomer 'make setup'; }
