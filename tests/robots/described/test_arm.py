@@ -111,6 +111,23 @@ def test_frames_that_are_turned_anyhow_end_where_mujoco_says(tmp_path: Path) -> 
         np.testing.assert_allclose(rot, turned @ at_zero.T, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("mass", "moments"),
+    [
+        ("0", ""),
+        ("1e-9", 'ixx="0" iyy="0" izz="0"'),
+        ("1e-6", 'ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="1e-6" ixz="1e-6" iyz="1e-6"'),
+    ],
+)  # of no solid; the last two as manufacturers write them
+def test_a_frame_with_hardly_any_mass_is_a_frame(tmp_path: Path, mass: str, moments: str) -> None:
+    frame = f'<link name="flange"><inertial><mass value="{mass}"/><inertia {moments}/></inertial></link>'
+    found = read(tmp_path, PITCH.replace('<link name="flange"/>', frame))
+    plain = read(tmp_path, PITCH)
+    assert [(a.mass, a.centre, a.tensor) for a in found.arm.links] == [
+        (a.mass, a.centre, a.tensor) for a in plain.arm.links
+    ]
+
+
 def test_the_simulated_links_have_the_whole_inertia_of_the_file(tmp_path: Path) -> None:
     """Kinetic energy of every link, spun about three axes, is that of the file's own model."""
     (tmp_path / "arm.urdf").write_text(TWISTED, encoding="utf-8")

@@ -33,6 +33,10 @@ URDF = {
         "link 'lower' has no <inertial>.*Give its <mass>",
     ),
     "no mass": (changed(PITCH, '<mass value="0.1"/>', '<mass value="0"/>'), "link 'lower': its mass is 0 kg"),
+    "a plate like no solid": (
+        changed(PITCH, '<link name="plate"/>', '<link name="plate"><inertial><mass value="0.1"/></inertial></link>'),
+        "no solid is like link 'plate'",
+    ),
     "negative mass": (changed(PITCH, '<mass value="0.1"/>', '<mass value="-1"/>'), "its mass is -1 kg"),
     "mass of words": (
         changed(PITCH, '<mass value="0.1"/>', '<mass value="light"/>'),

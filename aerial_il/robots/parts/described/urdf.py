@@ -22,6 +22,9 @@ JOINTS = (*TURNING, "prismatic", RIGID)
 UNUSED = ("mujoco", "gazebo", "transmission", "sensor", "mimic", "safety_controller", "texture")
 SETTINGS = {"discardvisual": "false", "fusestatic": "false", "inertiafromgeom": "false", "balanceinertia": "false"}
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+FRAME_KG = (
+    1e-5  # up to here a link that no joint moves is a frame, whatever moments are written: SO-ARM101 1e-9, B1 1e-6
+)
 
 
 def prepare(root: Element, source: Path, meshes: MeshFiles) -> dict[str, JointFigures]:
@@ -112,7 +115,7 @@ def _figures(joint: Element, source: Path) -> JointFigures:
 
 
 def _check_inertia(link: Element, name: str, moved: bool, source: Path) -> None:
-    """Require the inertia of a solid; a frame that is fixed to another link may have none."""
+    """Require the inertia of a solid; a frame, which no joint moves, needs none and is left without."""
     inertial = link.find("inertial")
     if inertial is None:
         if not moved:
@@ -122,8 +125,8 @@ def _check_inertia(link: Element, name: str, moved: bool, source: Path) -> None:
     where = f"the inertial of link {name!r}"
     mass = _number(inertial.find("mass"), "value", source, where)
     xx, yy, zz, xy, xz, yz = (_number(inertial.find("inertia"), moment, source, where) for moment in MOMENTS)
-    if not moved and mass == 0.0 and not any((xx, yy, zz, xy, xz, yz)):
-        link.remove(inertial)  # how some tools write a frame
+    if not moved and 0.0 <= mass <= FRAME_KG and (mass > 0.0 or not any((xx, yy, zz, xy, xz, yz))):
+        link.remove(inertial)  # how some tools and manufacturers write a frame
         return
     if problem := flaw(mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])):
         raise ModelFileError(source, f"no solid is like link {name!r}: {problem}.")
