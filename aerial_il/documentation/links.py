@@ -10,6 +10,7 @@ from pathlib import PurePosixPath
 WORDS = r"(?P<words>[^\]\[]*|!\[[^\]]*\]\([^)]*\))"  # of a link: a text, or a picture
 LINK = re.compile(rf"(?P<mark>!?)\[{WORDS}\]\((?P<target>[^)#\s]+)(?P<anchor>#[^)\s]*)?\)")
 FILM = re.compile(r"\[!\[([^\]]*)\]\(([^)\s]+)\)\]\(([^)\s]+\.mp4)\)")
+BELOW = re.compile(r"^\*Click for the video: (\w)", re.MULTILINE)  # a line below the picture
 ELSEWHERE = re.compile(r"[a-z]+:")  # http:, https:, mailto:
 
 
@@ -37,7 +38,8 @@ def moved(text: str, source: str, places: Mapping[str, str]) -> str:
 def with_films(text: str) -> str:
     """Return Markdown in which a picture that leads to a film has become the film, which begins with that picture."""
     film = '<video controls muted loop playsinline preload="none" poster="{2}" src="{3}" aria-label="{1}"></video>'
-    return FILM.sub(lambda match: film.format(*match.group(0, 1, 2, 3)), text)
+    played = FILM.sub(lambda match: film.format(*match.group(0, 1, 2, 3)), text)
+    return BELOW.sub(lambda match: f"*{match[1].upper()}", played)
 
 
 def _relative(target: str, page: str) -> str:

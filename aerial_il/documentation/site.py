@@ -28,6 +28,7 @@ SETTINGS: dict[str, Any] = {
     "html_title": "aerial_il",
     "html_static_path": [str(STYLE)],
     "html_css_files": ["site.css"],
+    "html_js_files": ["site.js"],
     "html_copy_source": False,
     "html_show_sourcelink": False,
     "html_show_sphinx": False,

@@ -32,4 +32,6 @@ def test_links_are_led_to_where_files_have_gone(source: str, before: str, after:
 
 def test_a_picture_of_a_film_becomes_the_film() -> None:
     assert 'poster="b.jpg" src="b.mp4" aria-label="Reach"' in with_films("[![Reach](b.jpg)](b.mp4)")
+    below = "[![Reach](b.jpg)](b.mp4)\n\n*Click for the video: an expert flies.*"
+    assert with_films(below).endswith("</video>\n\n*An expert flies.*")
     assert with_films("![Reach](b.jpg)") == "![Reach](b.jpg)"

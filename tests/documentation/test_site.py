@@ -110,6 +110,7 @@ def test_search_finds_from_the_disk_alone(site: Path) -> None:
         async with browser() as open_page:
             tab = await open_page(f"{(site / 'search.html').as_uri()}?q=quaternion")
             await tab.until("document.querySelectorAll('#search-results li').length > 3")
+            assert tab.errors == []
             return await tab.value("[...document.querySelectorAll('#search-results li')].map(e => e.innerText)")
 
     assert any("Actions and observations" in line for line in asyncio.run(results()))
