@@ -136,7 +136,7 @@ class _Reader:
         length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(seats))
         links = tuple(self._link(j, seats[j], seats[j + 1], length) for j in range(len(self.chain.joints)))
         foot = self._foot()
-        self._note_missing()
+        self._note_meshes()
         arm = DescribedArm(links, mount=_vector(seats[0]), foot=self._shapes(0, np.zeros(3)))
         spin = foot.tensor + foot.mass * about(foot.com) if foot else np.zeros((3, 3))
         mass = foot.mass if foot else 0.0
@@ -235,7 +235,7 @@ class _Reader:
         for body in self.chain.groups[group]:
             for geom in self.model.geoms_of(body):
                 pos, rot = self.place.point(data.geom_xpos[geom]) - seat, self.place.axes(data.geom_xmat[geom])
-                found.append(shape_of(self.model.compiled, geom, pos, rot, seen=True))
+                found.append(shape_of(self.model.compiled, geom, pos, rot, coarse=self.model.coarse))
         for shape in found:
             if shape.collides and shape.filling < CONVEX:
                 link, share = self._title(group), f"{shape.filling:.0%}"
@@ -243,9 +243,9 @@ class _Reader:
         dressed = any(not shape.collides for shape in found)
         return tuple(replace(shape, seen=not (shape.collides and dressed)) for shape in found)
 
-    def _note_missing(self) -> None:
-        for why in self.model.missing.values():
-            self._note(f"looks are left out: {why}")
+    def _note_meshes(self) -> None:
+        for clause in self.model.mesh_notes():
+            self._note(clause)
 
 
 def _checked_zero(model: Model, chain: Chain, zero: tuple[float, ...] | None) -> tuple[float, ...]:

@@ -6,8 +6,6 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from aerial_il.robots.parts.described.error import ModelFileError
 
 READABLE = (".stl", ".obj", ".msh")  # by MuJoCo
@@ -46,7 +44,10 @@ class MeshFiles:
         if suffix not in READABLE:
             self.missing[name] = f"{reference} is no {', '.join(READABLE)} file; convert it, e.g. with Blender"
         elif path is None:
-            self.missing[name] = f"{reference} was looked for in {self._places(reference)} and is not there"
+            self.missing[name] = (
+                f"{reference} was looked for in {self._places(reference)} and is not there; copy it there, or name the "
+                "folder that holds the meshes, or the folder of their package: meshes=..."
+            )
         elif path.stat().st_size > MAX_BYTES:
             self.missing[name] = f"{reference} has {path.stat().st_size} bytes, and {MAX_BYTES} is the most"
         file = f"mesh_{len(self.contents)}" + (".obj" if name in self.missing else suffix)
@@ -76,19 +77,3 @@ class MeshFiles:
 
     def _places(self, reference: str) -> str:
         return " and ".join(str(place) for place in self._candidates(reference))
-
-
-def hull_share(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """Volume of a closed mesh over that of its convex hull: 1 where it is convex.
-
-    Args:
-        vertices: (V, 3) m. faces: (F, 3) indices.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        hull = ConvexHull(vertices).volume
-    except QhullError:  # flat: it has no volume to lose
-        return 1.0
-    a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
-    return float(abs(np.sum(a * np.cross(b, c))) / 6.0 / hull)

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from aerial_il.robots.parts.described import mjcf, urdf
+from aerial_il.robots.parts.described import hull, mjcf, urdf
 from aerial_il.robots.parts.described.error import ModelFileError
 from aerial_il.robots.parts.described.inertia import RigidBody
 from aerial_il.robots.parts.described.joints import JointFigures
@@ -92,6 +92,22 @@ class Model:
             raise self.error(f"link {link!r} collides as a mesh that cannot be read: {why}.")
         return why is None
 
+    @property
+    def coarse(self) -> bool:
+        """Whether its meshes are too fine for a scene, and stand there as hulls of few points."""
+        return self.compiled.nmeshvert > MOST_VERTICES
+
+    def mesh_notes(self) -> list[str]:
+        """What became of meshes that are not there, or too fine, a clause each."""
+        found = [f"looks are left out: {why}" for why in self.missing.values()]
+        if self.coarse:
+            found.append(
+                f"its meshes have {self.compiled.nmeshvert} vertices, and {MOST_VERTICES} is the most: those of more "
+                f"than {hull.POINTS} are the convex hulls of so many of their points, in pictures too. Thinned out, "
+                "e.g. with Blender's Decimate, they keep their looks"
+            )
+        return found
+
     def data(self, values: dict[int, float]) -> mujoco.MjData:
         """Return the state in which the joints of these numbers are turned by angles (rad), the others by none."""
         data = mujoco.MjData(self.compiled)
@@ -132,9 +148,14 @@ def read_model(path: str | Path, meshes: str | Path | None = None) -> Model:
     if root.tag == "mujoco":
         _refuse_guessed_inertia(compiled, source, files)
         joints = mjcf.joint_figures(compiled)
-    if compiled.nmeshvert > MOST_VERTICES:
-        problem = f"its meshes have {compiled.nmeshvert} vertices, and {MOST_VERTICES} is the most."
-        raise ModelFileError(source, f"{problem} Thin them out, e.g. with Blender's Decimate, or leave the looks away.")
+    least = int(np.minimum(compiled.mesh_vertnum, hull.POINTS).sum())
+    if least > MOST_VERTICES:
+        problem = (
+            f"its {compiled.nmesh} meshes have {least} vertices even as coarse hulls, and {MOST_VERTICES} is the most."
+        )
+        raise ModelFileError(
+            source, f"{problem} Leave the links away that are not the robot's, or <visual> in the file."
+        )
     return Model(source, compiled, joints, files.missing)
 
 

@@ -183,7 +183,7 @@ def _shapes(model: Model, place: Placement, kept: list[int], com: np.ndarray) ->
     for body in kept:
         for geom in model.geoms_of(body):
             pos, rot = place.point(data.geom_xpos[geom]) - com, place.axes(data.geom_xmat[geom])
-            found.append(shape_of(model.compiled, geom, pos, rot, seen=True))
+            found.append(shape_of(model.compiled, geom, pos, rot, coarse=model.coarse))
     return tuple(found)
 
 
@@ -202,7 +202,7 @@ def _notes(model: Model, whole: RigidBody, kept: list[int]) -> list[str]:
     for body in kept[1:]:
         if model.joints_of(body):
             found.append(f"body {model.name(body)!r} is welded where it stands.")
-    return found + [f"looks are left out: {why}." for why in model.missing.values()]
+    return found + [f"{clause}." for clause in model.mesh_notes()]
 
 
 def _vector(values: np.ndarray) -> Vector:

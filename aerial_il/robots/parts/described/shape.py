@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.robots.parts.collision import NOTHING, ROBOT
-from aerial_il.robots.parts.described.mesh_files import hull_share
+from aerial_il.robots.parts.described import hull
 
 Geom = mujoco.mjtGeom
 PRIMITIVES = (Geom.mjGEOM_SPHERE, Geom.mjGEOM_CAPSULE, Geom.mjGEOM_ELLIPSOID, Geom.mjGEOM_CYLINDER, Geom.mjGEOM_BOX)
@@ -42,7 +42,7 @@ class Shape:
     @property
     def filling(self) -> float:
         """Share of its convex hull that it fills."""
-        return hull_share(self.vertices, self.faces) if len(self.vertices) else 1.0
+        return hull.share(self.vertices, self.faces) if len(self.vertices) else 1.0
 
     @property
     def half_extent(self) -> np.ndarray:
@@ -70,10 +70,16 @@ class Shape:
         body.add_geom(name=name, type=Geom.mjGEOM_MESH, meshname=name, **look, **touch)
 
 
-def shape_of(model: mujoco.MjModel, geom: int, pos: np.ndarray, rot: np.ndarray, *, seen: bool) -> Shape:
-    """Return a compiled geom as a shape at ``pos`` (3,) m and ``rot`` (3, 3) in the frame of its link."""
+def shape_of(model: mujoco.MjModel, geom: int, pos: np.ndarray, rot: np.ndarray, *, coarse: bool) -> Shape:
+    """Return a compiled geom as a shape at ``pos`` (3,) m and ``rot`` (3, 3) in the frame of its link.
+
+    Args:
+        coarse: a mesh of more than 256 points becomes a hull of so many.
+    """
     kind = Geom(int(model.geom_type[geom]))
     vertices, faces = _mesh(model, int(model.geom_dataid[geom])) if kind == Geom.mjGEOM_MESH else ((), ())
+    if coarse and len(vertices) > hull.POINTS:
+        vertices, faces = hull.of_few_points(vertices)
     material = int(model.geom_matid[geom])
     rgba = tuple(float(value) for value in (model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]))
     return Shape(
@@ -83,7 +89,6 @@ def shape_of(model: mujoco.MjModel, geom: int, pos: np.ndarray, rot: np.ndarray,
         rot=rot,
         rgba=OURS if np.allclose(rgba, GREY) else rgba,
         collides=collides(model, geom),
-        seen=seen,
         vertices=np.reshape(vertices, (-1, 3)),
         faces=np.reshape(faces, (-1, 3)),
     )
