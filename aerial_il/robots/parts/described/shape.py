@@ -77,7 +77,9 @@ def shape_of(model: mujoco.MjModel, geom: int, pos: np.ndarray, rot: np.ndarray,
         coarse: a mesh of more than 256 points becomes a hull of so many.
     """
     kind = Geom(int(model.geom_type[geom]))
-    vertices, faces = _mesh(model, int(model.geom_dataid[geom])) if kind == Geom.mjGEOM_MESH else ((), ())
+    vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), int)
+    if kind == Geom.mjGEOM_MESH:
+        vertices, faces = _mesh(model, int(model.geom_dataid[geom]))
     if coarse and len(vertices) > hull.POINTS:
         vertices, faces = hull.of_few_points(vertices)
     material = int(model.geom_matid[geom])
@@ -89,8 +91,8 @@ def shape_of(model: mujoco.MjModel, geom: int, pos: np.ndarray, rot: np.ndarray,
         rot=rot,
         rgba=OURS if np.allclose(rgba, GREY) else rgba,
         collides=collides(model, geom),
-        vertices=np.reshape(vertices, (-1, 3)),
-        faces=np.reshape(faces, (-1, 3)),
+        vertices=vertices,
+        faces=faces,
     )
 
 
