@@ -48,6 +48,27 @@ def test_a_newcomer_s_path_that_there_is_not_is_refused_with_the_choices(words: 
     assert said in done.stderr
 
 
+def test_a_newcomer_gets_this_machine_s_way_to_the_network_and_nothing_else_of_it(tmp_path: Path) -> None:
+    script = (ROOT / "setup" / "newcomer.sh").read_text()
+    enter = script[script.index("NETWORK=") : script.index("inside() {")]
+    chroot = tmp_path / "chroot"
+    chroot.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    chroot.chmod(0o755)
+    told = {"https_proxy": "http://proxy:3128", "PIP_INDEX_URL": "http://a/simple http://b", "PYTHONPATH": "/mine"}
+    done = subprocess.run(
+        ["sh", "-euc", f"{enter}root=/the/root; enter HOME=/home sh -c 'echo one two'"],
+        env={"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", **told},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    root, *words = done.stdout.splitlines()
+    assert root == "/the/root"
+    assert words[:2] == ["/usr/bin/env", "-i"]
+    assert sorted(words[2:4]) == ["PIP_INDEX_URL=http://a/simple http://b", "https_proxy=http://proxy:3128"]
+    assert words[4:] == ["HOME=/home", "sh", "-c", "echo one two"]
+
+
 def test_make_help_lists_every_public_target() -> None:
     words = ["make", "--no-print-directory", "help"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
