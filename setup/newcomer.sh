@@ -99,6 +99,7 @@ do_demo() { newcomer 'make demo'; }
 
 do_readme() { # its "Five minutes", with fewer flights
   newcomer '. .venv/bin/activate
+    bash -euc "eval \"\$(aerial-il completion bash)\"; complete -p aerial-il"
     aerial-il list
     aerial-il collect robot=ua_quad_arm4 task=reach episodes=20 out=datasets/reach
     aerial-il validate datasets/reach
