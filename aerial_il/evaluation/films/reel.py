@@ -23,7 +23,7 @@ from aerial_il.evaluation.studio.stage import HORIZON
 from aerial_il.evaluation.studio.viewpoint import Viewpoint
 
 TITLE_S, FADE_S = 3.0, 0.35
-FASTEST = 2.0  # times real time; of longer flights the beginning is left out
+SLOWEST, FASTEST = 0.5, 2.0  # times real time; of longer flights the beginning is left out
 KEY_S, AHEAD_S, EASE_S = 0.4, 1.0, 0.9  # between framings, seen by each to either side, and smoothed over
 SWEEP_DEG, HIGH_DEG, LOW_DEG = 26.0, -26.0, -17.0  # that a camera goes round a flight, and how it comes down
 MAX_RATE = 8_000_000  # bit/s
@@ -74,23 +74,25 @@ def write_reel(
     """Write recorded flights, one after another, as one film of ``look.seconds``; return its path.
 
     Args:
-        path: an MP4 file. episodes: with their states; each gets an equal share of the time.
+        path: an MP4 file. episodes: with their states; :func:`shares` divides the time among them.
         look: sizes; None for the usual ones. progress: show a progress bar.
 
     Raises:
         InvalidValueError: there is less than a second for each flight.
     """
     look = look or ReelLook()
-    share = (look.seconds - look.title_s) / max(1, len(episodes))
-    if not episodes or share < 1.0:
+    shown_s = look.seconds - look.title_s
+    if not episodes or shown_s < len(episodes):
         raise InvalidValueError(f"seconds={look.seconds:g} is too short for {len(episodes)} flights of a second each.")
-    total = sum(len(times(cut_of(episode, share), episode, look.fps)) for episode in episodes)
+    each_s = shares([len(episode) * episode.spec.control_dt_s for episode in episodes], shown_s)
+    cuts = [cut_of(episode, share_s) for episode, share_s in zip(episodes, each_s, strict=True)]
+    total = sum(len(times(cut, episode, look.fps)) for cut, episode in zip(cuts, episodes, strict=True))
     bar = Progress(total=total, desc="film", unit="frame", disable=not progress)
 
     def frames() -> Iterator[np.ndarray]:
         yield from title_card(look)
-        for episode in episodes:
-            for picture in shot(episode, share, look):
+        for cut, episode in zip(cuts, episodes, strict=True):
+            for picture in shot(episode, cut, look):
                 bar.update(1)
                 yield picture
 
@@ -100,11 +102,26 @@ def write_reel(
     return Path(path)
 
 
+def shares(lengths_s: Sequence[float], total_s: float) -> list[float]:
+    """Return for how long each flight is shown, s: all that it lasts, if an equal share of the time is enough for it.
+
+    What short flights leave goes to long ones. If time is left over, all are shown slower, at half speed at most.
+    """
+    if (together := sum(lengths_s)) <= total_s:
+        slower = min(total_s / together, 1.0 / SLOWEST)
+        return [slower * length for length in lengths_s]
+    given, left = [0.0] * len(lengths_s), total_s
+    for k, i in enumerate(sorted(range(len(lengths_s)), key=lambda i: lengths_s[i])):
+        given[i] = min(lengths_s[i], left / (len(lengths_s) - k))
+        left -= given[i]
+    return given
+
+
 def cut_of(episode: Episode, share_s: float) -> Cut:
     """Choose what is shown of a flight in ``share_s`` seconds: all, up to twice as fast, or else its last part."""
     dt = episode.spec.control_dt_s
     length = len(episode) * dt
-    speed = float(np.clip(length / share_s, 1.0, FASTEST))
+    speed = float(np.clip(length / share_s, SLOWEST, FASTEST))
     shown = min(len(episode), round(share_s * speed / dt))
     return Cut(len(episode) - shown, len(episode), speed)
 
@@ -112,12 +129,11 @@ def cut_of(episode: Episode, share_s: float) -> Cut:
 def times(cut: Cut, episode: Episode, fps: float) -> np.ndarray:
     """Return the states (F,) shown in the pictures of a cut."""
     stride = cut.speed / (fps * episode.spec.control_dt_s)
-    return np.unique(np.round(np.arange(cut.first, cut.last + 1e-9, stride)).astype(int))
+    return np.round(np.arange(cut.first, cut.last + 1e-9, stride)).astype(int)
 
 
-def shot(episode: Episode, share_s: float, look: ReelLook) -> Iterator[np.ndarray]:
+def shot(episode: Episode, cut: Cut, look: ReelLook) -> Iterator[np.ndarray]:
     """Yield the pictures of one flight."""
-    cut = cut_of(episode, share_s)
     steps = times(cut, episode, look.fps)
     fade = max(1, round(FADE_S * look.fps))
     with SceneRenderer(episode.model_xml) as scene:
@@ -159,7 +175,7 @@ def captioned(picture: np.ndarray, episode: Episode, cut: Cut, step: int) -> np.
     frame = Image.fromarray(picture)
     draw, unit = ImageDraw.Draw(frame, "RGBA"), frame.height / 540
     left, right, foot = 30 * unit, frame.width - 30 * unit, frame.height - 26 * unit
-    spec, pace = episode.spec, f"   {cut.speed:.1f}x" if cut.speed > 1.05 else ""
+    spec, pace = episode.spec, f"   {cut.speed:.1f}x" if abs(cut.speed - 1.0) > 0.05 else ""
     task, about = spec.task.replace("_", " "), f"{spec.robot}   {spec.tier}{pace}"
     draw.text((left, foot - 22 * unit), task, font=font(round(30 * unit)), fill=TEXT_INK, anchor="ls")
     draw.text((left, foot), about, font=font(round(16 * unit)), fill=(*TEXT_INK, 190), anchor="ls")

@@ -2,7 +2,8 @@
 
 Each flies the first of a few seeds that it solves. Side by side all play in real time, a few at once, then the next. A
 film follows each flight from a camera of its own, with the trails of tool (orange) and base (blue), wind (light blue)
-and contact force (red) as arrows; flights too long for their share of the time play up to twice as fast.
+and contact force (red) as arrows. It lasts ``seconds``: flights too long for their share of the time play up to twice
+as fast, and if all are short, all play slower, at half speed at most.
 
 Example: aerial-il film out=docs/film.webp
 Example: aerial-il film out=film.mp4 size=[1080,1920]
@@ -22,9 +23,9 @@ FLIGHTS = [
     *("mini_quad_gripper/press_button", "ua_quad_arm4/push_slider", "big_four_z1/rotate_valve"),
 ]
 REEL = [
-    *("ua_quad_arm4/pick_place", "fa_hexa_arm4/open_door/gusts", "big_four_z1/insert_peg", "quad/land/gusts"),
-    *("mini_quad_gripper/press_button", "fa_hexa_arm4/inspect_contact", "ua_quad_arm4/push_slider/gusts"),
-    *("big_four_z1/rotate_valve",),
+    *("quad/take_off", "ua_quad_arm4/pick_place", "fa_hexa_arm4/open_door/gusts", "big_four_z1/insert_peg"),
+    *("mini_quad_gripper/press_button", "fa_hexa_arm4/pull_lever", "ua_quad_arm4/track", "z1/pick_place"),
+    *("fa_hexa_arm4/inspect_contact", "ua_quad_arm4/push_slider/gusts", "big_four_z1/rotate_valve", "quad/land/gusts"),
 ]
 TITLE, SUBTITLE = "Aerial IL", "imitation learning on aerial manipulators"
 SIDE_BY_SIDE, ONE_BY_ONE = ".webp", ".mp4"
@@ -33,7 +34,7 @@ SIZES, PICTURES_A_SECOND = {SIDE_BY_SIDE: [280, 280], ONE_BY_ONE: [540, 960]}, {
 
 @dataclass
 class Config:
-    flights: list[str] | None = key(None, "who flies what: ROBOT/TASK or ROBOT/TASK/TIER (null: six or eight of ours)")
+    flights: list[str] | None = key(None, "who flies what: ROBOT/TASK or ROBOT/TASK/TIER (null: six or twelve of ours)")
     out: str = key("docs/film.webp", "the animation, .webp, or the film, .mp4")
     size: list[int] | None = key(
         None, "height and width: of one flight's picture (null: 280,280), or of a film (540,960)"
@@ -41,7 +42,7 @@ class Config:
     fps: float | None = key(None, "pictures a second (null: 12.5 of an animation, 25 of a film)")
     abreast: int = key(3, "flights at once in an animation")
     quality: int = key(60, "of an animation's pictures, 0 to 100")
-    seconds: float = key(60.0, "length of a film, shared equally by its flights")
+    seconds: float = key(60.0, "length of a film, shared by its flights")
     exposures: int = key(4, "of each picture of a film: more make shadows and propellers smoother, and take longer")
     progress: bool = key(True, "show a progress bar")
 
