@@ -11,9 +11,9 @@ is the centre of a ``squashed_gaussian``, whose spread is not used.
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success``
 of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
 
-Source: T. Lillicrap et al., "Continuous Control with Deep Reinforcement Learning", 2016, algorithm 1, with independent
-noise in place of its correlated one, and the sizes and rates of "our DDPG" in S. Fujimoto et al., "Addressing Function
-Approximation Error in Actor-Critic Methods", 2018.
+Source: T. Lillicrap et al., "Continuous Control with Deep Reinforcement Learning", 2016, algorithm 1, whose noise is
+correlated (``noise_correlation=0.85``); sizes and rates are those of "our DDPG" in S. Fujimoto et al., "Addressing
+Function Approximation Error in Actor-Critic Methods", 2018.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.rl.agent import Agent, noisy
+from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.rl.exploration import ExplorationNoise
 from aerial_il.algorithms.rl.from_prior import BegunFromPrior
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
-from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
@@ -45,6 +46,7 @@ class DeterministicGradientLearning(BegunFromPrior, OffPolicyActorCritic):
 
     Attributes:
         noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
+        noise_correlation: of that from one step to the next; 0 for independent noise.
     """
 
     name: ClassVar[str] = "ddpg"
@@ -52,10 +54,12 @@ class DeterministicGradientLearning(BegunFromPrior, OffPolicyActorCritic):
     actor_every: int = 1
     lr: float = 1e-3
     noise: float = 0.1
+    noise_correlation: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_not_negative(self, "noise")
+        require_share(self, "noise_correlation", below_one=True)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeterministicAgent(self, run.build_actor(SquashedGaussian), run.sizes)
@@ -95,14 +99,16 @@ class DeterministicAgent(Agent):
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critic = TrainState(critic, adam(critic, settings.lr))
         self._actor_target, self._critic_target = Target(actor), Target(critic)
+        self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
         super().__init__(
             {"actor": self._actor_state, "critic": self._critic},
             {"actor_target": self._actor_target, "critic_target": self._critic_target},
+            {"exploration": self._noise},
         )
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Return the actor's actions with noise (n, Da) for encoded observations (n, Do)."""
-        return noisy(self.actor, obs, self.settings.noise)
+        return self._noise.explore(self.actor, obs)
 
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critic, of the actor where it is due and to ``improve``, and of the targets."""

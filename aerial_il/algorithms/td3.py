@@ -25,14 +25,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.rl.agent import Agent, noisy
+from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.rl.exploration import ExplorationNoise
 from aerial_il.algorithms.rl.from_prior import BegunFromPrior
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
-from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
@@ -45,18 +46,21 @@ class TwinDelayedLearning(BegunFromPrior, OffPolicyActorCritic):
 
     Attributes:
         noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
+        noise_correlation: of that from one step to the next; 0 for independent noise.
         target_noise: the same of the target's actions. noise_clip: how far these are moved at most.
     """
 
     name: ClassVar[str] = "td3"
 
     noise: float = 0.1
+    noise_correlation: float = 0.0
     target_noise: float = 0.2
     noise_clip: float = 0.5
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_not_negative(self, "noise", "target_noise", "noise_clip")
+        require_share(self, "noise_correlation", below_one=True)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
@@ -94,14 +98,16 @@ class TwinDelayedAgent(Agent):
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._actor_target, self._critic_targets = Target(actor), Target(critics)
+        self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
         super().__init__(
             {"actor": self._actor_state, "critics": self._critics},
             {"actor_target": self._actor_target, "critic_targets": self._critic_targets},
+            {"exploration": self._noise},
         )
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Return the actor's actions with noise (n, Da) for encoded observations (n, Do)."""
-        return noisy(self.actor, obs, self.settings.noise)
+        return self._noise.explore(self.actor, obs)
 
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of all targets and, to ``improve``, of the actor."""

@@ -18,15 +18,20 @@ class Agent:
     """Networks in training and the targets that follow them; what they learn stands in the file of each algorithm.
 
     Args:
-        trained: by the names that their state is kept under. targets: likewise.
+        trained: by the names that their state is kept under. targets: likewise. others: whatever else changes.
 
     Attributes:
         updates: how often the critics have been improved.
     """
 
-    def __init__(self, trained: Mapping[str, TrainState], targets: Mapping[str, Target]) -> None:
+    def __init__(
+        self,
+        trained: Mapping[str, TrainState],
+        targets: Mapping[str, Target],
+        others: Mapping[str, Stateful] | None = None,
+    ) -> None:
         self._trained, self.updates = trained, 0
-        self._parts: Mapping[str, Stateful] = {**trained, **targets}
+        self._parts: Mapping[str, Stateful] = {**trained, **targets, **(others or {})}
 
     def set_lr(self, lr: float) -> None:
         """Take all steps that follow at the learning rate ``lr``."""
@@ -45,10 +50,3 @@ class Agent:
 def sampled(actor: SquashedGaussian, obs: np.ndarray) -> np.ndarray:
     """Draw actions (n, Da) of ``actor`` for encoded observations (n, Do)."""
     return actor.sample(tensor(obs)[:, None])[0].numpy()
-
-
-@torch.no_grad()
-def noisy(actor: SquashedGaussian, obs: np.ndarray, noise: float) -> np.ndarray:
-    """Return the centre of ``actor``'s actions (n, Da) for encoded observations (n, Do), with Gaussian noise on it."""
-    actions = actor(tensor(obs)[:, None])[:, 0]
-    return (actions + noise * torch.randn_like(actions)).clamp(-1, 1).numpy()

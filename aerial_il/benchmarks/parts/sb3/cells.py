@@ -1,0 +1,194 @@
+"""What is learned on both sides: task, steps, worlds and settings, and what either side is asked to reach.
+
+Settings are those that the authors of Stable-Baselines3 publish for it (RL Baselines3 Zoo, ``hyperparams/ppo.yml``,
+``sac.yml``, ``ddpg.yml``, ``dqn.yml``), and ours the same where ours has such a setting. What differs by design: ours
+always standardises what ``ppo`` sees and divides its rewards, and lets its learning rate fall to zero; ``dqn`` is a
+double one; targets follow by updates, there by steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import gymnasium
+
+import aerial_il
+from aerial_il.algorithms.ddpg import DeterministicGradientLearning
+from aerial_il.algorithms.dqn import DeepQLearning
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
+from aerial_il.benchmarks.parts.sb3.theirs import Theirs
+from aerial_il.benchmarks.parts.training.outside import Task, gymnasium_task
+from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
+
+CLASSIC: dict[str, Any] = {"log_every": 1_000, "checkpoint_every": 0}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One comparison.
+
+    Attributes:
+        task: Gymnasium id, or ``ROBOT:TASK`` of the suite. ours, policy: our side. theirs: the other.
+        worlds: flown at once. wanted: mean return of ours to be reached, where there is a number for it.
+        as_theirs: whether ours is to be no worse. sooner: times sooner that ours is to reach the same return.
+    """
+
+    task: str
+    ours: OnlineAlgorithm
+    policy: PolicyConfig
+    theirs: Theirs
+    worlds: int = 1
+    wanted: float | None = None
+    as_theirs: bool = False
+    sooner: float | None = None
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether it is a cell of the suite."""
+        return ":" in self.task
+
+    def learned(self) -> Task:
+        """Return where our side learns."""
+        if not self.is_ours:
+            return gymnasium_task(self.task)
+        robot, _, task = self.task.partition(":")
+        return Task(
+            self.task,
+            lambda count: aerial_il.load_batch(robot, task, num_envs=count, num_threads=1),
+            {"task": self.task, "ground": flight_fingerprint(robot, task, "calm")},
+        )
+
+    def make(self) -> Any:
+        """Make a single world for the other side."""
+        return self.maker()()
+
+    def maker(self) -> Any:
+        """Return what makes a single world, as processes can be handed it."""
+        if not self.is_ours:
+            return partial(gymnasium.make, self.task)
+        robot, _, task = self.task.partition(":")
+        return partial(gymnasium.make, f"aerial_il:{gymnasium_id(robot, task)}", disable_env_checker=True)
+
+
+def cells() -> dict[str, Cell]:
+    """Return all comparisons, those that take little time first."""
+    return {
+        "dqn_cartpole": Cell(
+            "CartPole-v1",
+            DeepQLearning(
+                steps=50_000, lr=2.3e-3, batch_size=64, buffer_size=100_000, warmup=1_000, utd_ratio=0.5,
+                target_every=128, exploration=0.16, epsilon=0.04, **CLASSIC,
+            ),
+            CategoricalConfig(hidden=(256, 256), activation="relu"),
+            Theirs(
+                "DQN",
+                {
+                    "learning_rate": 2.3e-3, "batch_size": 64, "buffer_size": 100_000, "learning_starts": 1_000,
+                    "gamma": 0.99, "target_update_interval": 10, "train_freq": 256, "gradient_steps": 128,
+                    "exploration_fraction": 0.16, "exploration_final_eps": 0.04,
+                },
+                {"net_arch": [256, 256]},
+            ),
+            wanted=475.0,
+        ),
+        "dqn_mountain_car": Cell(
+            "MountainCar-v0",
+            DeepQLearning(
+                steps=120_000, lr=4e-3, batch_size=128, buffer_size=10_000, warmup=1_000, gamma=0.98, utd_ratio=0.5,
+                target_every=300, exploration=0.2, epsilon=0.07, reward_patience=0, **CLASSIC,
+            ),
+            CategoricalConfig(hidden=(256, 256), activation="relu"),
+            Theirs(
+                "DQN",
+                {
+                    "learning_rate": 4e-3, "batch_size": 128, "buffer_size": 10_000, "learning_starts": 1_000,
+                    "gamma": 0.98, "target_update_interval": 600, "train_freq": 16, "gradient_steps": 8,
+                    "exploration_fraction": 0.2, "exploration_final_eps": 0.07,
+                },
+                {"net_arch": [256, 256]},
+            ),
+            wanted=-110.0,
+        ),
+        "ddpg_mountain_car": Cell(
+            "MountainCarContinuous-v0",
+            DeterministicGradientLearning(
+                steps=100_000, warmup=1_000, noise=0.9, noise_correlation=0.99, reward_patience=0,
+                critic_hidden=(256, 256), **CLASSIC,
+            ),
+            SquashedGaussianConfig(hidden=(256, 256)),
+            Theirs("DDPG", {"learning_starts": 1_000, "batch_size": 256, "noise": 0.5}, {"net_arch": [256, 256]}),
+            wanted=90.0,
+        ),
+        "ppo_cartpole": Cell(
+            "CartPole-v1",
+            ProximalPolicyOptimisation(
+                steps=100_000, rollout=256, batch_size=256, gae_lambda=0.8, gamma=0.98, epochs=20, lr=1e-3, **CLASSIC,
+            ),
+            CategoricalConfig(hidden=(64, 64), activation="tanh"),
+            Theirs(
+                "PPO",
+                {
+                    "n_steps": 32, "batch_size": 256, "gae_lambda": 0.8, "gamma": 0.98, "n_epochs": 20,
+                    "ent_coef": 0.0, "learning_rate": "lin_0.001", "clip_range": "lin_0.2",
+                },
+                {"net_arch": [64, 64], "activation": "tanh"},
+            ),
+            worlds=8,
+            wanted=500.0,
+        ),
+        "ppo_reach": Cell(
+            "fa_hexa_arm4:reach",
+            ProximalPolicyOptimisation(
+                steps=1_000_000, rollout=8_192, batch_size=512, gamma=0.98, epochs=10, lr=3e-4, log_every=8_192,
+                checkpoint_every=0,
+            ),
+            SquashedGaussianConfig(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5),
+            Theirs(
+                "PPO",
+                {"n_steps": 512, "batch_size": 512, "gamma": 0.98, "n_epochs": 10, "learning_rate": "lin_0.0003"},
+                {"net_arch": [64, 64], "activation": "tanh", "log_std_init": -0.5},
+                normalised=True,
+                processes=True,
+            ),
+            worlds=16,
+            sooner=2.0,
+        ),
+        "sac_half_cheetah": Cell(
+            "HalfCheetah-v5",
+            SoftActorCriticLearning(
+                steps=100_000, warmup=10_000, utd_ratio=1.0, alpha=1.0, actor_every=1, log_every=1_000,
+                checkpoint_every=25_000, keep_checkpoints=1,
+            ),
+            SquashedGaussianConfig(hidden=(256, 256)),
+            Theirs("SAC", {"learning_starts": 10_000}, {"net_arch": [256, 256]}),
+            as_theirs=True,
+        ),
+        "ppo_half_cheetah": Cell(
+            "HalfCheetah-v5",
+            ProximalPolicyOptimisation(
+                steps=1_000_000, rollout=512, batch_size=64, gamma=0.98, lr=2.0633e-05, entropy=0.000401762, clip=0.1,
+                epochs=20, gae_lambda=0.92, clip_norm=0.8, critic_hidden=(256, 256), log_every=8_192,
+                checkpoint_every=100_000, keep_checkpoints=1,
+            ),
+            SquashedGaussianConfig(hidden=(256, 256), activation="relu", spread="free", log_std=-2.0),
+            Theirs(
+                "PPO",
+                {
+                    "batch_size": 64, "n_steps": 512, "gamma": 0.98, "learning_rate": 2.0633e-05,
+                    "ent_coef": 0.000401762, "clip_range": 0.1, "n_epochs": 20, "gae_lambda": 0.92,
+                    "max_grad_norm": 0.8, "vf_coef": 0.58096,
+                },
+                {"log_std_init": -2, "ortho_init": False, "activation": "relu", "net_arch": [256, 256]},
+                normalised=True,
+            ),
+            wanted=5_000.0,
+        ),
+    }  # fmt: skip

@@ -1,0 +1,141 @@
+"""Trainings by reward in environments from outside: each done once, judged once, and kept in a study's record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import aerial_il
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.benchmarks.parts.records.fingerprint import learning_code
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, without_cadence
+from aerial_il.core.contracts import BatchEnv, Policy
+from aerial_il.data.episode import Episode
+from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.policies.parts.network import PolicyConfig
+
+Open = Callable[[int], BatchEnv]
+VERSIONS = ("gymnasium", "mujoco")
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Where it is learned.
+
+    Attributes:
+        name: for people. open: makes so many worlds. stands_on: whatever decides how they behave, JSON values.
+    """
+
+    name: str
+    open: Open
+    stands_on: Mapping[str, Any]
+
+
+def gymnasium_task(name: str, *, packages: Sequence[str] = (), **settings: Any) -> Task:
+    """Return a registered environment of Gymnasium; ``packages`` it comes from count beside Gymnasium and MuJoCo."""
+    versions = {package: metadata.version(package) for package in (*VERSIONS, *packages)}
+    return Task(
+        name,
+        lambda count: aerial_il.load_gymnasium(name, num_envs=count, **settings),
+        {"task": name, "settings": settings, **versions},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """One training.
+
+    Attributes:
+        arm: its name, a path. task: where it learns. algorithm: how. policy: what. seed: of all its chance.
+        worlds: flown at once. shown: what decides its demonstrations; None where there are none.
+        demos: returns them.
+    """
+
+    arm: str
+    task: Task
+    algorithm: OnlineAlgorithm
+    policy: PolicyConfig
+    seed: int
+    worlds: int
+    shown: Mapping[str, Any] | None = None
+    demos: Callable[[], Sequence[Episode]] = field(default=list[Episode])
+
+    @property
+    def label(self) -> str:
+        return f"{self.task.name}/{self.arm}/{self.seed}".replace(":", "-")
+
+    def decided_by(self) -> dict[str, Any]:
+        """Return all that decides its result."""
+        return {
+            "algorithm": {"name": self.algorithm.name, **without_cadence(self.algorithm)},
+            "policy": described(self.policy),
+            "seed": self.seed,
+            "worlds": self.worlds,
+            "shown": self.shown,
+            "learning": learning_code(self.algorithm.name),
+            **self.task.stands_on,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutsideStages:
+    """Does what a record does not hold yet.
+
+    Attributes:
+        record: of the study. episodes: flown to judge one. num_envs: worlds flown at once there.
+        progress: show progress bars.
+    """
+
+    record: Record
+    episodes: int = 100
+    num_envs: int = 25
+    progress: bool = True
+
+    def run_of(self, training: Learned) -> Path:
+        """Return the folder of a training."""
+        return self.record.place("training", training.label, training.decided_by())
+
+    def judged(self, training: Learned) -> EvaluationResult:
+        """Return how the final policy of a training does on the seeds that all are judged on."""
+        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        decided_by = {"training": training.decided_by(), "seeds": [seeds.start, seeds.stop]}
+        place = self.record.place("evaluations", training.label, decided_by)
+        if (place / FILE_NAME).exists():
+            return load_result(place)
+        policy, env = self.trained(training), training.task.open(min(self.num_envs, self.episodes))
+        try:
+            result = evaluate(env, policy, seeds, policy_name=training.label, progress=self.progress)
+        finally:
+            env.close()
+        result.save(place)
+        return result
+
+    def trained(self, training: Learned) -> Policy:
+        """Return the final policy of a training."""
+        env = training.task.open(training.worlds)
+        try:
+            return training.algorithm.train(
+                training.demos() if training.shown else None,
+                training.policy,
+                env=env,
+                run=self.run_of(training),
+                seed=training.seed,
+                progress=self.progress,
+            )
+        finally:
+            env.close()
+
+    def seconds(self, training: Learned) -> float:
+        """Return the wall time of a training's loop: flying and learning, without evaluations and checkpoints."""
+        return max((row.get("elapsed_s", 0.0) for row in read_metrics(self.run_of(training))), default=0.0)
+
+    def curve(self, training: Learned) -> list[tuple[float, float, float]]:
+        """Return (steps, seconds, mean return of the episodes that ended since) along a training."""
+        rows = read_metrics(self.run_of(training))
+        return [(r["step"], r["elapsed_s"], r["episode/return"]) for r in rows if "episode/return" in r]

@@ -1,0 +1,89 @@
+"""The study beside Stable-Baselines3: like is compared with like, and its targets can be missed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+from aerial_il.benchmarks.parts.sb3.cells import Cell, cells
+from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, keywords, schedule
+from aerial_il.benchmarks.sb3 import Sb3, _targets, _times_sooner
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+needs_sb3 = pytest.mark.skipif(not INSTALLED, reason="Stable-Baselines3 is not installed")
+
+
+@pytest.mark.parametrize("name", cells())
+def test_both_sides_have_the_same_network_and_batch(name: str) -> None:
+    cell = cells()[name]
+    theirs, ours = cell.theirs.settings, asdict(cell.ours)
+    assert tuple(cell.theirs.network["net_arch"]) == asdict(cell.policy)["hidden"]
+    assert theirs.get("batch_size", 256) == ours["batch_size"]
+    assert theirs.get("gamma", 0.99) == ours["gamma"]
+    if "n_steps" in theirs:
+        assert theirs["n_steps"] * cell.worlds == ours["rollout"]
+    assert any((cell.wanted, cell.as_theirs, cell.sooner)), "a comparison without a target"
+
+
+def found(mean: float, when: float) -> Found:
+    """A side that reaches ``mean`` after ``when`` seconds and stays there."""
+    return Found([mean] * 3, 10.0, [(1.0, when / 2, mean / 2), (2.0, when, mean), (3.0, 10.0, mean)])
+
+
+def test_sooner_is_the_time_to_what_both_reach() -> None:
+    assert _times_sooner([(found(100.0, 2.0), found(100.0, 6.0))]) == [3.0]
+    assert _times_sooner([(found(200.0, 2.0), found(100.0, 6.0))]) == [6.0], "ours was there with its first half"
+    assert _times_sooner([(Found([1.0], 1.0, []), found(1.0, 1.0))]) is None
+
+
+def test_every_target_can_be_missed() -> None:
+    cell = replace(cells()["ppo_reach"], wanted=50.0, as_theirs=True)
+    better, worse = found(60.0, 2.0), found(40.0, 6.0)
+    assert [target.met for target in _targets("any", cell, [(better, worse)])] == [True, True, True]
+    assert [target.met for target in _targets("any", cell, [(worse, better)])] == [False, False, False]
+
+
+def test_unknown_comparisons_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'ppo_cartpole'"):
+        Sb3(cells=("ppo_cartpol",))
+    with pytest.raises(InvalidValueError, match="steps_share"):
+        Sb3(steps_share=0.0)
+
+
+def test_settings_of_the_authors_collection_are_understood() -> None:
+    assert schedule("lin_0.2")(0.5) == 0.1
+    assert schedule("auto") == "auto"
+
+
+@needs_sb3
+def test_noise_is_named_by_its_deviation() -> None:
+    asked = keywords({"noise": 0.5, "gamma": 0.9}, gymnasium.spaces.Box(-1, 1, (2,)))
+    assert sorted(asked) == ["action_noise", "gamma"]
+    assert np.shape(asked["action_noise"]()) == (2,)
+
+
+@needs_sb3
+@pytest.mark.slow
+def test_the_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
+    study = Sb3(cells=("ppo_cartpole",), seeds=(0, 1), episodes=2, steps_share=0.02)
+    report = study.run(tmp_path, progress=False)
+    assert [row["side"] for row in report.tables["Both sides"]] == ["ours", "sb3"]
+    assert study.run(tmp_path, progress=False).tables == report.tables
+
+
+def test_a_cell_of_the_suite_is_the_same_on_both_sides() -> None:
+    cell: Cell = cells()["ppo_reach"]
+    world, batch = cell.make(), cell.learned().open(1)
+    try:
+        seen, _ = world.reset(seed=20)
+        ours = batch.reset(np.array([20]))
+        assert set(seen) == set(ours)
+        for name in ours:
+            np.testing.assert_allclose(seen[name], ours[name][0], atol=1e-6)
+    finally:
+        world.close()
+        batch.close()
