@@ -98,6 +98,23 @@ def _check_answer(answer: str, said: str, folder: Path) -> None:
     assert not list(folder.iterdir()), "a mistake leaves nothing behind"
 
 
+LEAVE = """
+import atexit, gc
+from aerial_il.cli.main import main
+assert main(["--version"]) == 0
+assert main(["--version"]) == 0
+atexit._run_exitfuncs()
+found = gc.get_objects()
+assert len(found) < 100, len(found)
+"""
+
+
+def test_the_end_does_not_search_what_the_libraries_left() -> None:
+    """That took four seconds after Ctrl-C: once on leaving, everything is out of the search."""
+    done = subprocess.run([sys.executable, "-c", LEAVE], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:
     done = aerial_il("list", "--json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
