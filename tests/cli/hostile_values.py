@@ -91,6 +91,7 @@ def answer(name: str, key: str, value: str) -> int:
 def _only_composed(name: str, key: str, value: str) -> bool:
     unheld = {  # what holds the command back is what is tried, or it would write outside of the folder of these cases
         ("film", "flights"): True,
+        ("list", "html"): value == "true",  # pictures of all robots and tasks
         ("teleop", "robot"): value == "null",
         ("teleop", "task"): value == "null",
         ("new", "into"): value == "null" or value.startswith("/root"),
