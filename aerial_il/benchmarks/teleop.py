@@ -88,7 +88,7 @@ class Teleop:
             raise BrowserError("bench teleop shows the page in Chromium or Chrome, and there is none on this machine.")
         started = time.perf_counter()
         with TemporaryDirectory(prefix="aerial_il-") as scratch:
-            wide = asyncio.run(self._page(Path(scratch) / "wide"))
+            wide, latencies = asyncio.run(self._page(Path(scratch) / "wide"))
             narrow = asyncio.run(self._narrow(Path(scratch) / "narrow"))
             env = aerial_il.load_batch(self.robot, self.task, num_envs=1, num_threads=1)
             silences = asyncio.run(self._silences(env, Path(scratch) / "silences"))
@@ -103,7 +103,7 @@ class Teleop:
             targets=_targets(page, narrow, silences, cuts),
             tables={"Page": [page], "Narrow link": [narrow], **({"Power cuts": _summary(cuts)} if cuts else {})},
             notes=(*NOTES, _priority()),
-            details={"silences_ms": silences, "cuts": cuts},
+            details={"keys_ms": latencies, "silences_ms": silences, "cuts": cuts},
             wall_time_s=time.perf_counter() - started,
         )
 
@@ -111,8 +111,8 @@ class Teleop:
         height, width = self.size
         return f"robot={self.robot}", f"task={self.task}", f"size=[{height},{width}]", "operator=bench"
 
-    async def _page(self, out: Path) -> Row:
-        """Fly with keys before a browser, and record it."""
+    async def _page(self, out: Path) -> tuple[Row, list[float]]:
+        """Fly with keys before a browser, and record it; return what was found, and the delay of each key in ms."""
         async with served(out, *self._words()) as server, browser() as opened:
             tab = await opened(server.url)
             await tab.until(READY, timeout_s=60.0)
@@ -133,7 +133,7 @@ class Teleop:
             await tab.tap("Enter")
             await tab.until("teleop.status.counts.failures + teleop.status.counts.demos === 1")
         ticks, late = after["ticks"] - before["ticks"], after["late"] - before["late"]
-        return {
+        row = {
             "ticks": ticks,
             "on_time_percent": round(100 * (1 - late / ticks), 2),
             "keys": len(latencies),
@@ -142,6 +142,7 @@ class Teleop:
             "age_ms": round(float(np.median(ages)), 1),
             "age_ms_95": round(float(np.percentile(ages, 95)), 1),
         }
+        return row, [round(latency, 1) for latency in latencies]
 
     async def _narrow(self, out: Path) -> Row:
         """Look at the flight over a narrow link."""
