@@ -47,7 +47,10 @@ MORE = {
         ["train", "algorithm=sac", "policy=squashed_gaussian", "env=gymnasium:Pendulum-v1", "run=OUT/s"], "train sac",
     ),
     "teleop rerun": (["teleop", "task=reach", "out=OUT/seen", "port=0", "open=false", "rerun=true"], "http"),
-    "train dagger": (["train", "algorithm=dagger", "dataset=demos", "run=OUT/g"], "collect:"),
+    "train dagger": (
+        ["train", "algorithm=dagger", "algorithm.training.steps=50", "dataset=demos", "run=OUT/g"],
+        "collect:",
+    ),
     "collect processes": (
         ["collect", "env=gymnasium:Pendulum-v1", "policy=random", "success=survived", "episodes=5000", "threads=2",
          "num_envs=4", "out=OUT/p"],
