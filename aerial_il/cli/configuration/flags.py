@@ -49,7 +49,7 @@ def check_flag(command: str, word: str, after: str | None) -> None:
     Raises:
         UnknownNameError: neither a flag nor such a value. InvalidValueError: a flag of Hydra's that is not taken.
     """
-    if after in TAKES_VALUE:
+    if after is not None and after in TAKES_VALUE:
         if word not in TAKES_VALUE[after]:
             raise UnknownNameError("--cfg", word, TAKES_VALUE[after], f"See: aerial-il {command} --help")
         return
@@ -66,5 +66,5 @@ def check_flag(command: str, word: str, after: str | None) -> None:
 
 def check_last(word: str | None) -> None:
     """Refuse a flag at the end that needs a value."""
-    if word in TAKES_VALUE:
+    if word is not None and word in TAKES_VALUE:
         raise InvalidValueError(f"{word} needs one of {', '.join(TAKES_VALUE[word])}.")
