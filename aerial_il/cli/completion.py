@@ -6,7 +6,8 @@ from dataclasses import fields
 
 from aerial_il.cli import commands, launchers
 from aerial_il.cli.configuration import groups, keys
-from aerial_il.cli.configuration.overrides import FLAGS, known_keys
+from aerial_il.cli.configuration.flags import FLAGS
+from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.core.errors import UnknownNameError
 
 ACTION = "action"

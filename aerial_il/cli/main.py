@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
+import gc
 import logging
 import os
 import signal
 import sys
+from functools import cache
 from types import FrameType
 from typing import NoReturn
 
@@ -28,6 +31,7 @@ def main(argv: list[str] | None = None) -> int:
         130 and 143 after an interrupt (Ctrl-C) and a termination signal.
     """
     words = sys.argv[1:] if argv is None else argv
+    _leave_at_once()
     try:
         signal.signal(signal.SIGTERM, _terminate)
         return _dispatch(words)
@@ -48,6 +52,12 @@ def main(argv: list[str] | None = None) -> int:
             raise
         _complain(f"aerial-il: {error}. What was finished is whole; make room and run the same command again.")
         return FAILED
+
+
+@cache
+def _leave_at_once() -> None:
+    """Spare the end of this process a search for cycles among all that numba, torch and others left: seconds."""
+    atexit.register(gc.freeze)
 
 
 def _dispatch(words: list[str]) -> int:

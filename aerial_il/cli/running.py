@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration.compose import compose, planned, run_once, swept
+from aerial_il.cli.configuration.flags import sweeps
 from aerial_il.cli.configuration.keys import output_key
-from aerial_il.cli.configuration.overrides import prepare, sweeps
+from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.cli.launchers import Launcher
 from aerial_il.cli.sweeps.job import Job

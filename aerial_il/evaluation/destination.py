@@ -14,6 +14,7 @@ from aerial_il.evaluation.journal import Journal
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 
 CONDITIONS = ("action_level", "controller", "control_dt_s", "max_steps", "disturbances", "options")
+CALLED = "called"  # key beside a subject: the folder or name of the policy, which decides nothing
 DATASETS = (INDEX, "meta/info.json")  # files by which a folder is a dataset
 
 
@@ -50,11 +51,14 @@ def subject_of_result(result: EvaluationResult) -> dict[str, Any]:
     )
 
 
-def finished(out: str | os.PathLike[str], subject: Mapping[str, Any], *, overwrite: bool) -> EvaluationResult | None:
+def finished(
+    out: str | os.PathLike[str], subject: Mapping[str, Any], *, called: str = "", overwrite: bool
+) -> EvaluationResult | None:
     """Return the result of ``subject`` if it lies in ``out``, or None once it may be flown into it.
 
     Args:
         out: the folder. subject: see :func:`subject_of`.
+        called: what the policy is called by who asks, for the words of a refusal.
         overwrite: clear away a result of something else, finished or not.
 
     Raises:
@@ -66,13 +70,13 @@ def finished(out: str | os.PathLike[str], subject: Mapping[str, Any], *, overwri
     journal = Journal(out)
     begun, result = journal.subject(), _result(out, overwrite)
     if result is not None and begun is None:
-        differing = _differences(subject_of_result(result), subject)
+        differing = _differences({**subject_of_result(result), CALLED: result.policy}, subject, called)
         if not differing:
             return result
         _refuse(out, "the result of another evaluation", differing, overwrite)
     if begun is None:
         journal.close()  # flights of nobody knows what: a folder that was being cleared away
-    if begun is not None and (differing := _differences(begun, subject)):
+    if begun is not None and (differing := _differences(begun, subject, called)):
         _refuse(out, "the flights of another evaluation that was interrupted", differing, overwrite)
         journal.close()
     return None
@@ -110,10 +114,18 @@ def _refuse(out: str | os.PathLike[str], what: str, differing: Sequence[str], ov
         )
 
 
-def _differences(there: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+def _differences(there: Mapping[str, Any], asked: Mapping[str, Any], called: str) -> list[str]:
     """Name every key in which two subjects differ, and both values."""
     keys = [key for key in asked if there.get(key) != asked[key]]
-    return [f"{key} {_short(there.get(key), asked[key])} != {_short(asked[key], there.get(key))}" for key in keys]
+    shown = {key: (_short(there.get(key), asked[key]), _short(asked[key], there.get(key))) for key in keys}
+    if "policy" in shown:
+        shown["policy"] = _policies(there.get(CALLED) or shown["policy"][0], called or shown["policy"][1])
+    return [f"{key} {old} != {new}" for key, (old, new) in shown.items()]
+
+
+def _policies(old: str, new: str) -> tuple[str, str]:
+    """Return how two policies are told apart; weights are known by their digest, which says nothing to anybody."""
+    return (f"{old} as it was then", f"{new} as it is now, with other weights") if old == new else (old, new)
 
 
 def _short(value: Any, other: Any) -> str:

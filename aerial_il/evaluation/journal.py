@@ -53,9 +53,10 @@ class Journal:
     def subject(self) -> dict[str, Any] | None:
         """Return what is evaluated here, or None where nothing was begun."""
         try:
-            return read_json(self.path / NOTE)
+            found = read_json(self.path / NOTE)
         except (FileNotFoundError, ValueError):
             return None
+        return found if isinstance(found, dict) else None
 
     def begin(self, subject: Mapping[str, Any]) -> None:
         """Keep what ends from now on as flights of ``subject``."""

@@ -22,7 +22,7 @@ from typing import NoReturn
 
 from aerial_il.cli import commands
 from aerial_il.cli.configuration.compose import compose
-from aerial_il.cli.configuration.keys import is_group, output_key
+from aerial_il.cli.configuration.keys import is_group
 from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.cli.main import main
 from aerial_il.core.errors import AerialError
@@ -79,7 +79,7 @@ def answered(name: str, key: str, value: str) -> bool:
 def answer(name: str, key: str, value: str) -> int:
     """Return the exit status of a case, of those whose configuration alone is composed too."""
     words = typed(name, key, value)
-    if not _only_composed(name, key):
+    if not _only_composed(name, key, value):
         return main([name, *words])
     try:
         compose(commands.find(name), words)
@@ -88,9 +88,15 @@ def answer(name: str, key: str, value: str) -> int:
     return 0
 
 
-def _only_composed(name: str, key: str) -> bool:
-    unheld = name == "film" and key == "flights"  # what holds the command back is what is tried
-    return name in COMPOSED or unheld or (name == "new" and key == output_key(commands.find(name).config))
+def _only_composed(name: str, key: str, value: str) -> bool:
+    unheld = {  # what holds the command back is what is tried, or it would write outside of the folder of these cases
+        ("film", "flights"): True,
+        ("list", "html"): value == "true",  # pictures of all robots and tasks
+        ("teleop", "robot"): value == "null",
+        ("teleop", "task"): value == "null",
+        ("new", "into"): value == "null" or value.startswith("/root"),
+    }
+    return name in COMPOSED or unheld.get((name, key), False)
 
 
 def every(share: int, first: int = 0) -> list[Case]:

@@ -34,9 +34,10 @@ def test_a_value_is_answered(case: Case, tmp_path: Path, monkeypatch: pytest.Mon
         ("info", "path", "x" * 5000),
         ("inspect", "beside", "\x00"),
         ("new", "into", "/proc/self/mem"),
+        ("report", "result", "[]"),
         ("teleop", "size", "[10]"),
     ],
-    ids=["long", "null", "in a file", "one side"],
+    ids=["long", "null", "in a file", "nothing", "one side"],
 )
 def test_a_value_that_was_not_answered_once_is_answered(
     case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

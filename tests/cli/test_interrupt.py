@@ -46,7 +46,11 @@ MORE = {
     "train sac": (
         ["train", "algorithm=sac", "policy=squashed_gaussian", "env=gymnasium:Pendulum-v1", "run=OUT/s"], "train sac",
     ),
-    "train dagger": (["train", "algorithm=dagger", "dataset=demos", "run=OUT/g"], "collect:"),
+    "teleop rerun": (["teleop", "task=reach", "out=OUT/seen", "port=0", "open=false", "rerun=true"], "http"),
+    "train dagger": (
+        ["train", "algorithm=dagger", "algorithm.training.steps=50", "dataset=demos", "run=OUT/g"],
+        "collect:",
+    ),
     "collect processes": (
         ["collect", "env=gymnasium:Pendulum-v1", "policy=random", "success=survived", "episodes=5000", "threads=2",
          "num_envs=4", "out=OUT/p"],
@@ -111,6 +115,6 @@ def test_ctrl_c_is_answered(case: str, home: Path, tmp_path: Path) -> None:
     listener.join(5)
     text = "".join(said)
     assert "Traceback" not in text
-    ended = (0,) if case == "teleop" else (130, -signal.SIGINT)  # a shell says 130 to both
+    ended = (0,) if typed[0] == "teleop" else (130, -signal.SIGINT)  # a shell says 130 to both
     assert process.returncode in ended, text
     assert waited < ANSWER_S, f"{waited:.1f} s: {text}"

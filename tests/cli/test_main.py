@@ -53,6 +53,14 @@ def test_help_imports_nothing_heavy() -> None:
         (["collect", "out=x", "image_size=[10]"], "is not height and width"),
         (["train", "--cfg", "jbo", "dataset=x"], "Did you mean 'job'"),
         (["train", "--cfg"], "--cfg needs one of job, hydra, all"),
+        (["train", "-c", "all", "dataset=x"], "-c is written --cfg job"),
+        (["train", "--cfg=all", "dataset=x"], "--cfg=all is written --cfg all"),
+        (["train", "--info", "dataset=x"], "--info is not taken: to see the configuration: aerial-il train --cfg job"),
+        (["train", "--info", "searchpath"], "The machine and what is installed: aerial-il doctor."),
+        (["evaluate", "--config-dir", "mine", "policy=x"], "--config-dir is not taken: settings are read from"),
+        (["evaluate", "--config-dir=mine", "policy=x"], "with: aerial-il new policy NAME"),
+        (["collect", "-cn", "quick"], "-cn is not taken: settings are read from the files that are shipped"),
+        (["train", "--hydra-help"], "keys and groups: aerial-il train --help"),
         (["collect", "out=x", "policy=runs/a"], "policy=runs/a is for env=...: here experts fly"),
         (["collect", "out=x", "max_steps=5"], "is for env=...: here horizon=5 records"),
         (["convert", "x" * 5000, "out=y"], "(5000 characters) cannot be such a path: File name too long"),
@@ -88,6 +96,23 @@ def _check_answer(answer: str, said: str, folder: Path) -> None:
     assert "Traceback" not in answer
     assert len(answer.strip().splitlines()) == 1
     assert not list(folder.iterdir()), "a mistake leaves nothing behind"
+
+
+LEAVE = """
+import atexit, gc
+from aerial_il.cli.main import main
+assert main(["--version"]) == 0
+assert main(["--version"]) == 0
+atexit._run_exitfuncs()
+found = gc.get_objects()
+assert len(found) < 100, len(found)
+"""
+
+
+def test_the_end_does_not_search_what_the_libraries_left() -> None:
+    """That took four seconds after Ctrl-C: once on leaving, everything is out of the search."""
+    done = subprocess.run([sys.executable, "-c", LEAVE], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.destination import finished, subject_of
-from aerial_il.evaluation.journal import Journal
+from aerial_il.evaluation.destination import CALLED, finished, subject_of
+from aerial_il.evaluation.journal import NOTE, Journal
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
 from tests.evaluation.hover import GoThere, HoverBatch
@@ -123,6 +123,35 @@ def test_flights_of_something_else_are_refused_by_name(tmp_path: Path, changed: 
     assert journal.path.exists()
     assert finished(tmp_path, subject(**changed), overwrite=True) is None
     assert not journal.path.exists()
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "named"),
+    [
+        ("runs/a", "runs/b", "policy runs/a != runs/b "),
+        ("runs/a", "runs/a", "policy runs/a as it was then != runs/a as it is now, with other weights "),
+    ],
+)
+def test_weights_are_told_apart_by_where_they_lay_not_by_their_digest(
+    tmp_path: Path, before: str, now: str, named: str
+) -> None:
+    journal = Journal(tmp_path)
+    journal.begin({**subject(policy_sha256="ab" * 32), CALLED: before})
+    fly_into(journal)
+    with pytest.raises(InvalidValueError) as caught:
+        finished(tmp_path, subject(policy_sha256="cd" * 32), called=now, overwrite=False)
+    assert named in str(caught.value)
+    assert "abab" not in str(caught.value)
+    assert "cdcd" not in str(caught.value)
+
+
+@pytest.mark.parametrize("damaged", ["[]", "5", '"x"', "null", "{"])
+def test_a_note_that_is_none_is_no_subject(tmp_path: Path, damaged: str) -> None:
+    journal = Journal(tmp_path)
+    journal.path.mkdir()
+    (journal.path / NOTE).write_text(damaged)
+    assert journal.subject() is None
+    assert finished(tmp_path, subject(), overwrite=False) is None
 
 
 def fly_into(journal: Journal) -> None:

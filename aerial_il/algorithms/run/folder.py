@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from aerial_il.algorithms.run.differences import differences
 from aerial_il.algorithms.run.trackers import FOLDERS as TRACKER_FOLDERS
 from aerial_il.algorithms.run.trackers import open_trackers
 from aerial_il.core import checkpoint
-from aerial_il.core.bounded import parse_json, parse_yaml, read_text, read_yaml
+from aerial_il.core.bounded import parse_json, parse_yaml, read_json, read_text, read_yaml
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 CONFIG, PROVENANCE, METRICS = "config.yaml", "provenance.json", "metrics.jsonl"
+COMMAND = "command.json"  # what was typed, and the dataset; whoever trains from the command line writes it
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
 START_AGAIN = "Put it back, begin again with resume=false, or choose another run=NAME."
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
@@ -187,13 +189,21 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
         before, now = _flat(_settings(path), cadence), _flat(parse_yaml(CONFIG, text), cadence)
         before = {**_unsaid(now), **{_new_key(key): value for key, value in before.items()}}
-        differing = sorted(k for k in before.keys() | now.keys() if before.get(k) != now.get(k))
-        if differing:
-            changes = "; ".join(f"{k}: {before.get(k)!r} then, {now.get(k)!r} now" for k in differing)
+        if differing := differences(before, now, dataset=_dataset(path)):
+            changes = "; ".join(differing)
             raise InvalidValueError(f"{path} holds another run ({changes}). Choose another run=NAME or resume=false.")
     with _writing(path / CONFIG):
         write_atomic(path / CONFIG, text)
         write_json(path / PROVENANCE, provenance())
+
+
+def _dataset(path: Path) -> str | None:
+    """Return where the demonstrations of a run lay, if it was begun on the command line."""
+    try:
+        found = read_json(path / COMMAND)["dataset"]["path"]
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+    return found if isinstance(found, str) else None
 
 
 def _settings(path: Path) -> dict[str, Any]:

@@ -10,20 +10,18 @@ from typing import Any, get_type_hints
 
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.configuration.flags import TAKES_VALUE, check_flag, check_last, sweeps
 from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
 from aerial_il.cli.configuration.spelling import flat
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.renamed import ALGORITHM_KEYS
 
-FLAGS = ("-m", "--multirun", "--cfg", "--resolve")
-_TAKES_VALUE = {"--cfg": ("job", "hydra", "all")}
 _PLAIN = re.compile(r"[\w.\-]+")
 _COMPOSED = re.compile(r"[+-]")
 _NAME = re.compile(r"[\w.@-]+|hydra/.*")
 _HYDRA_GROUPS = tuple(
     f"hydra.{name}" for name in ("launcher", "sweeper", "job_logging", "hydra_logging", "help", "env")
 )
-_SWEEPING = frozenset(("-m", "--multirun"))
 
 
 def prepare(command: Command, words: list[str]) -> list[str]:
@@ -51,11 +49,6 @@ def prepare(command: Command, words: list[str]) -> list[str]:
     words = [word for word in words if not _says_the_usual_nothing(command, word)]
     prepared = [_prepared(command, word, chosen, texts, literals if several else literal) for word in words]
     return flags + prepared + (_sweep_folders(command, prepared) if several else [])
-
-
-def sweeps(words: Collection[str]) -> bool:
-    """Whether a flag among ``words`` asks for one run for each combination of values."""
-    return not _SWEEPING.isdisjoint(words)
 
 
 def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ...]:
@@ -104,8 +97,9 @@ def _named(command: Command, words: list[str]) -> tuple[list[str], list[str]]:
         if word.startswith("--") and word[2:] in known:
             named.append(f"{word[2:]}=true")
             continue
-        if word.startswith("-") or (flags and flags[-1] in _TAKES_VALUE):
-            _check_flag(command, word, _TAKES_VALUE.get(flags[-1]) if flags else None)
+        before = flags[-1] if flags else None
+        if word.startswith("-") or before in TAKES_VALUE:
+            check_flag(command.name, word, before)
             flags.append(word)
             continue
         bare = _is_bare(word, known)
@@ -116,17 +110,8 @@ def _named(command: Command, words: list[str]) -> tuple[list[str], list[str]]:
             lists.setdefault(name, []).append(word)
         else:
             named.append(f"{name}={word}" if bare else word)
-    if flags and flags[-1] in _TAKES_VALUE:
-        raise InvalidValueError(f"{flags[-1]} needs one of {', '.join(_TAKES_VALUE[flags[-1]])}.")
+    check_last(flags[-1] if flags else None)
     return flags, named + [f"{name}={_list(values)}" for name, values in lists.items()]
-
-
-def _check_flag(command: Command, word: str, values: tuple[str, ...] | None) -> None:
-    """Refuse a flag that there is not, or a value that is none of the ``values`` of the flag before it."""
-    if values is not None and word not in values:
-        raise UnknownNameError("--cfg", word, values, f"See: aerial-il {command.name} --help")
-    if values is None and word not in FLAGS:
-        raise UnknownNameError("option", word, FLAGS, f"See: aerial-il {command.name} --help")
 
 
 def _says_the_usual_nothing(command: Command, word: str) -> bool:

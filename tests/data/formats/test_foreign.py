@@ -72,19 +72,26 @@ def robomimic(home: Path, flown: dict[str, np.ndarray]) -> Path:
 
 
 def mimicgen(home: Path, flown: dict[str, np.ndarray]) -> Path:
-    """As MimicGen writes what it generated: robomimic's layout, and in each demonstration how it came about."""
-    file = robomimic(home, flown).rename(home / "generated.hdf5")
-    with h5py.File(file, "a") as raw:
-        raw["mask/train"] = np.array([b"demo_0", b"demo_2"])
-        for demo in raw["data"].values():
-            steps = len(demo["actions"])
-            demo["states"] = np.zeros((steps, 7))
-            demo.attrs["model_file"] = "<mujoco/>"
-            told, poses = demo.create_group("datagen_info"), np.tile(np.eye(4), (steps, 1, 1))
+    """As ``write_demo_to_hdf5`` and ``merge_all_hdf5`` of MimicGen 1.0.1 write what it generated.
+
+    robomimic's layout without rewards, ends and following observations, and in each demonstration how it came about.
+    """
+    with h5py.File(home / "demo.hdf5", "w") as file:
+        data = file.create_group("data")
+        for i in range(EPISODES):
+            steps = STEPS - i
+            part = slice(i * STEPS, i * STEPS + steps)
+            demo, poses = data.create_group(f"demo_{i}"), np.tile(np.eye(4), (steps, 1, 1))
+            demo["actions"], demo["states"] = flown["acts"][part], np.zeros((steps, 7))
+            demo.create_dataset("obs/observation", data=flown["obs"][part], compression="gzip")
+            told = demo.create_group("datagen_info")
             told["eef_pose"] = told["target_pose"] = told["object_poses/cube"] = poses
             told["gripper_action"], told["subtask_term_signals/grasp"] = np.zeros((steps, 1)), np.zeros(steps, int)
             demo["src_demo_inds"], demo["src_demo_labels"] = np.zeros(2, int), np.zeros((steps, 1), int)
-    return file
+            demo.attrs["model_file"], demo.attrs["num_samples"] = "<mujoco/>", steps
+        data.attrs["total"] = sum(STEPS - i for i in range(EPISODES))
+        data.attrs["env_args"] = json.dumps({"env_name": ENV, "type": 2, "env_kwargs": {}}, indent=4)
+    return home / "demo.hdf5"
 
 
 FORMS = {"npz": npz, "d4rl": d4rl, "robomimic": robomimic, "mimicgen": mimicgen}
@@ -99,7 +106,7 @@ def test_it_opens_with_every_value(form: str, flown: dict[str, np.ndarray], tmp_
     np.testing.assert_array_equal(first.actions, flown["acts"][:STEPS])
     np.testing.assert_array_equal(first.obs["observation"][:-1], flown["obs"][:STEPS])
     assert all(not first.spec.differences(episode.spec) for episode in dataset), "one environment for all"
-    if form != "d4rl":  # which has no observation after the last action
+    if form not in ("d4rl", "mimicgen"):  # which have no observation after the last action
         np.testing.assert_array_equal(first.obs["observation"][-1], flown["next_obs"][STEPS - 1])
     if form not in ROBOMIMIC:
         assert [bool(e.truncated[-1]) for e in dataset] == [True] * EPISODES

@@ -91,7 +91,7 @@ def run(config: Config) -> None:
 def _judged(config: Config, pilot: Pilot, env: BatchEnv, seeds: range) -> EvaluationResult:
     """Fly what is not flown yet, and write what comes of it."""
     from aerial_il.cli.flights import results
-    from aerial_il.evaluation.destination import finished, subject_of
+    from aerial_il.evaluation.destination import CALLED, finished, subject_of
     from aerial_il.evaluation.journal import Journal
     from aerial_il.evaluation.rollouts import evaluate, origin_of
 
@@ -99,10 +99,10 @@ def _judged(config: Config, pilot: Pilot, env: BatchEnv, seeds: range) -> Evalua
     origin = origin_of(env, pilot.policy)
     cell = {"robot": spec.robot, "task": spec.task, "tier": spec.tier}
     subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
-    if found := finished(config.out, subject, overwrite=config.overwrite):
+    if found := finished(config.out, subject, called=name, overwrite=config.overwrite):
         print(f"{config.out} holds this very result already, nothing is flown. To fly it anew, remove that folder.")
         return found
-    journal.begin(subject)
+    journal.begin({**subject, CALLED: name})
     command = {"command": _command(config, pilot)}
     result = evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=config.progress

@@ -131,7 +131,7 @@ def _session(
     from aerial_il.teleop.session.logbook import Logbook
 
     policy, plain = _aboard(config)
-    with closing(plain), watched(plain, 1, wanted=config.rerun) as env:
+    with closing(plain), watched(_flown_once(plain), 1, wanted=config.rerun) as env:
         check_level(env.spec.action.level)
         check_leader(env.spec.action.level, bindings)
         for driver in drivers.values():  # what is not plugged in is named before a folder is taken
@@ -141,6 +141,20 @@ def _session(
             policy,
             Logbook(env, config.out, operator=operator, first_seed=config.seed, policy=config.policy.path),
         )
+
+
+def _flown_once(env: BatchEnvironment) -> BatchEnvironment:
+    """Return ``env`` after a step, for which all that flies is compiled: half a minute where it never was.
+
+    Here Ctrl-C ends that at once; on the thread that flies it would be waited for, and the page would stand still.
+    """
+    import numpy as np
+
+    from aerial_il.teleop.session.cockpit import by_hand
+
+    by_hand(env).reset(0)
+    env.step(np.zeros((1, env.spec.action.size)))
+    return env
 
 
 def _say_what_is_kept(config: Config, logbook: Logbook) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aerial_il.cli.configuration.keys import MISSING, MaybeLocated, at_least, key, path
+from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from aerial_il.evaluation.training_run import TrainingRun
@@ -37,6 +38,8 @@ class Config:
 
     def __post_init__(self) -> None:
         at_least(self, videos=0)
+        if not self.result:
+            raise InvalidValueError("result=[] names nothing to report: give a folder, e.g. aerial-il report runs/NAME")
 
 
 def run(config: Config) -> None:
@@ -64,7 +67,6 @@ def _is_dataset(place: str) -> bool:
 
 def _of_session(config: Config, flown: list[str]) -> Path:
     from aerial_il.cli.flights.sessions import write_summary
-    from aerial_il.core.errors import InvalidValueError
 
     if len(config.result) > 1:
         raise InvalidValueError(f"{flown[0]} is a folder of recordings: report it alone.")
@@ -73,7 +75,6 @@ def _of_session(config: Config, flown: list[str]) -> Path:
 
 def _of_evaluation(config: Config) -> Path:
     from aerial_il.cli.flights import results
-    from aerial_il.core.errors import InvalidValueError
     from aerial_il.evaluation.curves import LearningPoint
     from aerial_il.evaluation.pages.report import write_report
     from aerial_il.evaluation.result import load_result
