@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from types import ModuleType
+from typing import TYPE_CHECKING
 
-from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import UnknownNameError
+
+if TYPE_CHECKING:  # numpy comes with it, which help and completion do without
+    from aerial_il.core.contracts import Algorithm
 
 
 def list_algorithms() -> list[str]:

@@ -61,19 +61,19 @@ def _leave_at_once() -> None:
 
 
 def _dispatch(words: list[str]) -> int:
-    from aerial_il.cli import completion, help
-
     name, rest = (words[0], words[1:]) if words else ("--help", [])
+    if name in ("completion", "_complete"):
+        print(_completed(name, rest))
+        return OK
+
+    from aerial_il.cli import help
+
     if name in ("-h", "--help"):
         print(help.overview())
     elif name == "help":
         print(help.reference())
     elif name in ("-V", "--version"):
         print(help.version())
-    elif name == "completion":
-        print(completion.script(rest[0] if rest else "bash"))
-    elif name == "_complete":
-        print("\n".join(completion.candidates(rest)))
     elif name == "_job":
         _run_job(rest)
     elif {"-h", "--help"} & set(rest):
@@ -87,6 +87,17 @@ def _dispatch(words: list[str]) -> int:
         check_backend()
         run_command(command, rest)
     return OK
+
+
+def _completed(name: str, words: list[str]) -> str:
+    """Return what the shell asks for: the script that completes, or the candidates for a word."""
+    from aerial_il.cli import completion
+
+    return (
+        completion.script(words[0] if words else "bash")
+        if name == "completion"
+        else "\n".join(completion.candidates(words))
+    )
 
 
 def _run_job(words: list[str]) -> None:

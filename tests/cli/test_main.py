@@ -26,6 +26,7 @@ for words in (["--help"], *([name, "--help"] for name in sys.argv[1:])):
     with contextlib.redirect_stdout(io.StringIO()) as said:
         status = main(words)
     heavy = {"torch", "mujoco", "lerobot", "hydra", "matplotlib", "rerun", "numba"} & set(sys.modules)
+    heavy |= {"numpy"} & set(sys.modules) if words == ["--help"] else set()
     assert not heavy, f"{words} imports {heavy}"
     assert status == 0 and "key=value" in said.getvalue(), words
 """

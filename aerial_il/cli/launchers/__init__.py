@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from aerial_il.cli.sweeps.board import Board
-from aerial_il.cli.sweeps.job import Job
+if TYPE_CHECKING:  # numpy comes with them, which help and completion do without
+    from aerial_il.cli.sweeps.board import Board
+    from aerial_il.cli.sweeps.job import Job
 
 USUAL = "serial"
 

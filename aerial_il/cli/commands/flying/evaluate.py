@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 from aerial_il.cli.configuration.keys import MISSING, Located, Named, TierName, at_least, group, key, output, path
 from aerial_il.cli.configuration.quoting import command_line
-from aerial_il.core.contracts import BatchEnv
 
 if TYPE_CHECKING:
     from aerial_il.cli.flights.pilots import Pilot
+    from aerial_il.core.contracts import BatchEnv
     from aerial_il.evaluation.result import EvaluationResult
 
 

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aerial_il.cli.configuration.keys import Located, Named, TierName, at_least, check_choices, group, key, path
 from aerial_il.cli.configuration.quoting import command_line
-from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from aerial_il.core.contracts import BatchEnv
 
 VIEWS = "runs/views"
 SUFFIXES = {".html": "page", ".mp4": "film", ".rrd": "rerun", ".png": "still"}
