@@ -173,7 +173,7 @@ def test_a_finished_run_is_not_done_again(whole: Path, demos: list[Episode]) -> 
 
 
 def test_what_does_not_fit_together_is_refused(whole: Path, demos: list[Episode], tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match=r"settings\.rounds: 3 then, 4 now"):
+    with pytest.raises(InvalidValueError, match=r"settings\.rounds: 3 -> 4"):
         train(whole, replace(DAGGER, rounds=4), demos)
     with pytest.raises(InvalidValueError, match="asks an expert, and there is none"):
         train(tmp_path / "a", DAGGER, demos, expert=None)

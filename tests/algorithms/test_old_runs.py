@@ -78,7 +78,7 @@ def test_a_run_of_dac_with_old_names_ends_with_the_same_bytes(tmp_path: Path) ->
     other = tmp_path / "other"
     shutil.copytree(run, other)
     (other / CONFIG).write_text(yaml.safe_dump(config))
-    with pytest.raises(InvalidValueError, match=r"settings\.bc_weight: 2\.0 then, 1\.0 now"):
+    with pytest.raises(InvalidValueError, match=r"settings\.bc_weight: 2\.0 -> 1\.0"):
         train_flying.train("dac", str(other))
     train_flying.train("dac", str(run))
     assert_same_end(run, whole)

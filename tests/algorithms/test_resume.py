@@ -184,11 +184,11 @@ def test_evaluation_does_not_touch_the_weights(tmp_path: Path, whole: Path, demo
 
 
 def test_another_run_in_the_same_folder_is_refused(whole: Path, demos: list[Episode]) -> None:
-    with pytest.raises(InvalidValueError, match="seed: 3 then, 4 now"):
+    with pytest.raises(InvalidValueError, match="seed: 3 -> 4"):
         train_tiny.train(str(whole), demos, seed=4)
-    with pytest.raises(InvalidValueError, match=r"settings\.lr: 0.001 then, 0.01 now"):
+    with pytest.raises(InvalidValueError, match=r"settings\.lr: 0.001 -> 0.01"):
         train_tiny.train(str(whole), demos, settings=replace(train_tiny.SETTINGS, lr=0.01))
-    with pytest.raises(InvalidValueError, match=r"dataset\.demonstrations: 12 then, 11 now"):
+    with pytest.raises(InvalidValueError, match=r"dataset\.demonstrations: 12 -> 11"):
         train_tiny.train(str(whole), demos[:11])
     train_tiny.train(str(whole), demos, settings=replace(train_tiny.SETTINGS, log_every=9))
 
