@@ -312,7 +312,8 @@ class Practice:
         flown = [[row["first_percent"] for row in self._rounds(arm)] for arm in group]
         head = {"arm": group[0].name, "task": group[0].cell[0], "demos": group[0].demos}
         guided = any(rate is None for rates in flown for rate in rates)
-        dip = None if guided else round(max(max(0.0, rates[0] - min(rates)) for rates in flown), 1)
+        dips = [max(0.0, rates[0] - min(rates)) for rates in flown if rates and not guided]
+        dip = round(max(dips), 1) if dips else None  # nor can it be told where no episode has ended
         return {**head, "dip": dip, "rounds": sum(map(len, flown))}
 
 

@@ -13,11 +13,10 @@ from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.fingerprint import learning_code
 from aerial_il.benchmarks.parts.records.record import Record
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, without_cadence
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judge, without_cadence
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
-from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicyConfig
 
 Open = Callable[[int], BatchEnv]
@@ -109,12 +108,7 @@ class OutsideStages:
         if (place / FILE_NAME).exists():
             return load_result(place)
         policy, env = self.trained(training), training.task.open(min(self.num_envs, self.episodes))
-        try:
-            result = evaluate(env, policy, seeds, policy_name=training.label, progress=self.progress)
-        finally:
-            env.close()
-        result.save(place)
-        return result
+        return judge(env, policy, seeds, place, name=training.label, progress=self.progress)
 
     def trained(self, training: Learned) -> Policy:
         """Return the final policy of a training."""

@@ -22,7 +22,7 @@ from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, l
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.demonstrations import Source, collections, first, gather
 from aerial_il.collection.collect import collect
-from aerial_il.core.contracts import Policy
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import plain
 from aerial_il.data.dataset import Dataset
@@ -184,12 +184,7 @@ class Stages:
             self.run_of(training)
             return load_result(place)
         policy, env = self.policy(training), self.environment(source, tier, min(self.num_envs, len(seeds)))
-        try:
-            result = evaluate(env, policy, seeds, policy_name=training.label, progress=self.progress)
-        finally:
-            env.close()
-        result.save(place)
-        return result
+        return judge(env, policy, seeds, place, name=training.label, progress=self.progress)
 
     def environment(self, source: Source, tier: str, num_envs: int) -> BatchEnvironment:
         """Return worlds of a training's cell, with its cameras."""
@@ -233,6 +228,16 @@ class Stages:
     def _used(self, kind: str, name: str) -> list[Path]:
         """Return the places of a kind that hold a file of that name."""
         return [place for place in self.places.get(kind, {}) if (place / name).exists()]
+
+
+def judge(env: BatchEnv, policy: Policy, seeds: range, place: Path, *, name: str, progress: bool) -> EvaluationResult:
+    """Fly a policy on ``seeds``, close the environment, and keep the result in the folder ``place``."""
+    try:
+        result = evaluate(env, policy, seeds, policy_name=name, progress=progress)
+    finally:
+        env.close()
+    result.save(place)
+    return result
 
 
 def described(policy: PolicyConfig) -> dict[str, Any]:
