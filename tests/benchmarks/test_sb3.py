@@ -77,7 +77,7 @@ def test_the_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> N
 
 def test_a_cell_of_the_suite_is_the_same_on_both_sides() -> None:
     cell: Cell = cells()["ppo_reach"]
-    world, batch = cell.make(), cell.learned().open(1)
+    world, batch = cell.maker()(), cell.learned().open(1)
     try:
         seen, _ = world.reset(seed=20)
         ours = batch.reset(np.array([20]))

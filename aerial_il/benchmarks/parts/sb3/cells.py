@@ -66,12 +66,8 @@ class Cell:
             {"task": self.task, "ground": flight_fingerprint(robot, task, "calm")},
         )
 
-    def make(self) -> Any:
-        """Make a single world for the other side."""
-        return self.maker()()
-
     def maker(self) -> Any:
-        """Return what makes a single world, as processes can be handed it."""
+        """Return what makes a single world for the other side, as processes can be handed it."""
         if not self.is_ours:
             return partial(gymnasium.make, self.task)
         robot, _, task = self.task.partition(":")
