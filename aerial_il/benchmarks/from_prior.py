@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -19,32 +19,25 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il import experts
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
 from aerial_il.algorithms.dapg import DemonstrationAugmented
-from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.ibrl import ImitationBootstrapped
 from aerial_il.algorithms.jsrl import JumpStart
+from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
 from aerial_il.algorithms.residual import ResidualLearning
+from aerial_il.algorithms.rlpd import PriorDataLearning
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.figures import practice_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
-from aerial_il.benchmarks.parts.training.stages import (
-    EVALUATION_SEED,
-    Cloned,
-    Shown,
-    Stages,
-    all_that_decides,
-    check_seeds,
-    described,
-    train_in_rounds,
-)
-from aerial_il.core.contracts import Policy
+from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
 from aerial_il.evaluation.result import EvaluationResult
@@ -55,73 +48,24 @@ CLONE, SHOWN_MORE = "bc, first demonstrations", "bc, many demonstrations"
 JUDGED = "expert_iteration"
 WANTED: Mapping[tuple[str, int], float] = {("pick_place", 10): 90.0, ("pick_place", 40): 98.0}  # %, in the own tier
 WANTED_HARDER, MOST_DIP = 85.0, 5.0
+FROM_SCRATCH_STEPS = 20_000_000
+CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 100_000}
 NOTES = (
     "The reward is sparse: whether a flight succeeded. The final policy of each training is flown in the tier it was"
     " trained in and in another one. The trainings of an arm differ in their draw: demonstrations and flights (other"
     " seeds), weights and minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. "
     "Trainings: Student's 95 % interval with a training as the unit.",
-    "Flown: control steps of practice, mean over trainings. Minutes: time of optimisation, mean over trainings.",
+    "Flown: control steps of practice, mean over trainings. Minutes: of flying and learning, mean over trainings; the "
+    "clone that an arm begins with, and its demonstrations, are not included.",
+    "ppo is shown nothing and begins with random weights; it stands for learning from scratch. rlpd is shown the "
+    "demonstrations and begins with random weights.",
     "Dip: how far success fell below that of the initial policy, measured at the start of each round on the round's "
     "own starts, before anything was learned from them; the largest over all draws and rounds. Rounds of filtered "
     "cloning fly with noise, so its dip is that of the noisy policy. bc_ppo, residual and dapg "
     "have no rounds: theirs are the stretches between two rows of their metrics, flown with exploration noise, and "
-    "the first one is that of the prior. For jsrl no dip can be given, since a guide begins its episodes.",
+    "the first one is that of the prior; so it is for ibrl, whose prior flies alone at first. For jsrl no dip can be "
+    "given, since a guide begins its episodes; rlpd and ppo have no prior to fall below.",
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Practised(Shown):
-    """A policy that goes on from its demonstrations by flying.
-
-    Attributes:
-        algorithm: how, beside those of :class:`Shown`.
-    """
-
-    algorithm: ExpertIteration | FilteredCloning
-
-    def decided_by(self) -> dict[str, Any]:
-        return all_that_decides(self, "bc", self.algorithm.name, *_beside(self.algorithm))
-
-    def train(self, stages: Stages, run: Path) -> Policy:
-        return train_in_rounds(self, self.algorithm, stages, run, worlds=self.algorithm.worlds, expert=None)
-
-
-@dataclass(frozen=True, eq=False)
-class Continued(Shown):
-    """A policy that goes on, step by step, from the very clone that stands beside it.
-
-    Attributes:
-        algorithm: how, beside those of :class:`Shown`; its ``prior`` is that clone. cloning: how that was made.
-    """
-
-    algorithm: PractisedPolicy
-    cloning: BehaviourCloning
-
-    @property
-    def clone(self) -> Cloned:
-        """What it begins with."""
-        return Cloned("bc", self.source, self.demos, self.policy, self.cloning)
-
-    def decided_by(self) -> dict[str, Any]:
-        own = all_that_decides(self, "bc", self.algorithm.name, *_beside(self.algorithm))
-        return {**own, "clone": self.clone.decided_by()}
-
-    def train(self, stages: Stages, run: Path) -> Policy:
-        stages.policy(self.clone)
-        source, settings = self.source, replace(self.algorithm, prior=str(stages.run_of(self.clone)))
-        env = stages.environment(source, source.tier, settings.worlds)
-        try:
-            return settings.train(
-                stages.demonstrations(source, self.demos),
-                self.policy,
-                run=run,
-                env=env,
-                expert=experts.make(source.robot, source.task) if "expert" in settings.needs else None,
-                seed=source.draw,
-                progress=stages.progress,
-            )
-        finally:
-            env.close()
 
 
 @dataclass(frozen=True)
@@ -142,14 +86,15 @@ class Arm:
         return self.training.source.task, self.demos
 
 
-Practising = ExpertIteration | FilteredCloning | PractisedPolicy
 Results = Mapping[tuple[Arm, str], EvaluationResult]
 
 
 def _all_practising() -> dict[str, Practising]:
-    """Return the arms that practise, as they are shipped."""
+    """Return the arms that practise, as they are shipped, paid for success alone; ``ppo`` is shown nothing."""
     found: list[Practising] = [ExpertIteration(), FilteredCloning()]
     found += [ClonedProximalOptimisation(), ResidualLearning(), DemonstrationAugmented(), JumpStart()]
+    found += [ImitationBootstrapped(**CRITICS), PriorDataLearning(**CRITICS)]
+    found += [ProximalPolicyOptimisation(reward="sparse", reward_patience=0, steps=FROM_SCRATCH_STEPS, rollout=16_384)]
     return {algorithm.name: algorithm for algorithm in found}
 
 
@@ -211,6 +156,10 @@ class FromPrior:
             targets=(*self._targets(pooled), *practice.targets()),
             tables={"Success": pooled, "Dips": practice.dips, "Round by round": practice.rounds},
             notes=(*NOTES, *stages.origins()),
+            figures={
+                f"{name}.svg": practice_lines(practice.rounds, [r for r in pooled if r["tier"] == self.tier], over)
+                for name, over in (("by_steps", "flown"), ("by_minutes", "minutes"))
+            },
             details={
                 "failed_seeds": {f"{a.name}: {a.training.label}, {t}": failed_seeds(r) for (a, t), r in results.items()}
             },
@@ -221,18 +170,23 @@ class FromPrior:
         """Yield what is trained, draw by draw."""
         for draw, (task, counts) in product(self.draws, self.starts.items()):
             source = Source(robot=self.robot, task=task, tier=self.tier, noise=self.expert["noise"], draw=draw)
+            names = self.arms or tuple(self.practising)
+            scratch = [name for name in names if not self.practising[name].demonstrated]
             many = Cloned("bc", source, self.many, self.policy, self.cloning)
             for count in counts:
                 yield Arm(CLONE, count, Cloned("bc", source, count, self.policy, self.cloning))
-                for name in self.arms or tuple(self.practising):
-                    yield Arm(name, count, self._practised(name, source, count))
+                for name in names:
+                    if name not in scratch:
+                        yield Arm(name, count, self._practised(name, source, count))
                 yield Arm(SHOWN_MORE, count, many)
+            for name in scratch:
+                yield Arm(name, 0, self._practised(name, source, 0))
 
     def _practised(self, name: str, source: Source, count: int) -> Practised | Continued:
         algorithm = self.practising[name]
-        if isinstance(algorithm, PractisedPolicy):
-            return Continued(name, source, count, self.policy, algorithm, self.cloning)
-        return Practised(name, source, count, self.policy, algorithm)
+        if isinstance(algorithm, ExpertIteration | FilteredCloning):
+            return Practised(name, source, count, self.policy, algorithm)
+        return Continued(name, source, count, self.policy, algorithm, self.cloning)
 
     def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:
         """Yield what expert iteration must reach."""
@@ -289,6 +243,7 @@ class Practice:
                 "first_percent": round(100 * first, 1),
                 "solved_percent": round(100 * row.get("starts_solved", first), 1),
                 "flown": flown,
+                "minutes": _minutes(row),
             }
 
     def _stretches(self, arm: Arm) -> Iterator[Row]:
@@ -296,7 +251,7 @@ class Practice:
         rows = [row for row in read_metrics(self.stages.run_of(arm.training)) if "episode/success" in row]
         for number, row in enumerate(rows, start=1):
             solved = round(100 * row["episode/success"], 1)
-            alone = not isinstance(arm.training.algorithm, JumpStart)
+            alone = not isinstance(arm.training.algorithm, JumpStart)  # a guide begins
             yield {
                 "arm": arm.name,
                 "task": arm.cell[0],
@@ -306,21 +261,23 @@ class Practice:
                 "first_percent": solved if alone else None,
                 "solved_percent": solved,
                 "flown": int(row["step"]),
+                "minutes": _minutes(row),
             }
 
     def _dip(self, group: Sequence[Arm]) -> Row:
         flown = [[row["first_percent"] for row in self._rounds(arm)] for arm in group]
         head = {"arm": group[0].name, "task": group[0].cell[0], "demos": group[0].demos}
+        training = group[0].training
+        begun = not isinstance(training, Continued) or training.clone is not None  # with something to fall below
         guided = any(rate is None for rates in flown for rate in rates)
-        dips = [max(0.0, rates[0] - min(rates)) for rates in flown if rates and not guided]
+        dips = [max(0.0, rates[0] - min(rates)) for rates in flown if rates and begun and not guided]
         dip = round(max(dips), 1) if dips else None  # nor can it be told where no episode has ended
         return {**head, "dip": dip, "rounds": sum(map(len, flown))}
 
 
-def _beside(algorithm: Practising) -> tuple[str, ...]:
-    """Return the other algorithms whose code an algorithm uses."""
-    others = {"filtered_bc": ("dart",), "bc_ppo": ("ppo",), "dapg": ("npg", "ppo")}
-    return others.get(algorithm.name, ("bc_ppo", "ppo") if isinstance(algorithm, PractisedPolicy) else ())
+def _minutes(row: Mapping[str, float]) -> float | None:
+    """Return the time up to a row of metrics; older runs of rounds do not tell it."""
+    return round(row["elapsed_s"] / 60, 2) if "elapsed_s" in row else None
 
 
 def _grouped(arms: Sequence[Arm]) -> Iterator[list[Arm]]:
@@ -349,11 +306,7 @@ def _row(group: Sequence[Arm], tier: str, results: Results, stages: Stages) -> R
 
 def _flown(arm: Arm, stages: Stages) -> int:
     """Return the control steps that a training has flown by itself."""
-    if isinstance(arm.training, Cloned):
-        return 0
-    if isinstance(arm.training, Continued):
-        return int(read_metrics(stages.run_of(arm.training))[-1]["step"])
-    return sum(int(row["flight_steps"]) for row in read_metrics(stages.run_of(arm.training)))
+    return 0 if isinstance(arm.training, Cloned) else arm.training.flown(stages.run_of(arm.training))
 
 
 BENCHMARK = FromPrior

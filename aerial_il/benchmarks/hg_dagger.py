@@ -32,6 +32,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     check_seeds,
     described,
     steps_of,
+    trained_s,
     without_cadence,
 )
 from aerial_il.collection.collect import collect
@@ -200,8 +201,8 @@ class Draw:
         }
 
     def seconds(self) -> float:
-        """Return how long the optimisation took."""
-        return sum(read_metrics(f.parent)[-1].get("elapsed_s", 0.0) for f in self._run(ASKED).rglob("metrics.jsonl"))
+        """Return how long flying and learning in rounds took."""
+        return trained_s(self._run(ASKED))
 
     def _decided_by(self, arm: str) -> dict[str, Any]:
         study = self.study

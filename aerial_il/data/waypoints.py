@@ -10,7 +10,9 @@ and a policy that clones it hangs in the air. What the person was after shows on
    has come shows nowhere that a policy may look;
 3. the pose of an action becomes the pose that the tool reached ``lookahead_s`` of the remaining steps later, but never
    later than the beginning or the end of a move of the gripper, the end of what the person flew, or of the episode:
-   what is passed by on the way to a grasp is no goal, the grasp is one.
+   what is passed by on the way to a grasp is no goal, the grasp is one;
+4. steps that come so shortly before the controls were handed back that less than half of that way was flown are not
+   learned from: where somebody let go is no goal either, and a policy that is led there stays there.
 
 Only poses of the tool are relabelled (action level ``ee_pose``), and only as labels, ``Episode.expert_actions``:
 observations and the actions that were executed stay as they were recorded.
@@ -83,12 +85,12 @@ def relabelled(episode: Episode, lookahead: int) -> Episode:
     gripping = _near(grips, round(GRIP_MARGIN_S / dt))
     left = np.flatnonzero(_moving(labels, dt) | gripping | ~flown | _held(episode))
     labels[:, TURN.stop :] = _decided(labels[:, TURN.stop :], grips, gripping)
-    reached = _reached(np.stack([gripping, flown], axis=1)[left], lookahead)
-    reached = np.append(left, len(episode))[reached]
+    ahead = _reached(np.stack([gripping, flown], axis=1)[left], lookahead)
+    reached = np.append(left, len(episode))[ahead]
     labels = labels[left]
     labels[:, :3] = episode.obs["ee_pos"][reached]
     labels[:, TURN] = episode.obs["ee_rot6d"][reached].reshape(-1, 6)
-    labels[~flown[left]] = np.nan
+    labels[~_led_on(flown[left], ahead, lookahead)] = np.nan
     return replace(_only(episode, left), expert_actions=labels)
 
 
@@ -135,6 +137,17 @@ def _reached(stretches: np.ndarray, lookahead: int) -> np.ndarray:
     steps = np.arange(len(stretches))
     ends = np.append(np.flatnonzero((np.diff(stretches, axis=0) != 0).any(1)) + 1, len(stretches))
     return np.minimum(steps + lookahead, ends[np.searchsorted(ends, steps, side="right")])
+
+
+def _led_on(flown: np.ndarray, ahead: np.ndarray, lookahead: int) -> np.ndarray:
+    """Return the steps (T,) that a person flew without those just before they handed back; all if no others are left.
+
+    Args:
+        flown: (T,) bool. ahead: (T,) where each step is led, T for the end. lookahead: steps.
+    """
+    given_back = ~np.append(flown, True)[ahead]
+    led_on = flown & ~(given_back & (2 * (ahead - np.arange(len(flown))) < lookahead))
+    return led_on if led_on.any() else flown
 
 
 def _only(episode: Episode, steps: np.ndarray) -> Episode:

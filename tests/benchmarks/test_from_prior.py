@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +10,14 @@ import pytest
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dapg import DemonstrationAugmented
-from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.from_prior import CLONE, JUDGED, SHOWN_MORE, Arm, Continued, FromPrior, Practice, Practised
+from aerial_il.benchmarks.from_prior import CLONE, JUDGED, SHOWN_MORE, Arm, FromPrior, Practice
 from aerial_il.benchmarks.parts.records.record import digest
 from aerial_il.benchmarks.parts.training.demonstrations import Source
+from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -93,7 +94,18 @@ def test_what_expert_iteration_must_reach_can_be_missed() -> None:
 
 def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
     study = build(groups.read_option("bench", "from_prior"))
-    assert study.practising == {name: build(groups.read_option("algorithm", name)) for name in study.practising}
+    paid_for_success = {"reward", "reward_patience", "bounds", "steps", "rollout"}  # what is not their own default
+    for name, algorithm in study.practising.items():
+        shipped = build(groups.read_option("algorithm", name))
+        changed = {s.name for s in fields(shipped) if getattr(shipped, s.name) != getattr(algorithm, s.name)}
+        assert changed <= (paid_for_success if name in ("ibrl", "rlpd", "ppo") else set()), name
+        assert getattr(algorithm, "reward", "sparse") == "sparse"
+
+
+def test_what_is_shown_nothing_is_trained_once_however_many_demonstrations_others_have() -> None:
+    arms = list(FromPrior(starts={"reach": (2, 4)}, draws=(0,), arms=("bc_ppo", "ppo"))._all_arms())
+    assert [arm.demos for arm in arms if arm.name == "ppo"] == [0]
+    assert [arm.demos for arm in arms if arm.name == "bc_ppo"] == [2, 4]
 
 
 @pytest.mark.parametrize("wrong", [{"starts": {}}, {"starts": {"reach": (0,)}}, {"draws": ()}, {"many": 0}])
@@ -104,7 +116,7 @@ def test_a_study_of_nothing_is_refused(wrong: dict[str, Any]) -> None:
 
 def test_an_arm_that_is_none_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="filtered_bc"):
-        FromPrior(arms=("ppo",))
+        FromPrior(arms=("sac",))
 
 
 def decisions_of(study: FromPrior) -> dict[str, str]:
@@ -132,13 +144,20 @@ def test_whatever_practice_begins_with_decides_it() -> None:
 
 @pytest.mark.slow
 def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(tmp_path: Path) -> None:
-    """All four, from one clone, once."""
-    small = {"steps": 64, "rollout": 64, "warmup": 64, "critic_hidden": (8,), "log_every": 64}
+    """All of them, from one clone, once, beside the two that have none."""
+    small = {"steps": 128, "rollout": 64, "warmup": 64, "critic_hidden": (8,), "log_every": 64, "batch_size": 16}
+    small |= {"critics": 2, "subset": 1}
     usual = FromPrior().practising
-    practising = {n: replace(a, **small) for n, a in usual.items() if isinstance(a, PractisedPolicy)}
+    practising = {
+        n: replace(a, **{k: v for k, v in small.items() if hasattr(a, k)})
+        for n, a in usual.items()
+        if isinstance(a, OnlineAlgorithm)
+    }
     report = FromPrior(**{**SMALL, "practising": practising}).run(tmp_path, progress=False)
     flown = {row["arm"]: row["flown"] for row in report.tables["Success"]}
-    assert [flown[name] for name in practising] == [64] * 4
+    assert [flown[name] for name in practising] == [128] * 7
     clones = {run.parent for run in tmp_path.glob("training/bc/*/2/*/metrics.jsonl")}
     assert len(clones) == 1
-    assert {row["arm"]: row["dip"] for row in report.tables["Dips"]}["jsrl"] is None
+    dips = {row["arm"]: row["dip"] for row in report.tables["Dips"]}
+    assert dips["jsrl"] is dips["rlpd"] is dips["ppo"] is None
+    assert set(report.figures) == {"by_steps.svg", "by_minutes.svg"}

@@ -15,6 +15,7 @@ A round is a function of the round before and of the seed, and so are the bytes 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -48,6 +49,8 @@ class Rounds:
         costs: of the labelled flights of each round, from round 1.
         learner: the policy after the newest round that is complete, or None.
         finished: the policy of a run that is finished, or None.
+        elapsed_s: time of all complete rounds, flown and learned, evaluations left out; of a round that was killed on
+            the way, only that of the call which completed it.
     """
 
     def __init__(self, folder: RunFolder, problem: InteractiveProblem, demos: Sequence[Episode]) -> None:
@@ -57,9 +60,10 @@ class Rounds:
         self.costs: list[FlightCosts] = []
         self.learner: ChunkPolicy | None = None
         self.finished = load_policy(folder.path) if folder.finished else None
-        self._next = 0
+        self._next, self.elapsed_s, self._clock = 0, 0.0, time.perf_counter()
         if folder.resumed and not self.finished:
             self._next = int(folder.resumed.state["round"]) + 1
+            self.elapsed_s = float(folder.resumed.state.get("elapsed_s", 0.0))  # older checkpoints do not have it
             self.learner = load_policy(self._flights.place(self._next - 1) / TRAINING)
             for number in range(1, self._next):
                 self._take_in(number)
@@ -143,12 +147,14 @@ class Rounds:
             evaluate: ``(policy, round) -> named numbers``. metrics: more to log.
         """
         settings, policy = self._settings, self._signed(number)
+        self.elapsed_s += time.perf_counter() - self._clock
         judges = number == settings.rounds or due(settings.evaluate_every, number)
         judged = {f"evaluate/{k}": v for k, v in evaluate(policy, number).items()} if evaluate and judges else {}
-        self._folder.log(number, {**self._metrics(), **(metrics or {}), **judged})
+        self._folder.log(number, {**self._metrics(), **(metrics or {}), **judged, "elapsed_s": self.elapsed_s})
         saved = policy.to_checkpoint()
-        checkpoint = Checkpoint(saved.arrays, {**saved.state, "round": number}, saved.config)
-        self._folder.save(number, checkpoint, keep=settings.keep_checkpoints)
+        state = {**saved.state, "round": number, "elapsed_s": self.elapsed_s}
+        self._folder.save(number, Checkpoint(saved.arrays, state, saved.config), keep=settings.keep_checkpoints)
+        self._clock = time.perf_counter()
 
     def finish(self) -> ChunkPolicy:
         """Save the last round's policy as the run's."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Rows = Sequence[Mapping[str, Any]]
 INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c", "#c0504d")
+LEGEND_COLUMNS = 6
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 ROWS_PER_PANEL = 10  # lines of text that such a height has room for
 STYLE: dict[Any, Any] = {
@@ -168,6 +169,36 @@ def success_curves(curves: Mapping[tuple[str, str], Sequence[Sequence[tuple[floa
     return _panels({panel: panel for panel, _ in curves}, draw)
 
 
+def practice_lines(rows: Rows, final: Rows, over: str) -> str:
+    """Draw success while practising: a panel per cell, a thin line per training, a dot where each arm ends.
+
+    Args:
+        rows: with ``arm``, ``task``, ``demos``, ``draw``, ``first_percent`` and ``over``, in order. final: success of
+            the final policies with ``arm``, ``task``, ``demos``, ``percent``, ``flown`` and ``minutes``.
+        over: what is drawn over, ``flown`` steps or ``minutes``.
+    """
+    arms = list(dict.fromkeys(row["arm"] for row in final))
+    cells = list(dict.fromkeys((row["task"], row["demos"]) for row in final))
+
+    def draw(axes: Axes, cell: tuple[str, int]) -> None:
+        for k, arm in enumerate(arms):
+            colour = COLOURS[k % len(COLOURS)]
+            own = [r for r in rows if (r["task"], r["demos"], r["arm"]) == (*cell, arm)]
+            for training in dict.fromkeys(r["draw"] for r in own):
+                drawn = [r for r in own if r["draw"] == training and None not in (r["first_percent"], r[over])]
+                axes.plot([r[over] for r in drawn], [r["first_percent"] for r in drawn], color=colour, linewidth=0.8)
+            dots = [r for r in final if (r["task"], r["demos"], r["arm"]) == (*cell, arm)]
+            marker, shown = "os^"[k // len(COLOURS) % 3], [r["percent"] for r in dots]
+            axes.plot([r[over] for r in dots], shown, marker, color=colour, markersize=5, label=arm)
+        axes.set_xscale("symlog", linthresh=1e5 if over == "flown" else 1.0)
+        axes.set_ylim(-3, 103)
+        axes.set_xlabel("control steps flown" if over == "flown" else "minutes of flying and learning")
+        axes.set_ylabel("success (%)")
+
+    titles = {cell: f"{cell[0]}, from {cell[1]}".replace("_", " ") for cell in cells}
+    return _panels(titles, draw, width=1.5, height=1.3)
+
+
 def time_shares(rows: Rows, parts: Sequence[str]) -> str:
     """Draw how a control step's time divides: one stacked bar per cell.
 
@@ -305,7 +336,7 @@ def _panels[K](
 def _legend(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(handles))
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), LEGEND_COLUMNS))
 
 
 def _svg(figure: Figure) -> str:

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import aerial_il
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
+from aerial_il.algorithms.interactive.round_flights import ROUNDS
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import CADENCE
 from aerial_il.algorithms.run.folder import METRICS, PROVENANCE, read_metrics
@@ -200,14 +201,14 @@ class Stages:
 
     def minutes(self, trainings: Iterable[Training]) -> float:
         """Return the mean wall time of some trainings, min."""
-        found = [_trained_s(self.run_of(training)) for training in trainings]
+        found = [trained_s(self.run_of(training)) for training in trainings]
         return round(sum(found) / len(found) / 60, 2)
 
     def seconds(self) -> float:
         """Return how long all stages used so far took, whenever they were done."""
         collecting = sum(run["seconds"] for run in collections(self._used("datasets", LOG)))
         flying = sum(load_result(place).provenance["wall_time_s"] for place in self._used("evaluations", FILE_NAME))
-        return collecting + flying + sum(map(_trained_s, self._used("training", METRICS)))
+        return collecting + flying + sum(map(trained_s, self._used("training", METRICS)))
 
     def origins(self) -> list[str]:
         """Return a note that names the commits of the stages where there is more than one."""
@@ -276,6 +277,11 @@ def check_seeds(first_episode: int, episodes: int) -> None:
         )
 
 
-def _trained_s(run: Path) -> float:
-    """Return the wall time of all optimisation below a run's folder."""
-    return sum(read_metrics(file.parent)[-1].get("elapsed_s", 0.0) for file in run.rglob(METRICS))
+def trained_s(run: Path) -> float:
+    """Return the wall time of a training, and of what it began with below its folder: flying and learning.
+
+    Rounds of a run that does not tell its own time, as older ones, count with their optimisation alone.
+    """
+    seconds = {file: read_metrics(file.parent)[-1].get("elapsed_s", 0.0) for file in run.rglob(METRICS)}
+    tells = seconds.get(run / METRICS, 0.0) > 0.0
+    return sum(s for file, s in seconds.items() if not (tells and ROUNDS in file.relative_to(run).parts))

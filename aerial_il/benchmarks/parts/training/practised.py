@@ -1,0 +1,111 @@
+"""Trainings that go on from a few demonstrations by flying, and one that flies without any."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from aerial_il import experts
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.decisions.practice import PractisedPolicy
+from aerial_il.algorithms.expert_iteration import ExpertIteration
+from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.rl.on_policy import OnPolicy
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.benchmarks.parts.training.stages import Cloned, Shown, Stages, all_that_decides, train_in_rounds
+from aerial_il.core.contracts import Policy
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+
+Practising = ExpertIteration | FilteredCloning | OnlineAlgorithm
+BESIDE = {  # the other algorithms whose code an algorithm uses
+    "filtered_bc": ("dart",),
+    "bc_ppo": ("ppo",),
+    "residual": ("bc_ppo", "ppo"),
+    "dapg": ("npg", "ppo"),
+    "jsrl": ("bc_ppo", "ppo"),
+}
+
+ON_POLICY_WORLDS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Practised(Shown):
+    """A policy that goes on from its demonstrations by flying, in rounds.
+
+    Attributes:
+        algorithm: how, beside those of :class:`Shown`.
+    """
+
+    algorithm: ExpertIteration | FilteredCloning
+
+    def decided_by(self) -> dict[str, Any]:
+        return all_that_decides(self, "bc", self.algorithm.name, *BESIDE.get(self.algorithm.name, ()))
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        return train_in_rounds(self, self.algorithm, stages, run, worlds=self.algorithm.worlds, expert=None)
+
+    def flown(self, run: Path) -> int:
+        """Return the control steps that it flew by itself, in the folder ``run``."""
+        return sum(int(row["flight_steps"]) for row in read_metrics(run))
+
+
+@dataclass(frozen=True, eq=False)
+class Continued(Shown):
+    """A policy that learns step by step; from the very clone that stands beside it, where it begins with one.
+
+    Attributes:
+        algorithm: how, beside those of :class:`Shown`; its ``prior``, where it has one, is that clone.
+        cloning: how that was made.
+    """
+
+    algorithm: OnlineAlgorithm
+    cloning: BehaviourCloning
+
+    @property
+    def clone(self) -> Cloned | None:
+        """What it begins with."""
+        if not any(setting.name == "prior" for setting in fields(self.algorithm)):
+            return None
+        return Cloned("bc", self.source, self.demos, self.policy, self.cloning)
+
+    @property
+    def worlds(self) -> int:
+        """How many worlds it flies in at once."""
+        return max(self.algorithm.worlds, ON_POLICY_WORLDS if isinstance(self.algorithm, OnPolicy) else 1)
+
+    @property
+    def trained(self) -> PolicyConfig:
+        """What is trained: the clone's own kind, or the one that the algorithm knows."""
+        return self.policy if isinstance(self.policy, self.algorithm.trains) else SquashedGaussianConfig()
+
+    def decided_by(self) -> dict[str, Any]:
+        own = all_that_decides(self, "bc", self.algorithm.name, *BESIDE.get(self.algorithm.name, ()))
+        return {**own, "worlds": self.worlds, "clone": self.clone.decided_by() if self.clone else None}
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        settings: Any = self.algorithm
+        source = self.source
+        if self.clone:
+            stages.policy(self.clone)
+            settings = replace(settings, prior=str(stages.run_of(self.clone)))
+        expert = experts.make(source.robot, source.task) if "expert" in settings.needs else None
+        env = stages.environment(source, source.tier, self.worlds)
+        try:
+            return settings.train(
+                stages.demonstrations(source, self.demos) if settings.demonstrated else None,
+                self.trained,
+                run=run,
+                env=env,
+                seed=source.draw,
+                progress=stages.progress,
+                **({"expert": expert} if isinstance(settings, PractisedPolicy) else {}),
+            )
+        finally:
+            env.close()
+
+    def flown(self, run: Path) -> int:
+        """Return the control steps that it flew by itself, in the folder ``run``."""
+        return int(read_metrics(run)[-1]["step"])
