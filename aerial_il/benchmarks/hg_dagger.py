@@ -69,6 +69,7 @@ class HumanInTheLoop:
 
     Attributes:
         policy: what is trained. training: supervised learning in each round. between_steps: in those between.
+        warm_start: from the weights of the round before; otherwise each round starts afresh.
         robot, task, tier: what is flown. demos: of the driver, to begin with. rounds, per_round: how many, of flights.
         draws: one training each. episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
         by_hand: learn from the driver's flights as ``aerial-il train`` does by itself from a person's; False for as
@@ -80,7 +81,8 @@ class HumanInTheLoop:
 
     policy: PolicyConfig = field(default_factory=MlpConfig)
     training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=4_000))
-    between_steps: int = 2_000
+    between_steps: int = 6_000
+    warm_start: bool = False
     robot: str = "fa_hexa_arm4"
     task: str = "pick_place"
     tier: str = "calm"
@@ -138,6 +140,7 @@ class HumanInTheLoop:
             episodes=self.per_round,
             training=self.learner[0],
             between_steps=self.between_steps,
+            warm_start=self.warm_start,
             evaluate_every=0,
             keep_checkpoints=self.rounds + 1,
         )

@@ -291,6 +291,18 @@ def test_demonstrations_keep_their_share_of_the_minibatches(whole: Path, demos: 
         assert visited[: len(demos)].sum() / visited.sum() == pytest.approx(share)
 
 
+def test_only_labelled_steps_of_a_flight_count_for_that_share(demos: list[Episode]) -> None:
+    flight = demos[0]
+    rarely = np.where(np.arange(len(flight))[:, None] < len(flight) // 4, flight.actions, np.nan)
+    flown = [replace(flight, expert_actions=rarely)] * (8 * len(demos))
+    weights = demonstration_weights(demos, flown, 0.5)
+    assert weights is not None
+    divided = BC.divide([*demos, *flown], POLICY, seed=0, failures=True, weights=weights)
+    windows = np.array([*map(len, demos), *[len(flight) // 4] * len(flown)])
+    visited = divided.weights * windows
+    assert visited[: len(demos)].sum() / visited.sum() == pytest.approx(0.5)
+
+
 def test_weights_that_do_not_fit_the_episodes_are_refused(demos: list[Episode]) -> None:
     with pytest.raises(InvalidValueError, match=f"{len(demos)} demonstrations .* 1 weights"):
         BC.divide(demos, POLICY, seed=0, weights=[1.0])

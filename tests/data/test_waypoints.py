@@ -127,6 +127,19 @@ def test_only_what_the_person_took_over_is_relabelled(flight: Episode) -> None:
     np.testing.assert_array_equal(found.labels[~found.asked], found.executed_actions[~found.asked])
 
 
+def test_what_leads_only_to_where_the_person_let_go_is_not_learned_from(flight: Episode) -> None:
+    held, nearest = np.zeros(len(flight), bool), round(0.5 * AHEAD.lookahead_s / DT)
+    held[: grips(flight)[0] - MARGIN - 20] = True
+    labels = np.where(held[:, None], flight.actions, np.nan)
+    found = AHEAD.apply(replace(flight, expert_actions=labels, is_intervention=held))
+    by_hand = int(held[kept(flight, found)].sum())
+    assert by_hand > nearest
+    assert found.asked.tolist()[: by_hand - nearest + 1] == [True] * (by_hand - nearest + 1)
+    assert not found.asked[by_hand - nearest + 1 :].any(), "those just before the controls were handed back"
+    whole = AHEAD.apply(replace(flight, expert_actions=flight.actions, is_intervention=np.ones(len(flight), bool)))
+    assert whole.asked.all(), "the end of a flight is a goal"
+
+
 def test_what_a_script_flew_is_learned_from_bit_for_bit_as_before(scripted: Episode, flight: Episode) -> None:
     assert AHEAD.apply(scripted) is scripted
     assert Waypoints().apply(flight) is flight

@@ -206,12 +206,20 @@ class Rounds:
 
 
 def demonstration_weights(demos: Sequence[Episode], flights: Sequence[Episode], share: float) -> list[float] | None:
-    """Return how often each episode is visited, so that a step in ``share`` of all is one of the demonstrations.
+    """Return how often each episode is visited, so that ``share`` of the steps learned from are demonstrations'.
+
+    Of a flight in which somebody was asked now and then, only the steps with a label are learned from.
 
     Returns:
         The weights of the demonstrations and then of the flights; None, all alike, where they have that share anyway.
     """
-    shown, flown = (sum(map(len, episodes)) for episodes in (demos, flights))
+    shown, flown = (sum(_labelled(e) for e in episodes) for episodes in (demos, flights))
     if shown >= share * (shown + flown):
         return None
     return [share / shown] * len(demos) + [(1.0 - share) / flown] * len(flights)
+
+
+def _labelled(episode: Episode) -> int:
+    """Return in how many steps of an episode there is something to learn."""
+    asked = int(episode.asked.sum())
+    return asked or len(episode)

@@ -49,7 +49,7 @@ class Driver:
         self._judgement, self._seed = judgement or Judgement(), seed
         self._seen: Sight | None = None
         self._ticks = self._pressed = self._held = 0
-        self._flying, self._episodes = False, 0
+        self._flying, self._delicate, self._episodes = False, False, 0
         self._state = ""
 
     def see(self, status: Status) -> None:
@@ -75,7 +75,7 @@ class Driver:
         self.habit = Habit.draw(rng)
         self._eyes = Eyes(self._readings, reaction_ticks=reaction, rng=rng)
         self._hand = Hand(self.habit, reaction_ticks=reaction, dt=self._dt, rng=rng)
-        self._watch, self._flying = Watch(self._judgement), False
+        self._watch, self._flying, self._delicate = Watch(self._judgement), False, False
         self._episodes += 1
 
     def _hands(self) -> tuple[list[str], dict[str, float]]:
@@ -89,14 +89,17 @@ class Driver:
 
     def _fly(self, sight: Sight) -> tuple[list[str], dict[str, float]]:
         left = self._plan.left(sight)
-        if sight.status.shared and not self._watch.judge(left):
-            self._flying = False
+        if sight.status.shared and not self._watch.judge(left, delicate=self._delicate):
+            self._flying = self._delicate = False
             return [], {}
         if not self._flying:
             self._flying = True
             self._plan.begin(sight, self.habit)
             self._hand.rest()
         wish = self._plan.wish(sight)
+        if wish.hopeless and self._may_press():
+            return ["record"], {}
+        self._delicate = wish.fine or wish.unfinished
         names = ["take_over"] if sight.status.shared else []
         names += ["precision"] if wish.fine else []
         names += {1: ["grip+"], -1: ["grip-"]}.get(wish.grip, [])

@@ -21,7 +21,8 @@ class Wish:
     Attributes:
         offset: m, where the tool is to go: ahead, left, up. turn: rad, of the tool: to the left, nose down, right side
             down. grip: 1 closes, -1 opens. mode: of the sticks. fine: with the precision button held.
-        part: of the task; a new one begins with a pause.
+        part: of the task; a new one begins with a pause. unfinished: nobody would let go of the controls now.
+        hopeless: it has failed often enough: the flight is given up.
     """
 
     part: str
@@ -30,6 +31,8 @@ class Wish:
     grip: int = 0
     mode: str = "tool"
     fine: bool = False
+    unfinished: bool = False
+    hopeless: bool = False
 
 
 class Plan(Protocol):

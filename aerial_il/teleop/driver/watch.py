@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-IN_A_ROW = 275  # ticks after handing back within which the next trouble counts as the same one
+IN_A_ROW = 275  # ticks after handing back: who is in trouble again by then is not given another chance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,43 +13,49 @@ class Judgement:
 
     Attributes:
         patience_ticks: without getting on by ``step_m`` for so long, it is stuck.
-        step_m: what counts as getting on. astray_m: so much more left than it was at its best, it has gone astray.
-        enough_m: what the person does before they hand back; it doubles when the policy is stuck again at once.
+        step_m: what counts as getting on. astray_m: so much more left than it was at its best, for ``sure_ticks``, it
+            has gone astray.
+        enough_m: what the person does before they hand back; when the policy is soon in trouble again, they finish.
         least_ticks: for which they fly at least.
     """
 
-    patience_ticks: int = 125
+    patience_ticks: int = 200
     step_m: float = 0.02
-    astray_m: float = 0.12
+    astray_m: float = 0.2
+    sure_ticks: int = 25
     enough_m: float = 0.10
     least_ticks: int = 25
 
 
 class Watch:
-    """Watches how much is left to do, tick by tick, and says whether take-over is held."""
+    """Watches how much is left to do, tick by tick, and says whether take-over is held.
+
+    Nobody lets go in the midst of something delicate, such as a grasp: what is handed back is a part that is done.
+    """
 
     def __init__(self, judgement: Judgement) -> None:
         self._by, self._enough = judgement, judgement.enough_m
         self.holds, self._tick, self._best, self._got_on = False, 0, float("inf"), 0
-        self._left_then, self._taken, self._handed_back = 0.0, 0, -IN_A_ROW
+        self._left_then, self._taken, self._handed_back, self._astray = 0.0, 0, -IN_A_ROW, 0
 
-    def judge(self, left: float) -> bool:
-        """Return whether take-over is held now that so much (m) is left to do."""
+    def judge(self, left: float, *, delicate: bool = False) -> bool:
+        """Return whether take-over is held now that so much (m) is left to do; ``delicate``: what is done by hand."""
         self._tick += 1
         if left < self._best - self._by.step_m:
             self._best, self._got_on = left, self._tick
-        if self.holds and self._is_content(left):
+        self._astray = self._astray + 1 if left > self._best + self._by.astray_m else 0
+        if self.holds and not delicate and self._is_content(left):
             self.holds, self._handed_back = False, self._tick
-            self._best, self._got_on = left, self._tick
-        elif not self.holds and self._worries(left):
+            self._best, self._got_on, self._astray = left, self._tick, 0
+        elif not self.holds and self._worries():
             again = self._tick - self._handed_back < IN_A_ROW
-            self._enough = 2.0 * self._enough if again else self._by.enough_m
+            self._enough = float("inf") if again else self._by.enough_m
             self.holds, self._left_then, self._taken = True, left, self._tick
         return self.holds
 
-    def _worries(self, left: float) -> bool:
+    def _worries(self) -> bool:
         stuck = self._tick - self._got_on > self._by.patience_ticks
-        return stuck or left > self._best + self._by.astray_m
+        return stuck or self._astray > self._by.sure_ticks
 
     def _is_content(self, left: float) -> bool:
         long_enough = self._tick - self._taken >= self._by.least_ticks

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from aerial_il.teleop.driver.eyes import Sight
 from aerial_il.teleop.driver.habit import Habit
@@ -12,7 +13,9 @@ BEND_FROM_M = 0.16  # farther away than this, the way there bends to the side
 OVER_M, ASKEW_M = 0.013, 0.035  # beside the cube: good enough to go down, and bad enough to go up again
 FACING_RAD = 0.12
 AT_CUBE_M = 0.008
-CLOSING_TICKS, GIVEN_UP_TICKS = 35, 70
+LOWEST_M = 0.09  # above the cube, so that open fingers pass over it
+AROUND_M, HALF_CLOSED = 0.03, 0.6  # the fingers are about the cube; they have begun to close: no reason to open them
+GIVEN_UP_TICKS, TRIES = 70, 3  # a grasp takes so long at most; beside the bowl's rim none ever succeeds
 OVER_BOWL_M = 0.02
 LET_GO_M = 0.052  # the cube's centre over the bowl's underside
 OPEN = 0.85
@@ -22,17 +25,23 @@ class PickPlacePlan:
     """Works part by part, by what is seen; a cube that is not where it should be is fetched again."""
 
     def begin(self, sight: Sight, habit: Habit) -> None:
-        self._habit, self._ticks = habit, 0
+        self._habit, self._ticks, self._failed = habit, 0, 0
         held = sight.status.subtasks["grasped"]
         over = math.hypot(*sight.numbers["cube to bowl"][:2]) < 0.05
-        self._part = ("lower" if over else "lift") if held else "over"
-        self._straight = held
+        ahead, left, up = sight.numbers["tool to cube"]
+        near = math.hypot(ahead, left) < BEND_FROM_M
+        around, closing = math.hypot(ahead, left, up) < AROUND_M, sight.numbers["gripper"][0] < HALF_CLOSED
+        self._part = ("lower" if over else "lift") if held else ("close" if closing else "down") if around else "over"
+        self._straight = held or near
+        self._height = min(habit.height, max(-up, LOWEST_M)) if near else habit.height  # nobody goes up to go down
 
     def wish(self, sight: Sight) -> Wish:
         after = self._next(sight)
+        self._failed += (self._part, after) == ("close", "over")
         self._ticks = self._ticks + 1 if after == self._part else 0
         self._part = after
-        return getattr(self, f"_{after}")(sight)
+        wish = getattr(self, f"_{after}")(sight)
+        return replace(wish, hopeless=self._failed >= TRIES)
 
     def left(self, sight: Sight) -> float:
         ahead, left, up = sight.numbers["cube to bowl"]
@@ -52,7 +61,7 @@ class PickPlacePlan:
         if flags["in_bowl"] and part in ("over", "down"):
             return "away"
         match part:
-            case "over" if beside < OVER_M and turn < FACING_RAD and abs(-up - self._habit.height) < 0.05:
+            case "over" if beside < OVER_M and turn < FACING_RAD and abs(-up - self._height) < 0.05:
                 return "down"
             case "down" if beside > ASKEW_M:
                 return "over"
@@ -90,7 +99,7 @@ class PickPlacePlan:
             return Wish("over", turn=(turn, 0.0, 0.0), grip=-1)
         # the bend is across the way there
         across = (-left / max(distance, 1e-6), ahead / max(distance, 1e-6))
-        offset = (ahead + bend * across[0], left + bend * across[1], up + self._habit.height)
+        offset = (ahead + bend * across[0], left + bend * across[1], up + self._height)
         turned = turn if distance < 0.2 or self._habit.turns_first else 0.0
         return Wish("over", offset, (turned, 0.0, 0.0), grip=-1, fine=math.hypot(*offset) < 0.05)
 
@@ -105,7 +114,7 @@ class PickPlacePlan:
 
     def _lift(self, sight: Sight) -> Wish:
         height = -sight.numbers["cube to bowl"][2]
-        return Wish("lift", (0.0, 0.0, self._habit.height + 0.03 - height), grip=1)
+        return Wish("lift", (0.0, 0.0, self._habit.height + 0.03 - height), grip=1, unfinished=True)
 
     def _carry(self, sight: Sight) -> Wish:
         ahead, left, up = sight.numbers["cube to bowl"]
