@@ -69,7 +69,6 @@ class HumanInTheLoop:
 
     Attributes:
         policy: what is trained. training: supervised learning in each round. between_steps: in those between.
-        warm_start: from the weights of the round before; otherwise each round starts afresh.
         robot, task, tier: what is flown. demos: of the driver, to begin with. rounds, per_round: how many, of flights.
         draws: one training each. episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
         by_hand: learn from the driver's flights as ``aerial-il train`` does by itself from a person's; False for as
@@ -79,15 +78,14 @@ class HumanInTheLoop:
     name: ClassVar[str] = "hg_dagger"
     question: ClassVar[str] = "Do occasional takeovers by a person turn a policy that often fails into a good one?"
 
-    policy: PolicyConfig = field(default_factory=MlpConfig)
-    training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=4_000))
-    between_steps: int = 6_000
-    warm_start: bool = False
+    policy: PolicyConfig = field(default_factory=lambda: MlpConfig(dropout=0.2))
+    training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=6_000))
+    between_steps: int = 3_000
     robot: str = "fa_hexa_arm4"
     task: str = "pick_place"
     tier: str = "calm"
-    demos: int = 20
-    rounds: int = 10
+    demos: int = 10
+    rounds: int = 20
     per_round: int = 10
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
@@ -140,7 +138,6 @@ class HumanInTheLoop:
             episodes=self.per_round,
             training=self.learner[0],
             between_steps=self.between_steps,
-            warm_start=self.warm_start,
             evaluate_every=0,
             keep_checkpoints=self.rounds + 1,
         )
@@ -176,7 +173,9 @@ class Draw:
 
     def rounds(self) -> Iterator[Row]:
         """Yield what each round's flights cost and brought."""
+        frames = by_driver = 0
         for row in read_metrics(self._run(ASKED))[1:]:
+            frames, by_driver = frames + row["flight_steps"], by_driver + row["expert_steps"]
             yield {
                 "round": int(row["step"]),
                 "flights": int(row["flights"]),
@@ -186,6 +185,7 @@ class Draw:
                 "frames": int(row["flight_steps"]),
                 "by_driver": int(row["expert_steps"]),
                 "share": round(100 * row["expert_steps"] / row["flight_steps"], 1),
+                "share_so_far": round(100 * by_driver / frames, 1),
             }
 
     def steps(self) -> Row:

@@ -19,10 +19,10 @@ class Judgement:
         least_ticks: for which they fly at least.
     """
 
-    patience_ticks: int = 200
+    patience_ticks: int = 400
     step_m: float = 0.02
-    astray_m: float = 0.2
-    sure_ticks: int = 25
+    astray_m: float = 0.3
+    sure_ticks: int = 50
     enough_m: float = 0.10
     least_ticks: int = 25
 

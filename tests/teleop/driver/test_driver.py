@@ -110,7 +110,7 @@ def test_a_task_without_a_plan_is_refused_with_those_that_have_one() -> None:
 
 
 def test_it_takes_over_when_nothing_gets_on_or_all_goes_astray_and_hands_back_when_it_does() -> None:
-    by = Judgement(patience_ticks=50, step_m=0.02, astray_m=0.1, enough_m=0.1, least_ticks=10)
+    by = Judgement(patience_ticks=50, step_m=0.02, astray_m=0.1, sure_ticks=25, enough_m=0.1, least_ticks=10)
     assert not any(Watch(by).judge(1.0) for _ in range(50)), "not before its patience ends"
     watch = Watch(by)
     assert not any(watch.judge(1.0 - 0.001 * k) for k in range(300)), "what gets on is left alone"
