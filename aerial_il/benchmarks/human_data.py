@@ -30,7 +30,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     described,
 )
 from aerial_il.core.contracts import Policy
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.act import ActConfig
@@ -96,6 +96,7 @@ class HumanData:
     Attributes:
         policies: name -> what is trained. arms: which of them; empty for all. algorithm: how.
         robot, task, tier: what is flown. demos: of each teacher. draws: one training of each arm each.
+        fewer: arm -> in how many of the draws it is trained, for classes whose training takes long.
         episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
         by_hand: learn from the driver's flights as ``aerial-il train`` does by itself from a person's; False for as
             they were recorded.
@@ -112,6 +113,7 @@ class HumanData:
     tier: str = "calm"
     demos: int = 100
     draws: tuple[int, ...] = (0, 1, 2)
+    fewer: Mapping[str, int] = field(default_factory=dict)
     episodes: int = 100
     num_envs: int = 50
     by_hand: bool = True
@@ -119,6 +121,11 @@ class HumanData:
     def __post_init__(self) -> None:
         if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
             raise InvalidValueError("demos, episodes and num_envs start at 1; draws name at least one.")
+        for name in (*self.arms, *self.fewer):
+            if name not in self.policies:
+                raise UnknownNameError("arm", name, self.policies)
+        if min(self.fewer.values(), default=1) < 1:
+            raise InvalidValueError("fewer starts at 1 draw; leave an arm out by naming the others: bench.arms=[...].")
         check_seeds(EVALUATION_SEED, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
@@ -145,7 +152,8 @@ class HumanData:
     def _trainings(self) -> Iterator[tuple[str, str, Training]]:
         """Yield policy class, teacher and training, draw by draw."""
         names = self.arms or tuple(self.policies)
-        for draw, name, teacher in product(self.draws, names, (DRIVER, SCRIPT)):
+        cells = product(self.draws, names, (DRIVER, SCRIPT))
+        for draw, name, teacher in ((d, n, t) for d, n, t in cells if d in self.draws[: self.fewer.get(n)]):
             source = Source(robot=self.robot, task=self.task, tier=self.tier, draw=draw)
             policy = self.policies[name]
             if teacher == DRIVER:

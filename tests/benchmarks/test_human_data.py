@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
+import pytest
+
 from aerial_il.benchmarks.hg_dagger import HumanInTheLoop
 from aerial_il.benchmarks.human_data import DRIVER, SCRIPT, ClonedDriver, HumanData
 from aerial_il.benchmarks.parts.training.stages import Cloned
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 
 SUITED = Waypoints(lookahead_s=LOOKAHEAD_S)
@@ -21,6 +26,17 @@ def test_the_drivers_arm_is_suited_to_hands_and_the_scripts_is_not() -> None:
         assert script.algorithm.waypoints == Waypoints()
         assert not script.policy.relative
         assert driver.policy.name == script.policy.name == "flow"
+
+
+def test_a_class_may_be_trained_in_fewer_draws() -> None:
+    found = list(HumanData(arms=("mlp", "act"), fewer={"act": 1})._trainings())
+    assert Counter((name, teacher) for name, teacher, _ in found) == {
+        ("mlp", DRIVER): 3, ("mlp", SCRIPT): 3, ("act", DRIVER): 1, ("act", SCRIPT): 1,
+    }  # fmt: skip
+    with pytest.raises(UnknownNameError, match="transformer"):
+        HumanData(fewer={"transformer": 1})
+    with pytest.raises(InvalidValueError, match="fewer starts at 1"):
+        HumanData(fewer={"act": 0})
 
 
 def test_all_rounds_of_taking_over_are_suited_to_hands() -> None:
