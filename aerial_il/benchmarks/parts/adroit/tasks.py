@@ -63,12 +63,15 @@ class PublishedRewards(BatchEnvWrapper):
     Sources: ``adroit_door.py`` and ``adroit_relocate.py`` of gymnasium-robotics 1.4.2 against ``door_v0.py`` and
     ``relocate_v0.py`` of D4RL's ``hand_manipulation_suite``.
 
+    Args:
+        task: which. num_envs: worlds. max_steps: of an episode; None for the environment's own 200.
+
     Attributes:
         own_returns: seed -> sum of the environment's own rewards so far.
     """
 
-    def __init__(self, task: AdroitTask, num_envs: int) -> None:
-        super().__init__(outside.load_gymnasium(task.env, num_envs=num_envs, success=SUCCESS))
+    def __init__(self, task: AdroitTask, num_envs: int, max_steps: int | None = None) -> None:
+        super().__init__(outside.load_gymnasium(task.env, num_envs=num_envs, success=SUCCESS, max_steps=max_steps))
         self.task = task
         self.own_returns: dict[int, float] = {}
 

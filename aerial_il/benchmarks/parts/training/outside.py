@@ -13,6 +13,7 @@ from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.fingerprint import learning_code
 from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.training.practised import BESIDE
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judge, without_cadence
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
@@ -38,12 +39,16 @@ class Task:
 
 def gymnasium_task(name: str, *, packages: Sequence[str] = (), **settings: Any) -> Task:
     """Return a registered environment of Gymnasium; ``packages`` it comes from count beside Gymnasium and MuJoCo."""
-    versions = {package: metadata.version(package) for package in (*VERSIONS, *packages)}
     return Task(
         name,
         lambda count: aerial_il.load_gymnasium(name, num_envs=count, **settings),
-        {"task": name, "settings": settings, **versions},
+        {"task": name, "settings": settings, **versions_of((*VERSIONS, *packages))},
     )
+
+
+def versions_of(packages: Sequence[str]) -> dict[str, str]:
+    """Return package -> its installed version."""
+    return {package: metadata.version(package) for package in packages}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +74,11 @@ class Learned:
     def label(self) -> str:
         return f"{self.task.name}/{self.arm}/{self.seed}".replace(":", "-")
 
+    @property
+    def _learned_by(self) -> tuple[str, ...]:
+        """All algorithms whose code has a part in it."""
+        return (self.algorithm.name, *BESIDE.get(self.algorithm.name, ()), *(("bc",) if self.shown else ()))
+
     def decided_by(self) -> dict[str, Any]:
         """Return all that decides its result."""
         return {
@@ -77,7 +87,7 @@ class Learned:
             "seed": self.seed,
             "worlds": self.worlds,
             "shown": self.shown,
-            "learning": learning_code(self.algorithm.name),
+            "learning": learning_code(*self._learned_by),
             **self.task.stands_on,
         }
 

@@ -1,0 +1,245 @@
+"""Reinforcement learning from demonstrations on the Adroit hand: where cloning fails, and nothing is learned without.
+
+DAPG goes on from a clone of few demonstrations, of ``relocate`` by the DAPG expert with the noise it was trained with,
+of ``door`` by people. Beside it stand that clone and, as a control, the same natural policy gradient from random
+weights for as many steps. Every stage is kept by all that decides it: killed at any moment, the same call continues.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.decisions.practice import PRIOR
+from aerial_il.algorithms.npg import NaturalGradientLearning
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.rl.reinforcement import Reward
+from aerial_il.benchmarks.adroit import Adroit
+from aerial_il.benchmarks.parts.adroit.people import file_of, flown_by_people
+from aerial_il.benchmarks.parts.adroit.tables import Point
+from aerial_il.benchmarks.parts.adroit.tasks import POLICIES, TASKS, PublishedRewards
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.training.outside import VERSIONS, Learned, OutsideStages, Task, versions_of
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judge
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.files import sha256_of
+from aerial_il.data.episode import Episode
+from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.policies import load_policy
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+
+CLONE, ASKED, CONTROL = "clone", "dapg", "npg, nothing shown"
+MOST_WITHOUT = 5.0  # % that the control may solve at the same steps
+NOTES = (
+    "Success: the goal is held in more than 25 steps of an episode (DAPG), of 200 steps in relocate and 400 in door, "
+    "because people took up to 300. Rewards are those of the published returns; sparse: 1 for the step that makes a "
+    "success.",
+    "relocate: 25 flights of DAPG's expert with the noise it was trained with, other seeds for each draw. door: the "
+    "same 25 demonstrations by people in all draws; most of them fail the criterion, for they end as the door is open.",
+    "Clone: what dapg begins with, of the demonstrations alone. npg: the same algorithm without demonstrations, from "
+    "random weights, for as many steps.",
+    "The final policy of each training, on the same fixed seeds. Trainings of an arm differ in their draw. Flights: "
+    "Wilson's 95 % interval over the episodes of these very policies. Trainings: Student's 95 % interval with a "
+    "training as the unit.",
+)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is shown of a task.
+
+    Attributes:
+        task: which. by: who shows it. demos: how many. max_steps: of an episode. wanted: success of dapg, %.
+    """
+
+    task: str
+    by: Literal["expert", "people"]
+    demos: int
+    max_steps: int
+    wanted: float
+
+
+CELLS = {cell.task: cell for cell in (Cell("relocate", "expert", 25, 200, 90.0), Cell("door", "people", 25, 400, 80.0))}
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What is compared: a task, how it is learned, and from which reward; the clone, of dapg's with that reward."""
+
+    task: str
+    name: str
+    reward: Reward
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdroitRl:
+    """Settings.
+
+    Attributes:
+        data: folder of ``dapg_policies.npz`` and ``door_human_demos.npz``.
+        policy: what is cloned and goes on. dapg: how. scratch: what the control trains. npg: how.
+        tasks, rewards: which. draws: one training of each arm each. episodes: that judge one.
+        worlds: that learn. num_envs: worlds flown at once to judge.
+    """
+
+    name: ClassVar[str] = "adroit_rl"
+    question: ClassVar[str] = "Does reinforcement learning from few demonstrations solve what cloning them does not?"
+
+    data: str = "../shared/data/adroit"
+    policy: PolicyConfig = field(default_factory=lambda: MlpConfig(chunk=1, ensemble=None, hidden=(64, 64)))
+    dapg: DemonstrationAugmented = field(default_factory=DemonstrationAugmented)
+    scratch: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
+    npg: NaturalGradientLearning = field(default_factory=NaturalGradientLearning)
+    tasks: tuple[str, ...] = ("relocate", "door")
+    rewards: tuple[Reward, ...] = ("environment", "sparse")
+    draws: tuple[int, ...] = (0, 1, 2)
+    episodes: int = 100
+    worlds: int = 40
+    num_envs: int = 25
+
+    def __post_init__(self) -> None:
+        for task in self.tasks:
+            if task not in CELLS:
+                raise UnknownNameError("task of this study", task, CELLS)
+        if not (self.tasks and self.rewards and self.draws) or min(self.episodes, self.worlds, self.num_envs) < 1:
+            raise InvalidValueError(
+                "tasks, rewards and draws name one at least; episodes, worlds and num_envs start at 1."
+            )
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Record, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
+        if not Path(self.data).is_dir():
+            return self._skipped()
+        stages = OutsideStages(record=Record(folder), episodes=self.episodes, num_envs=self.num_envs, progress=progress)
+        work = list(product(self.draws, self.arms()))
+        found: dict[Arm, list[EvaluationResult]] = {arm: [] for arm in self.arms()}
+        for draw, arm in bar(work, self.name, progress):
+            found[arm].append(self._judged(arm, draw, stages))
+        rows = {arm: self._row(arm, results, stages) for arm, results in found.items()}
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=self._plain(),
+            targets=tuple(_targets(rows)),
+            tables={"Arms": list(rows.values())},
+            notes=NOTES,
+            details={
+                "failed_seeds": {
+                    f"{arm.task}, {arm.reward}, {arm.name}: {draw}": failed_seeds(result)
+                    for arm, results in found.items()
+                    for draw, result in zip(self.draws, results, strict=True)
+                }
+            },
+            wall_time_s=sum(stages.seconds(self.training(arm, d, stages)) for d, arm in work if arm.name != CLONE),
+        )
+
+    def arms(self) -> list[Arm]:
+        """Return what is compared, task by task."""
+        found = []
+        for task in self.tasks:
+            found += [Arm(task, CLONE, self.rewards[0])]
+            found += [Arm(task, name, reward) for reward in self.rewards for name in (ASKED, CONTROL)]
+        return found
+
+    def training(self, arm: Arm, draw: int, stages: OutsideStages) -> Learned:
+        """Return the training of an arm; a clone's is that of dapg, which makes it."""
+        cell, place = CELLS[arm.task], f"{arm.reward}/{arm.name}".replace(", ", "-").replace(" ", "_")
+        task = Task(
+            arm.task, lambda count: PublishedRewards(TASKS[arm.task], count, cell.max_steps), self._ground(cell)
+        )
+        algorithm: OnlineAlgorithm = self.npg if arm.name == CONTROL else self.dapg
+        algorithm = replace(algorithm, reward=arm.reward)  # type: ignore[type-var]  # both are told it
+        if arm.name == CONTROL:
+            return Learned(place, task, replace(algorithm, steps=self.dapg.steps), self.scratch, draw, self.worlds)
+        shown = {"by": cell.by, "demos": cell.demos, "draw": draw if cell.by == "expert" else None, **self._files(cell)}
+        place = place.replace(CLONE, ASKED)
+        return Learned(
+            place, task, algorithm, self.policy, draw, self.worlds, shown, lambda: self._shown(cell, draw, stages)
+        )
+
+    def _ground(self, cell: Cell) -> dict[str, Any]:
+        versions = versions_of((*VERSIONS, "gymnasium-robotics"))
+        return {"task": cell.task, "max_steps": cell.max_steps, "rewards": "published", **versions}
+
+    def _files(self, cell: Cell) -> dict[str, str]:
+        people = cell.by == "people"
+        file = file_of(TASKS[cell.task], Path(self.data)) if people else Path(self.data) / POLICIES
+        return {"file": sha256_of(file)}
+
+    def _shown(self, cell: Cell, draw: int, stages: OutsideStages) -> Sequence[Episode]:
+        """Return the demonstrations, recording the expert's that are missing."""
+        if cell.by == "expert":
+            point = Point(cell.task, cell.demos, False, "mlp", draw)
+            return Adroit(data=self.data).demonstrations(point, cell.demos, stages.record, stages.progress)
+        env = PublishedRewards(TASKS[cell.task], 1, cell.max_steps)
+        try:
+            return flown_by_people(TASKS[cell.task], Path(self.data), env.spec)[: cell.demos]
+        finally:
+            env.close()
+
+    def _judged(self, arm: Arm, draw: int, stages: OutsideStages) -> EvaluationResult:
+        training = self.training(arm, draw, stages)
+        if arm.name != CLONE:
+            return stages.judged(training)
+        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        decided_by = {"clone of": training.decided_by(), "seeds": [seeds.start, seeds.stop]}
+        place = stages.record.place("evaluations", f"{arm.task}/{CLONE}/{draw}", decided_by)
+        if (place / FILE_NAME).exists():
+            return load_result(place)
+        stages.judged(training)
+        clone, env = load_policy(stages.run_of(training) / PRIOR), training.task.open(self.num_envs)
+        return judge(env, clone, seeds, place, name=CLONE, progress=stages.progress)
+
+    def _row(self, arm: Arm, results: Sequence[EvaluationResult], stages: OutsideStages) -> Row:
+        cell, learned = CELLS[arm.task], arm.name != CLONE
+        minutes = [stages.seconds(self.training(arm, draw, stages)) / 60 for draw in self.draws] if learned else [0.0]
+        shown = cell.demos if arm.name != CONTROL else 0
+        return {
+            "task": arm.task,
+            "shown_by": cell.by if shown else None,
+            "demos": shown,
+            "arm": arm.name,
+            "reward": arm.reward if learned else None,
+            "steps": self.dapg.steps if learned else 0,
+            "minutes": round(sum(minutes) / len(minutes), 1),
+            **pooled_row(results),
+        }
+
+    def _skipped(self) -> Report:
+        what = f"{self.data} does not exist: nothing was measured. Say where the data lie with bench.data=FOLDER."
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=self._plain(),
+            targets=(),
+            tables={"Skipped": [{"why": what}]},
+            notes=(what,),
+        )
+
+    def _plain(self) -> dict[str, Any]:
+        """The settings as JSON gives them back."""
+        policies = {"policy": described(self.policy), "scratch": described(self.scratch)}
+        return json.loads(json.dumps({**asdict(self), **policies}))
+
+
+def _targets(rows: Mapping[Arm, Row]) -> Iterator[Target]:
+    """Yield what dapg must reach with the environment's reward, and what the control must not."""
+    for arm, row in rows.items():
+        if arm.reward == "environment" and arm.name == ASKED:
+            yield pooled_target(f"{arm.task}, dense reward: {ASKED}", CELLS[arm.task].wanted, row)
+        if arm.reward == "environment" and arm.name == CONTROL:
+            what = f"{arm.task}, dense reward: {CONTROL}"
+            yield Target(what, "at most", MOST_WITHOUT, row["percent"], "%", f"{row['steps']} steps, as {ASKED}")
+
+
+BENCHMARK = AdroitRl

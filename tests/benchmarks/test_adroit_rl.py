@@ -1,0 +1,100 @@
+"""The study of learning from demonstrations on the Adroit hand: what is shown, its control, what can be missed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.npg import NaturalGradientLearning
+from aerial_il.benchmarks.adroit_rl import ASKED, CELLS, CLONE, CONTROL, AdroitRl, Arm, _targets
+from aerial_il.benchmarks.parts.adroit.people import flown_by_people
+from aerial_il.benchmarks.parts.adroit.tasks import TASKS, PublishedRewards
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.training.outside import OutsideStages
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.policies.mlp import MlpConfig
+
+DATA = Path("../shared/data/adroit")
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
+SMALL: dict[str, Any] = {
+    "policy": MlpConfig(chunk=1, ensemble=None, hidden=(8,)),
+    "dapg": DemonstrationAugmented(
+        steps=1_200,
+        rollout=800,
+        warmup=100,
+        execute=1,
+        cloning=BehaviourCloning(steps=5, batch_size=16, validation=0.0),
+    ),
+    "npg": NaturalGradientLearning(rollout=800),
+    "tasks": ("door",),
+    "rewards": ("environment",),
+    "draws": (0,),
+    "episodes": 2,
+    "worlds": 2,
+    "num_envs": 2,
+}
+
+
+@needs_data
+def test_what_people_flew_fits_the_environment() -> None:
+    env = PublishedRewards(TASKS["door"], 1, CELLS["door"].max_steps)
+    shown = flown_by_people(TASKS["door"], DATA, env.spec)
+    env.close()
+    assert len(shown) == CELLS["door"].demos
+    assert {len(episode.obs["observation"]) - len(episode) for episode in shown} == {1}
+    assert max(map(len, shown)) < env.spec.max_steps
+    assert all((np.abs(episode.actions) <= 1.0).all() for episode in shown)
+
+
+@pytest.mark.slow
+@needs_data
+def test_a_small_study_has_its_control_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    report = AdroitRl(**SMALL).run(tmp_path, progress=False)
+    arms = {row["arm"]: row for row in report.tables["Arms"]}
+    assert list(arms) == [CLONE, ASKED, CONTROL]
+    assert {name: row["demos"] for name, row in arms.items()} == {CLONE: 25, ASKED: 25, CONTROL: 0}
+    assert arms[ASKED]["steps"] == arms[CONTROL]["steps"] == 1_200
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
+    AdroitRl(**SMALL).run(tmp_path, progress=False)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == before
+
+
+@needs_data
+def test_draws_of_the_experts_flights_differ_and_those_of_people_cannot(tmp_path: Path) -> None:
+    study, stages = AdroitRl(), OutsideStages(record=Record(tmp_path))
+    expert, people = (
+        [study.training(Arm(task, ASKED, "environment"), draw, stages).shown for draw in (0, 1)]
+        for task in ("relocate", "door")
+    )
+    assert expert[0] != expert[1]
+    assert people[0] == people[1]
+    control = study.training(Arm("door", CONTROL, "environment"), 0, stages)
+    assert control.shown is None
+    assert control.algorithm.steps == study.dapg.steps
+
+
+def test_both_targets_can_be_missed() -> None:
+    usual = {"steps": 1, "trainings": 1, "success": 1, "episodes": 1, "flights_low": 0.0, "flights_high": 100.0}
+    usual |= {"trainings_low": None, "trainings_high": None, "worst": 0.0, "best": 0.0}
+
+    def verdicts(asked: float, control: float) -> list[bool | None]:
+        percents = {ASKED: asked, CONTROL: control}
+        rows = {Arm("door", name, "environment"): {**usual, "percent": value} for name, value in percents.items()}
+        return [target.met for target in _targets(rows)]
+
+    assert verdicts(80.0, 5.0) == [True, True]
+    assert verdicts(79.0, 6.0) == [False, False]
+
+
+def test_unknown_tasks_and_missing_data_are_answered(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="relocate"):
+        AdroitRl(tasks=("pen",))
+    with pytest.raises(InvalidValueError, match="start at 1"):
+        AdroitRl(worlds=0)
+    report = AdroitRl(data=str(tmp_path / "none")).run(tmp_path, progress=False)
+    assert "bench.data=FOLDER" in report.tables["Skipped"][0]["why"]
