@@ -1,0 +1,189 @@
+"""Faster than the teacher: reinforcement learning from a clone that is as good, and as slow, as its expert.
+
+A clone of many demonstrations takes the expert's time. It goes on by practice, rewarded for success alone; discounting
+makes sooner worth more. Expert, clone and what practice made of it fly the same unseen seeds, and times are compared
+seed by seed. Every stage is kept by all that decides it: killed at any moment, the same call continues.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from aerial_il import experts
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
+from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
+from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.progress import bar
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
+from aerial_il.benchmarks.parts.training.demonstrations import Source
+from aerial_il.benchmarks.parts.training.practised import Continued
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described, judge
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import named_rng
+from aerial_il.core.settings import plain
+from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.statistics import bootstrap_mean
+from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.network import PolicyConfig
+
+EXPERT, CLONE, ASKED = "expert", "bc", "bc_ppo"
+MOST_OF_TIME, MOST_LOST = 75.0, 0.0  # % of the expert's time; points of success
+NOTES = (
+    "Time: until success. Of the expert's: ratio of the mean times over the seeds that both solved, so that nobody "
+    "gains by failing where it takes long; its interval is a bootstrap over these seeds, of all trainings together.",
+    "The reward is sparse, 1 for success, discounted by 1 - gamma in each step; nothing else asks for haste. Judged is "
+    "the final policy. Trainings differ in their draw: demonstrations and flights (other seeds), weights and "
+    "minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % "
+    "interval with a training as the unit.",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeyondTeacher:
+    """Settings.
+
+    Attributes:
+        policy: what is trained. cloning: how the clone is made. practising: how it goes on.
+        robot, tier: what is flown. tasks: which. demos: of the expert, without noise. draws: one training each.
+        episodes: unseen seeds that judge. num_envs: worlds flown at once there. threads: of the simulation; 0 for all.
+    """
+
+    name: ClassVar[str] = "beyond_teacher"
+    question: ClassVar[str] = "Does practice rewarded for success alone make a clone faster than its teacher?"
+
+    policy: PolicyConfig = field(default_factory=MlpConfig)
+    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
+    practising: ClonedProximalOptimisation = field(default_factory=ClonedProximalOptimisation)
+    robot: str = "fa_hexa_arm4"
+    tier: str = "calm"
+    tasks: tuple[str, ...] = ("pick_place", "insert_peg")
+    demos: int = 200
+    draws: tuple[int, ...] = (0, 1, 2)
+    episodes: int = 200
+    num_envs: int = 50
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        if min(self.demos, self.episodes, self.num_envs) < 1 or not (self.tasks and self.draws):
+            raise InvalidValueError("demos, episodes and num_envs start at 1; tasks and draws name at least one.")
+        check_seeds(EVALUATION_SEED, self.episodes)
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
+        stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
+        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        teachers = {task: self._teacher(task, stages, seeds) for task in self.tasks}
+        found: dict[tuple[str, str], list[EvaluationResult]] = {}
+        for draw in bar(self.draws, self.name, progress):
+            for task in self.tasks:
+                for name, training in self.trainings(task, draw).items():
+                    found.setdefault((task, name), []).append(stages.judged(training, self.tier, seeds))
+        rows = [row for task in self.tasks for row in self._rows(task, teachers[task], found, stages)]
+        return Report(
+            name=self.name,
+            question=self.question,
+            settings=json.loads(json.dumps(plain(self) | {"policy": described(self.policy)})),
+            targets=tuple(_targets(rows)),
+            tables={"Time to success": rows},
+            notes=(*NOTES, *stages.origins()),
+            details={
+                "failed_seeds": {
+                    f"{task}, {name}: {draw}": failed_seeds(result)
+                    for (task, name), results in found.items()
+                    for draw, result in zip(self.draws, results, strict=True)
+                }
+            },
+            wall_time_s=stages.seconds(),
+        )
+
+    def trainings(self, task: str, draw: int) -> dict[str, Cloned | Continued]:
+        """Return the clone and what goes on from it."""
+        source = Source(robot=self.robot, task=task, tier=self.tier, draw=draw)
+        clone = Cloned(CLONE, source, self.demos, self.policy, self.cloning)
+        return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, self.practising, self.cloning)}
+
+    def _teacher(self, task: str, stages: Stages, seeds: range) -> EvaluationResult:
+        """Return how the expert flies the seeds that all are judged on."""
+        source = Source(robot=self.robot, task=task, tier=self.tier)
+        ground = flight_fingerprint(self.robot, task, self.tier)
+        decided_by = {"expert": True, "seeds": [seeds.start, seeds.stop], "ground": ground}
+        place = stages.record.place("evaluations", f"{EXPERT}/{self.robot}-{task}-{self.tier}", decided_by)
+        if (place / FILE_NAME).exists():
+            return load_result(place)
+        env = stages.environment(source, self.tier, min(self.num_envs, len(seeds)))
+        return judge(env, experts.make(self.robot, task), seeds, place, name=EXPERT, progress=stages.progress)
+
+    def _rows(
+        self,
+        task: str,
+        teacher: EvaluationResult,
+        found: Mapping[tuple[str, str], Sequence[EvaluationResult]],
+        stages: Stages,
+    ) -> Iterator[Row]:
+        """Yield a row for the expert, for its clones and for what became of them."""
+        for name in (EXPERT, CLONE, ASKED):
+            results = [teacher] if name == EXPERT else found[task, name]
+            trained = [] if name == EXPERT else [self.trainings(task, draw)[name] for draw in self.draws]
+            practised = [t.flown(stages.run_of(t)) for t in trained if isinstance(t, Continued)]
+            yield {
+                "task": task,
+                "arm": name,
+                "demos": 0 if name == EXPERT else self.demos,
+                "flown": round(float(np.mean(practised))) if practised else 0,
+                "minutes": stages.minutes(trained) if trained else 0.0,
+                **pooled_row(results),
+                **_times(results, teacher),
+            }
+
+
+def _times(results: Sequence[EvaluationResult], teacher: EvaluationResult) -> Row:
+    """Return the mean time to success, and its share of the teacher's on the seeds that both solved, in percent."""
+    theirs = {e.seed: e.time_to_success_s for e in teacher.episodes if e.success}
+    pairs = np.array(
+        [
+            (episode.time_to_success_s, theirs[episode.seed])
+            for result in results
+            for episode in result.episodes
+            if episode.success and episode.seed in theirs
+        ],
+        float,
+    ).reshape(-1, 2)
+    if not len(pairs):
+        return {"time_s": None, "of_expert": None, "of_expert_low": None, "of_expert_high": None}
+    mean, theirs_mean = pairs.mean(axis=0)
+    spread = bootstrap_mean(100.0 * pairs[:, 0] / theirs_mean, rng=named_rng(0, "benchmarks", "beyond_teacher"))
+    return {
+        "time_s": round(float(mean), 2),
+        "of_expert": round(float(100.0 * mean / theirs_mean), 1),
+        "of_expert_low": round(spread.lo, 1),
+        "of_expert_high": round(spread.hi, 1),
+    }
+
+
+def _targets(rows: Sequence[Row]) -> Iterator[Target]:
+    """Yield what practice must reach: a shorter time, and no success lost for it."""
+    experts_percent = {row["task"]: row["percent"] for row in rows if row["arm"] == EXPERT}
+    for row in rows:
+        if row["arm"] != ASKED:
+            continue
+        spread = (
+            "no flight succeeded"
+            if row["of_expert"] is None
+            else f"{row['of_expert_low']:g} to {row['of_expert_high']:g} %"
+        )
+        measured = 1000.0 if row["of_expert"] is None else row["of_expert"]
+        yield Target(f"{row['task']}: time, of the expert's", "at most", MOST_OF_TIME, measured, "%", spread)
+        lost = round(experts_percent[row["task"]] - row["percent"], 1)
+        flights = f"flights {row['flights_low']:g} to {row['flights_high']:g} %"
+        yield Target(f"{row['task']}: success lost", "at most", MOST_LOST, lost, "points", flights)
+
+
+BENCHMARK = BeyondTeacher

@@ -1,0 +1,75 @@
+"""The study of becoming faster than the teacher: times are compared like with like, and its targets can be missed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
+from aerial_il.benchmarks.beyond_teacher import ASKED, CLONE, EXPERT, BeyondTeacher, _targets, _times
+from aerial_il.benchmarks.parts.training.practised import Continued
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.mlp import MlpConfig
+
+
+def flown(*times: float | None) -> Any:
+    """An evaluation whose episodes, of seeds 0, 1, ..., succeeded at these times, or not at all."""
+    episodes = [SimpleNamespace(seed=i, success=t is not None, time_to_success_s=t) for i, t in enumerate(times)]
+    return SimpleNamespace(episodes=episodes)
+
+
+def test_nobody_becomes_faster_by_failing_where_it_takes_long() -> None:
+    teacher = flown(2.0, 8.0)
+    assert _times([flown(2.0, None)], teacher)["of_expert"] == 100.0
+    assert _times([flown(1.0, 4.0), flown(2.0, 8.0)], teacher)["of_expert"] == 75.0, "over all trainings"
+    assert _times([flown(1.0, 4.0)], flown(2.0, None))["of_expert"] == 50.0, "where the teacher failed says nothing"
+    assert _times([flown(None, None)], teacher)["of_expert"] is None
+
+
+def test_every_target_can_be_missed() -> None:
+    def verdicts(of_expert: float | None, percent: float) -> list[bool | None]:
+        ends = {"of_expert_low": of_expert, "of_expert_high": of_expert, "flights_low": 0.0, "flights_high": 100.0}
+        rows = [
+            {"task": "reach", "arm": EXPERT, "percent": 99.0},
+            {"task": "reach", "arm": ASKED, "percent": percent, "of_expert": of_expert, **ends},
+        ]
+        return [target.met for target in _targets(rows)]
+
+    assert verdicts(75.0, 99.0) == [True, True]
+    assert verdicts(75.1, 98.5) == [False, False]
+    assert verdicts(None, 0.0) == [False, False], "a policy that never succeeds is not fast"
+
+
+def test_what_practises_begins_with_the_very_clone_beside_it() -> None:
+    trainings = BeyondTeacher().trainings("insert_peg", 1)
+    practised = trainings[ASKED]
+    assert isinstance(practised, Continued)
+    assert practised.clone is not None
+    assert practised.clone.decided_by() == trainings[CLONE].decided_by()
+    with pytest.raises(InvalidValueError, match="start at 1"):
+        BeyondTeacher(demos=0)
+
+
+@pytest.mark.slow
+def test_a_small_study_runs_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    cloning = BehaviourCloning(steps=10, batch_size=16)
+    small = BeyondTeacher(
+        policy=MlpConfig(hidden=(16,)),
+        cloning=cloning,
+        practising=ClonedProximalOptimisation(steps=20_000, rollout=8_000, warmup=1_000, reward_patience=0),
+        tasks=("reach",),
+        demos=2,
+        draws=(0,),
+        episodes=2,
+        num_envs=2,
+    )
+    rows = small.run(tmp_path, progress=False).tables["Time to success"]
+    assert [row["arm"] for row in rows] == [EXPERT, CLONE, ASKED]
+    assert [row["flown"] > 0 for row in rows] == [False, False, True]
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
+    small.run(tmp_path, progress=False)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == before
