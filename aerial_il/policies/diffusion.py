@@ -11,8 +11,8 @@ variance (``ddpm``). The network answers with y = a (``sample``), e (``noise``) 
 (``velocity``). Few steps of a small network leave an error in every answer; a sample carries it as it is, whereas noise
 hands it on divided by sqrt(A_t), which is 400 times as much at the noisiest of 20 steps.
 
-It can follow any of several ways that the demonstrations show. Under ``ddim`` and with the noise kept for an episode it
-stays on the way that it began.
+It can follow any of several ways that the demonstrations show. Noise is drawn anew for every chunk; under ``ddim`` and
+with the noise kept for an episode (``redraw=false``) it stays on the way that it began, even if that leads nowhere.
 
 Source: C. Chi et al., "Diffusion Policy", 2023 (chunks from noise, clip); Y. Ze et al., "3D Diffusion Policy", 2024
 (sample instead of noise); T. Salimans, J. Ho, "Progressive Distillation", 2022, section 4 (velocity); A. Nichol,
@@ -63,7 +63,7 @@ class DiffusionConfig(PolicyConfig):
     sampler: Sampler = "ddim"
     predict: Target = "sample"
     clip: float = 10.0
-    redraw: bool = False
+    redraw: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -42,7 +42,7 @@ class FlowConfig(PolicyConfig):
     blocks: int = 1
     euler_steps: int = 10
     clip: float = 5.0
-    redraw: bool = False
+    redraw: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -2,9 +2,10 @@
 
     loss = -log sum_k pi_k(o) N(a; mu_k(o), diag sigma_k(o)^2),    flown: mu_k(o) with k drawn from pi(o)
 
-A mode here is a whole chunk, so that its actions belong together. Which mode is drawn is decided once per episode
-(``redraw=false``): the mean over overlapping chunks of different modes would be neither. Components can die, for the
-one that starts nearest to the data takes all of it; more modes than needed cost little.
+A mode here is a whole chunk, so that its actions belong together. Which mode is drawn is decided anew for every chunk.
+Decided once per episode (``redraw=false``) overlapping chunks always agree, but an unlucky choice, such as a mode that
+dwells, is never left again. Components can die, for the one that starts nearest to the data takes all of it; more modes
+than needed cost little.
 
 The deviation is at least 0.05 here: over a chunk the likelihood multiplies, and with robomimic's 1e-4 elements that
 hardly vary own the gradient (``policy=gmm_robomimic`` has it; 10 instead of 46 of 50 flights in a trial on ``reach``).
@@ -40,7 +41,7 @@ class GmmConfig(PolicyConfig):
     dropout: float = 0.0
     modes: int = 5
     min_std: float = 0.05
-    redraw: bool = False
+    redraw: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
