@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-IN_A_ROW = 275  # ticks after handing back: who is in trouble again by then is not given another chance
+IN_A_ROW = 150  # ticks, beside one's patience, after handing back: in trouble again by then, it gets no other chance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +37,7 @@ class Watch:
     def __init__(self, judgement: Judgement) -> None:
         self._by, self._enough = judgement, judgement.enough_m
         self.holds, self._tick, self._best, self._got_on = False, 0, float("inf"), 0
-        self._left_then, self._taken, self._handed_back, self._astray = 0.0, 0, -IN_A_ROW, 0
+        self._left_then, self._taken, self._handed_back, self._astray = 0.0, 0, -math.inf, 0
 
     def judge(self, left: float, *, delicate: bool = False) -> bool:
         """Return whether take-over is held now that so much (m) is left to do; ``delicate``: what is done by hand."""
@@ -48,7 +49,7 @@ class Watch:
             self.holds, self._handed_back = False, self._tick
             self._best, self._got_on, self._astray = left, self._tick, 0
         elif not self.holds and self._worries():
-            again = self._tick - self._handed_back < IN_A_ROW
+            again = self._tick - self._handed_back < self._by.patience_ticks + IN_A_ROW
             self._enough = float("inf") if again else self._by.enough_m
             self.holds, self._left_then, self._taken = True, left, self._tick
         return self.holds

@@ -51,6 +51,7 @@ from aerial_il.teleop.piloting.targets import Obs, heading, rotation, vector
 SHOWN = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s"), "rad": (180.0 / math.pi, "°"), "rad/s": (180.0 / math.pi, "°/s")}
 DECIMALS = {"°": 0, "°/s": 0, "%": 0}  # 1 for other units
 POLES = ("ahead", "back"), ("left", "right"), ("up", "down")
+POINTS = ("nose down", "nose up"), ("left", "right")
 TURNS = ("left", "right"), ("nose down", "nose up"), ("roll right", "roll left")
 PLAIN = (("", ""),)
 
@@ -121,7 +122,7 @@ def _tool_readings(spec: ObservationSpec) -> list[Reading]:
     found = []
     if {"ee_pos", "ee_rot6d"} <= set(spec.names):
         found.append(Reading("tool height", PLAIN, "m", lambda obs: [float(obs["ee_pos"][2])]))
-        found.append(Reading("tool points", TURNS[1:2], "rad", lambda obs: [_pitch(obs)]))
+        found.append(Reading("tool points", POINTS, "rad", _pointing))
     if "gripper" in spec.names:
         found.append(Reading("gripper", (("open", "open"),), "%", lambda obs: [100.0 * float(obs["gripper"][0])]))
     return found
@@ -170,9 +171,10 @@ def _turns(obs: Mapping[str, np.ndarray], rotvec: Vec3) -> Vec3:
     return yaw, pitch, roll
 
 
-def _pitch(obs: Obs) -> float:
-    pointing = rotation(obs["ee_rot6d"])[0::3]
-    return math.atan2(-pointing[2], math.hypot(pointing[0], pointing[1]))
+def _pointing(obs: Obs) -> tuple[float, float]:
+    """Return how far the nose is down, 90° straight down and more if it leans back, and how far it points aside."""
+    ahead, left, up = rotate_back(mat_from_yaw(heading(obs)), rotation(obs["ee_rot6d"])[0::3])
+    return math.atan2(-up, ahead), math.asin(min(1.0, max(-1.0, left)))
 
 
 def _lean(axis: Vec3) -> float:

@@ -131,11 +131,10 @@ def test_it_never_hands_back_in_the_midst_of_a_grasp() -> None:
     assert not watch.judge(0.5)
 
 
-def beside_the_cube(ahead: float, up: float, gripper: float) -> Sight:
+def beside_the_cube(ahead: float, up: float, gripper: float, leaning: float = 0.0) -> Sight:
     """What is seen with the tool beside a cube that is not held."""
-    numbers = {
-        "tool to cube": (ahead, 0.0, up), "turn to cube": (0.0,), "cube to bowl": (0.4, 0.0, 0.0), "gripper": (gripper,)
-    }  # fmt: skip
+    numbers: dict[str, tuple[float, ...]] = {"tool to cube": (ahead, 0.0, up), "turn to cube": (0.0,)}
+    numbers |= {"cube to bowl": (0.4, 0.0, 0.0), "gripper": (gripper,), "tool points": (0.5 * np.pi + leaning, 0.0)}
     status = SimpleNamespace(subtasks={"grasped": False, "in_bowl": False})
     return Sight(status, numbers)  # type: ignore[arg-type]  # the rest is not looked at
 
@@ -163,3 +162,21 @@ def test_a_cube_that_cannot_be_grasped_is_given_up_after_three_tries() -> None:
     wishes = [plan.wish(sight) for _ in range(3) for sight in [*[over] * 2, *[between] * 75]]
     tries = 1 + [w.hopeless for w in wishes].index(True) // 77
     assert [tries, {w.part for w in wishes}, wishes[-1].hopeless] == [3, {"over", "down", "close"}, True]
+
+
+def test_a_tool_that_leans_is_straightened_above_the_cube() -> None:
+    plan = plan_for("pick_place")
+    plan.begin(beside_the_cube(0.03, -0.05, 1.0, leaning=0.4), Habit.draw(np.random.default_rng(0)))
+    wishes = [plan.wish(beside_the_cube(0.03, -0.05, 1.0, leaning=0.4)) for _ in range(20)]
+    assert [wishes[0].part, wishes[-1].part] == ["over", "straighten"], "not at a mere sway"
+    assert wishes[-1].mode == "wrist"
+    assert wishes[-1].turn == pytest.approx((0.0, -0.4, 0.0)), "the nose was too far down"
+    assert wishes[-1].offset == pytest.approx((0.0, 0.0, 0.04)), "up to where nothing is in the way"
+    assert plan.wish(beside_the_cube(0.03, -0.09, 1.0, leaning=0.05)).part == "over"
+
+
+def test_fingers_that_are_pushed_aside_again_and_again_are_no_grasp_to_come() -> None:
+    plan = plan_for("pick_place")
+    plan.begin(beside_the_cube(0.0, -0.1, 1.0), Habit.draw(np.random.default_rng(0)))
+    sights = [beside_the_cube(0.0, -0.1, 1.0), beside_the_cube(0.0, -0.03, 1.0), beside_the_cube(0.15, -0.1, 1.0)] * 3
+    assert [plan.wish(sight).hopeless for sight in sights] == [False] * 8 + [True]

@@ -1,4 +1,7 @@
-"""Pick and place by hand: over the cube, down, close, up, over the bowl, down, open, away; again if it slips."""
+"""Pick and place by hand: over the cube, down, close, up, over the bowl, down, open, away; again if it slips.
+
+A tool that leans, as a policy may leave it, is straightened first, above the cube: its fingers would push it away.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,10 @@ FACING_RAD = 0.12
 AT_CUBE_M = 0.008
 LOWEST_M = 0.09  # above the cube, so that open fingers pass over it
 AROUND_M, HALF_CLOSED = 0.03, 0.6  # the fingers are about the cube; they have begun to close: no reason to open them
-GIVEN_UP_TICKS, TRIES = 70, 3  # a grasp takes so long at most; beside the bowl's rim none ever succeeds
+GIVEN_UP_TICKS, TRIES = 70, 3  # a grasp takes so long at most; beside the bowl's rim none succeeds
+FAILED = ("close", "over"), ("down", "over")  # a grasp that failed; fingers that met something else
+LONGEST_TICKS = 1_200  # without a grasp
+LEANS_RAD, STRAIGHT_RAD, STRAIGHTENING_TICKS = 0.2, 0.08, 150
 OVER_BOWL_M = 0.02
 LET_GO_M = 0.052  # the cube's centre over the bowl's underside
 OPEN = 0.85
@@ -25,7 +31,7 @@ class PickPlacePlan:
     """Works part by part, by what is seen; a cube that is not where it should be is fetched again."""
 
     def begin(self, sight: Sight, habit: Habit) -> None:
-        self._habit, self._ticks, self._failed = habit, 0, 0
+        self._habit, self._ticks, self._failed, self._empty, self._straightens = habit, 0, 0, 0, True
         held = sight.status.subtasks["grasped"]
         over = math.hypot(*sight.numbers["cube to bowl"][:2]) < 0.05
         ahead, left, up = sight.numbers["tool to cube"]
@@ -37,11 +43,12 @@ class PickPlacePlan:
 
     def wish(self, sight: Sight) -> Wish:
         after = self._next(sight)
-        self._failed += (self._part, after) == ("close", "over")
+        self._failed += (self._part, after) in FAILED
+        self._empty = 0 if sight.status.subtasks["grasped"] else self._empty + 1
         self._ticks = self._ticks + 1 if after == self._part else 0
         self._part = after
         wish = getattr(self, f"_{after}")(sight)
-        return replace(wish, hopeless=self._failed >= TRIES)
+        return replace(wish, hopeless=self._failed >= TRIES or self._empty > LONGEST_TICKS)
 
     def left(self, sight: Sight) -> float:
         ahead, left, up = sight.numbers["cube to bowl"]
@@ -60,7 +67,13 @@ class PickPlacePlan:
         slipped = ticks > 15 and not flags["grasped"] and math.hypot(ahead, left, up) > 0.035
         if flags["in_bowl"] and part in ("over", "down"):
             return "away"
+        leans = max(map(abs, _leaning(sight)))
         match part:
+            case "over" | "down" if self._straightens and leans > LEANS_RAD and ticks > 10:
+                return "straighten"
+            case "straighten" if leans < STRAIGHT_RAD or ticks > STRAIGHTENING_TICKS:
+                self._straightens = ticks <= STRAIGHTENING_TICKS  # what is out of the arm's reach is let be
+                return "over"
             case "over" if beside < OVER_M and turn < FACING_RAD and abs(-up - self._height) < 0.05:
                 return "down"
             case "down" if beside > ASKEW_M:
@@ -103,6 +116,11 @@ class PickPlacePlan:
         turned = turn if distance < 0.2 or self._habit.turns_first else 0.0
         return Wish("over", offset, (turned, 0.0, 0.0), grip=-1, fine=math.hypot(*offset) < 0.05)
 
+    def _straighten(self, sight: Sight) -> Wish:
+        nose, roll = _leaning(sight)
+        up = max(0.0, LOWEST_M + sight.numbers["tool to cube"][2])
+        return Wish("straighten", (0.0, 0.0, up), (0.0, -nose, -roll), grip=-1, mode="wrist")
+
     def _down(self, sight: Sight) -> Wish:
         ahead, left, up = sight.numbers["tool to cube"]
         aside = math.hypot(ahead, left) > OVER_M + 0.007
@@ -129,6 +147,12 @@ class PickPlacePlan:
 
     def _away(self, sight: Sight) -> Wish:
         return Wish("away", (0.0, 0.0, 0.2), grip=-1)
+
+
+def _leaning(sight: Sight) -> tuple[float, float]:
+    """Return by how much the nose and the right side are too far down for a tool that is to point straight down."""
+    nose, left = sight.numbers["tool points"]
+    return nose - 0.5 * math.pi, left
 
 
 PLAN = PickPlacePlan
