@@ -39,7 +39,7 @@ from aerial_il.benchmarks.parts.records.fingerprint import learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import learning_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar
-from aerial_il.benchmarks.parts.reporting.report import Report
+from aerial_il.benchmarks.parts.reporting.report import Report, skipped
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds
 from aerial_il.benchmarks.parts.training.demonstrations import SEEDS_PER_DRAW
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, steps_of, without_cadence
@@ -122,7 +122,10 @@ class Adroit:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Record, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
         if not Path(self.data).is_dir():
-            return _skipped(self)
+            what = (
+                f"{self.data} does not exist: nothing was measured. Say where the experts lie with bench.data=FOLDER."
+            )
+            return skipped(self, self._plain(), what)
         record = Record(folder)
         experts = {task: self._expert(TASKS[task], record, progress) for task in self.tasks}
         results = {point: self._result(point, record, progress) for point in bar(self.points(), self.name, progress)}
@@ -286,19 +289,6 @@ class Adroit:
     def _plain(self) -> dict[str, Any]:
         """The settings as JSON gives them back."""
         return json.loads(json.dumps(asdict(self)))
-
-
-def _skipped(study: Adroit) -> Report:
-    """Say that the experts are not there."""
-    what = f"{study.data} does not exist: nothing was measured. Say where the experts lie with bench.data=FOLDER."
-    return Report(
-        name=study.name,
-        question=study.question,
-        settings=study._plain(),
-        targets=(),
-        tables={"Skipped": [{"why": what}]},
-        notes=(what,),
-    )
 
 
 def _successes(dataset: Path) -> Iterator[Episode]:

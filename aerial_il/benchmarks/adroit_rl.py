@@ -17,7 +17,6 @@ from typing import Any, ClassVar, Literal
 from aerial_il.algorithms.dapg import DemonstrationAugmented
 from aerial_il.algorithms.decisions.practice import PRIOR
 from aerial_il.algorithms.npg import NaturalGradientLearning
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.reinforcement import Reward
 from aerial_il.benchmarks.adroit import Adroit
 from aerial_il.benchmarks.parts.adroit.people import file_of, flown_by_people
@@ -25,14 +24,15 @@ from aerial_il.benchmarks.parts.adroit.tables import Point
 from aerial_il.benchmarks.parts.adroit.tasks import POLICIES, TASKS, PublishedRewards
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
-from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
+from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target, skipped
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
 from aerial_il.benchmarks.parts.training.outside import VERSIONS, Learned, OutsideStages, Task, versions_of
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judge
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described
+from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.files import sha256_of
 from aerial_il.data.episode import Episode
-from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
@@ -119,7 +119,8 @@ class AdroitRl:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Record, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
         if not Path(self.data).is_dir():
-            return self._skipped()
+            what = f"{self.data} does not exist: nothing was measured. Say where the data lie with bench.data=FOLDER."
+            return skipped(self, self._plain(), what)
         stages = OutsideStages(record=Record(folder), episodes=self.episodes, num_envs=self.num_envs, progress=progress)
         work = list(product(self.draws, self.arms()))
         found: dict[Arm, list[EvaluationResult]] = {arm: [] for arm in self.arms()}
@@ -153,28 +154,34 @@ class AdroitRl:
 
     def training(self, arm: Arm, draw: int, stages: OutsideStages) -> Learned:
         """Return the training of an arm; a clone's is that of dapg, which makes it."""
-        cell, place = CELLS[arm.task], f"{arm.reward}/{arm.name}".replace(", ", "-").replace(" ", "_")
-        task = Task(
-            arm.task, lambda count: PublishedRewards(TASKS[arm.task], count, cell.max_steps), self._ground(cell)
-        )
-        algorithm: OnlineAlgorithm = self.npg if arm.name == CONTROL else self.dapg
-        algorithm = replace(algorithm, reward=arm.reward)  # type: ignore[type-var]  # both are told it
+        cell, adroit_task = CELLS[arm.task], TASKS[arm.task]
+        task = Task(arm.task, lambda count: PublishedRewards(adroit_task, count, cell.max_steps), self._ground(cell))
         if arm.name == CONTROL:
-            return Learned(place, task, replace(algorithm, steps=self.dapg.steps), self.scratch, draw, self.worlds)
-        shown = {"by": cell.by, "demos": cell.demos, "draw": draw if cell.by == "expert" else None, **self._files(cell)}
-        place = place.replace(CLONE, ASKED)
+            npg = replace(self.npg, reward=arm.reward, steps=self.dapg.steps)
+            return Learned(f"{arm.reward}/{npg.name}", task, npg, self.scratch, draw, self.worlds)
+        dapg = replace(self.dapg, reward=arm.reward)
         return Learned(
-            place, task, algorithm, self.policy, draw, self.worlds, shown, lambda: self._shown(cell, draw, stages)
+            f"{arm.reward}/{dapg.name}",
+            task,
+            dapg,
+            self.policy,
+            draw,
+            self.worlds,
+            shown=self._shown_by(cell, draw),
+            demos=lambda: self._shown(cell, draw, stages),
         )
 
     def _ground(self, cell: Cell) -> dict[str, Any]:
         versions = versions_of((*VERSIONS, "gymnasium-robotics"))
         return {"task": cell.task, "max_steps": cell.max_steps, "rewards": "published", **versions}
 
-    def _files(self, cell: Cell) -> dict[str, str]:
-        people = cell.by == "people"
-        file = file_of(TASKS[cell.task], Path(self.data)) if people else Path(self.data) / POLICIES
-        return {"file": sha256_of(file)}
+    def _shown_by(self, cell: Cell, draw: int) -> dict[str, Any]:
+        """Return what decides the demonstrations of a draw."""
+        if cell.by == "people":  # who flew the same ones for all draws
+            draws, file = None, file_of(TASKS[cell.task], Path(self.data))
+        else:
+            draws, file = draw, Path(self.data) / POLICIES
+        return {"by": cell.by, "demos": cell.demos, "draw": draws, "file": sha256_of(file)}
 
     def _shown(self, cell: Cell, draw: int, stages: OutsideStages) -> Sequence[Episode]:
         """Return the demonstrations, recording the expert's that are missing."""
@@ -194,11 +201,12 @@ class AdroitRl:
         seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
         decided_by = {"clone of": training.decided_by(), "seeds": [seeds.start, seeds.stop]}
         place = stages.record.place("evaluations", f"{arm.task}/{CLONE}/{draw}", decided_by)
-        if (place / FILE_NAME).exists():
-            return load_result(place)
-        stages.judged(training)
-        clone, env = load_policy(stages.run_of(training) / PRIOR), training.task.open(self.num_envs)
-        return judge(env, clone, seeds, place, name=CLONE, progress=stages.progress)
+
+        def clone() -> Policy:
+            stages.judged(training)  # which makes it
+            return load_policy(stages.run_of(training) / PRIOR)
+
+        return stages.flown(place, training.task, clone, seeds, name=CLONE)
 
     def _row(self, arm: Arm, results: Sequence[EvaluationResult], stages: OutsideStages) -> Row:
         cell, learned = CELLS[arm.task], arm.name != CLONE
@@ -214,17 +222,6 @@ class AdroitRl:
             "minutes": round(sum(minutes) / len(minutes), 1),
             **pooled_row(results),
         }
-
-    def _skipped(self) -> Report:
-        what = f"{self.data} does not exist: nothing was measured. Say where the data lie with bench.data=FOLDER."
-        return Report(
-            name=self.name,
-            question=self.question,
-            settings=self._plain(),
-            targets=(),
-            tables={"Skipped": [{"why": what}]},
-            notes=(what,),
-        )
 
     def _plain(self) -> dict[str, Any]:
         """The settings as JSON gives them back."""

@@ -25,17 +25,25 @@ from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practised import Continued
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described, judge
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    Cloned,
+    Stages,
+    check_seeds,
+    described,
+    judged_once,
+)
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.settings import plain
-from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import bootstrap_mean
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 
 EXPERT, CLONE, ASKED = "expert", "bc", "bc_ppo"
 MOST_OF_TIME, MOST_LOST = 75.0, 0.0  # % of the expert's time; points of success
+NEVER = 1_000.0  # %, in place of the time of those that never succeed
 NOTES = (
     "Time: until success. Of the expert's: ratio of the mean times over the seeds that both solved, so that nobody "
     "gains by failing where it takes long; its interval is a bootstrap over these seeds, of all trainings together.",
@@ -116,10 +124,14 @@ class BeyondTeacher:
         ground = flight_fingerprint(self.robot, task, self.tier)
         decided_by = {"expert": True, "seeds": [seeds.start, seeds.stop], "ground": ground}
         place = stages.record.place("evaluations", f"{EXPERT}/{self.robot}-{task}-{self.tier}", decided_by)
-        if (place / FILE_NAME).exists():
-            return load_result(place)
-        env = stages.environment(source, self.tier, min(self.num_envs, len(seeds)))
-        return judge(env, experts.make(self.robot, task), seeds, place, name=EXPERT, progress=stages.progress)
+        return judged_once(
+            place,
+            lambda: experts.make(self.robot, task),
+            lambda: stages.environment(source, self.tier, min(self.num_envs, len(seeds))),
+            seeds,
+            name=EXPERT,
+            progress=stages.progress,
+        )
 
     def _rows(
         self,
@@ -174,12 +186,9 @@ def _targets(rows: Sequence[Row]) -> Iterator[Target]:
     for row in rows:
         if row["arm"] != ASKED:
             continue
-        spread = (
-            "no flight succeeded"
-            if row["of_expert"] is None
-            else f"{row['of_expert_low']:g} to {row['of_expert_high']:g} %"
-        )
-        measured = 1000.0 if row["of_expert"] is None else row["of_expert"]
+        measured, spread = NEVER, "no flight succeeded"
+        if row["of_expert"] is not None:
+            measured, spread = row["of_expert"], f"{row['of_expert_low']:g} to {row['of_expert_high']:g} %"
         yield Target(f"{row['task']}: time, of the expert's", "at most", MOST_OF_TIME, measured, "%", spread)
         lost = round(experts_percent[row["task"]] - row["percent"], 1)
         flights = f"flights {row['flights_low']:g} to {row['flights_high']:g} %"

@@ -31,6 +31,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     check_seeds,
     described,
+    judged_once,
     steps_of,
     trained_s,
     without_cadence,
@@ -40,8 +41,7 @@ from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import plain
 from aerial_il.data.dataset import Dataset, open_dataset
-from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
-from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
@@ -228,13 +228,10 @@ class Draw:
         where = {"seeds": [seeds.start, seeds.stop], "ground": flight_fingerprint(study.robot, study.task, study.tier)}
         decided_by = {"training": self._decided_by(arm), "arm": arm, **where}
         place = self.record.place("evaluations", f"{arm}/{self.driven.label}", decided_by)
-        if not (place / FILE_NAME).exists():
-            env = self.driven.environment(min(study.num_envs, len(seeds)))
-            try:
-                evaluate(env, policy(), seeds, policy_name=arm, progress=self.progress).save(place)
-            finally:
-                env.close()
-        return load_result(place)
+        worlds = min(study.num_envs, len(seeds))
+        return judged_once(
+            place, policy, lambda: self.driven.environment(worlds), seeds, name=arm, progress=self.progress
+        )
 
     def _demonstrations(self, count: int) -> Dataset:
         return self.driven.demonstrations(self.record, count)

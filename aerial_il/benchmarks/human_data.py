@@ -152,8 +152,9 @@ class HumanData:
     def _trainings(self) -> Iterator[tuple[str, str, Training]]:
         """Yield policy class, teacher and training, draw by draw."""
         names = self.arms or tuple(self.policies)
-        cells = product(self.draws, names, (DRIVER, SCRIPT))
-        for draw, name, teacher in ((d, n, t) for d, n, t in cells if d in self.draws[: self.fewer.get(n)]):
+        for draw, name, teacher in product(self.draws, names, (DRIVER, SCRIPT)):
+            if draw not in self.draws[: self.fewer.get(name)]:
+                continue
             source = Source(robot=self.robot, task=self.task, tier=self.tier, draw=draw)
             policy = self.policies[name]
             if teacher == DRIVER:

@@ -74,6 +74,11 @@ class Episode:
         return np.asarray(~np.isnan(self.expert_actions).any(axis=1))
 
     @property
+    def known(self) -> np.ndarray:
+        """(T,) bool, the steps to learn from: those with a label, or all where the expert was never asked."""
+        return self.asked if self.asked.any() else np.ones(len(self), bool)
+
+    @property
     def labels(self) -> np.ndarray:
         """(T, Da) what is to be learned: what the expert would have done, and where nobody was asked what was done."""
         return np.where(self.asked[:, None], self.expert_actions, self.executed_actions)

@@ -80,7 +80,7 @@ class Waypoints:
 
 def relabelled(episode: Episode, lookahead: int) -> Episode:
     """Return ``episode`` without its no-ops, labelled by the poses reached ``lookahead`` of its steps later."""
-    labels, flown, dt = np.array(episode.labels, float), known(episode), episode.spec.control_dt_s
+    labels, flown, dt = np.array(episode.labels, float), episode.known, episode.spec.control_dt_s
     grips = _change(labels)[:, TURN.stop :].max(1, initial=0.0) > STILL_GRIPPER_S * dt
     gripping = _near(grips, round(GRIP_MARGIN_S / dt))
     left = np.flatnonzero(_moving(labels, dt) | gripping | ~flown | _held(episode))
@@ -92,11 +92,6 @@ def relabelled(episode: Episode, lookahead: int) -> Episode:
     labels[:, TURN] = episode.obs["ee_rot6d"][reached].reshape(-1, 6)
     labels[~_led_on(flown[left], ahead, lookahead)] = np.nan
     return replace(_only(episode, left), expert_actions=labels)
-
-
-def known(episode: Episode) -> np.ndarray:
-    """Return the steps (T,) that a person flew: those that are labelled, or all of an episode without labels."""
-    return episode.asked if episode.asked.any() else np.ones(len(episode), bool)
 
 
 def _moving(labels: np.ndarray, dt: float) -> np.ndarray:

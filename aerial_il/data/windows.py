@@ -141,5 +141,4 @@ def _target(episode: Episode, target: Target) -> np.ndarray:
 
 def _known(episode: Episode, target: Target) -> np.ndarray:
     """(T,) bool: the steps whose target is worth learning."""
-    asked = episode.asked
-    return asked if target == "expert_actions" and asked.any() else np.ones(len(episode), bool)
+    return episode.known if target == "expert_actions" else np.ones(len(episode), bool)

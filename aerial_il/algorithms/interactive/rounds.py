@@ -213,13 +213,7 @@ def demonstration_weights(demos: Sequence[Episode], flights: Sequence[Episode], 
     Returns:
         The weights of the demonstrations and then of the flights; None, all alike, where they have that share anyway.
     """
-    shown, flown = (sum(_labelled(e) for e in episodes) for episodes in (demos, flights))
+    shown, flown = (sum(int(e.known.sum()) for e in episodes) for episodes in (demos, flights))
     if shown >= share * (shown + flown):
         return None
     return [share / shown] * len(demos) + [(1.0 - share) / flown] * len(flights)
-
-
-def _labelled(episode: Episode) -> int:
-    """Return in how many steps of an episode there is something to learn."""
-    asked = int(episode.asked.sum())
-    return asked or len(episode)

@@ -36,7 +36,7 @@ class Watch:
 
     def __init__(self, judgement: Judgement) -> None:
         self._by, self._enough = judgement, judgement.enough_m
-        self.holds, self._tick, self._best, self._got_on = False, 0, float("inf"), 0
+        self.holds, self._tick, self._best, self._got_on = False, 0, math.inf, 0
         self._left_then, self._taken, self._handed_back, self._astray = 0.0, 0, -math.inf, 0
 
     def judge(self, left: float, *, delicate: bool = False) -> bool:
@@ -50,7 +50,7 @@ class Watch:
             self._best, self._got_on, self._astray = left, self._tick, 0
         elif not self.holds and self._worries():
             again = self._tick - self._handed_back < self._by.patience_ticks + IN_A_ROW
-            self._enough = float("inf") if again else self._by.enough_m
+            self._enough = math.inf if again else self._by.enough_m
             self.holds, self._left_then, self._taken = True, left, self._tick
         return self.holds
 

@@ -51,7 +51,6 @@ from aerial_il.teleop.piloting.targets import Obs, heading, rotation, vector
 SHOWN = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s"), "rad": (180.0 / math.pi, "°"), "rad/s": (180.0 / math.pi, "°/s")}
 DECIMALS = {"°": 0, "°/s": 0, "%": 0}  # 1 for other units
 POLES = ("ahead", "back"), ("left", "right"), ("up", "down")
-POINTS = ("nose down", "nose up"), ("left", "right")
 TURNS = ("left", "right"), ("nose down", "nose up"), ("roll right", "roll left")
 PLAIN = (("", ""),)
 
@@ -122,7 +121,7 @@ def _tool_readings(spec: ObservationSpec) -> list[Reading]:
     found = []
     if {"ee_pos", "ee_rot6d"} <= set(spec.names):
         found.append(Reading("tool height", PLAIN, "m", lambda obs: [float(obs["ee_pos"][2])]))
-        found.append(Reading("tool points", POINTS, "rad", _pointing))
+        found.append(Reading("tool points", (TURNS[1], TURNS[0]), "rad", _pointing))
     if "gripper" in spec.names:
         found.append(Reading("gripper", (("open", "open"),), "%", lambda obs: [100.0 * float(obs["gripper"][0])]))
     return found

@@ -125,6 +125,18 @@ class Report:
         }
 
 
+def skipped(benchmark: Benchmark, settings: Mapping[str, Any], why: str) -> Report:
+    """Return the report of a benchmark that measured nothing, and says why; ``settings``: as plain values."""
+    return Report(
+        name=benchmark.name,
+        question=benchmark.question,
+        settings=settings,
+        targets=(),
+        tables={"Skipped": [{"why": why}]},
+        notes=(why,),
+    )
+
+
 def machine() -> dict[str, Any]:
     """Return what speed depends on: processor, cores available to this process, load at this moment."""
     return {"cpu": _cpu_name(), "cores": available_cores(), "load_average": round(os.getloadavg()[0], 1)}

@@ -14,10 +14,10 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.fingerprint import learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.practised import BESIDE
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judge, without_cadence
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judged_once, without_cadence
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
-from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
+from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.parts.network import PolicyConfig
 
 Open = Callable[[int], BatchEnv]
@@ -115,10 +115,12 @@ class OutsideStages:
         seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
         decided_by = {"training": training.decided_by(), "seeds": [seeds.start, seeds.stop]}
         place = self.record.place("evaluations", training.label, decided_by)
-        if (place / FILE_NAME).exists():
-            return load_result(place)
-        policy, env = self.trained(training), training.task.open(min(self.num_envs, self.episodes))
-        return judge(env, policy, seeds, place, name=training.label, progress=self.progress)
+        return self.flown(place, training.task, lambda: self.trained(training), seeds, training.label)
+
+    def flown(self, place: Path, task: Task, policy: Callable[[], Policy], seeds: range, name: str) -> EvaluationResult:
+        """Return how ``policy()`` does on ``seeds`` of a task, as ``place`` holds it or flown now."""
+        worlds = min(self.num_envs, len(seeds))
+        return judged_once(place, policy, lambda: task.open(worlds), seeds, name=name, progress=self.progress)
 
     def trained(self, training: Learned) -> Policy:
         """Return the final policy of a training."""

@@ -7,7 +7,7 @@ any moment, the same call continues; several processes may share a record as lon
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -180,12 +180,16 @@ class Stages:
         }
         decided_by = {"training": training.decided_by(), **where}
         place = self._place("evaluations", f"{training.label}/{tier}", decided_by)
-        if (place / FILE_NAME).exists():
-            self._dataset(source)  # the time of both is the study's, too
-            self.run_of(training)
-            return load_result(place)
-        policy, env = self.policy(training), self.environment(source, tier, min(self.num_envs, len(seeds)))
-        return judge(env, policy, seeds, place, name=training.label, progress=self.progress)
+        self._dataset(source)  # the time of both is the study's, too, where they have been there before
+        self.run_of(training)
+        return judged_once(
+            place,
+            lambda: self.policy(training),
+            lambda: self.environment(source, tier, min(self.num_envs, len(seeds))),
+            seeds,
+            name=training.label,
+            progress=self.progress,
+        )
 
     def environment(self, source: Source, tier: str, num_envs: int) -> BatchEnvironment:
         """Return worlds of a training's cell, with its cameras."""
@@ -231,10 +235,21 @@ class Stages:
         return [place for place in self.places.get(kind, {}) if (place / name).exists()]
 
 
-def judge(env: BatchEnv, policy: Policy, seeds: range, place: Path, *, name: str, progress: bool) -> EvaluationResult:
-    """Fly a policy on ``seeds``, close the environment, and keep the result in the folder ``place``."""
+def judged_once(
+    place: Path,
+    policy: Callable[[], Policy],
+    open_env: Callable[[], BatchEnv],
+    seeds: range,
+    *,
+    name: str,
+    progress: bool,
+) -> EvaluationResult:
+    """Return the result that the folder ``place`` holds, or fly ``policy()`` on ``seeds`` and keep it there."""
+    if (place / FILE_NAME).exists():
+        return load_result(place)
+    judged, env = policy(), open_env()
     try:
-        result = evaluate(env, policy, seeds, policy_name=name, progress=progress)
+        result = evaluate(env, judged, seeds, policy_name=name, progress=progress)
     finally:
         env.close()
     result.save(place)

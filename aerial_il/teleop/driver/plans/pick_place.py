@@ -32,13 +32,10 @@ class PickPlacePlan:
 
     def begin(self, sight: Sight, habit: Habit) -> None:
         self._habit, self._ticks, self._failed, self._empty, self._straightens = habit, 0, 0, 0, True
-        held = sight.status.subtasks["grasped"]
-        over = math.hypot(*sight.numbers["cube to bowl"][:2]) < 0.05
+        self._part = _begun(sight)
         ahead, left, up = sight.numbers["tool to cube"]
         near = math.hypot(ahead, left) < BEND_FROM_M
-        around, closing = math.hypot(ahead, left, up) < AROUND_M, sight.numbers["gripper"][0] < HALF_CLOSED
-        self._part = ("lower" if over else "lift") if held else ("close" if closing else "down") if around else "over"
-        self._straight = held or near
+        self._straight = near or sight.status.subtasks["grasped"]
         self._height = min(habit.height, max(-up, LOWEST_M)) if near else habit.height  # nobody goes up to go down
 
     def wish(self, sight: Sight) -> Wish:
@@ -147,6 +144,15 @@ class PickPlacePlan:
 
     def _away(self, sight: Sight) -> Wish:
         return Wish("away", (0.0, 0.0, 0.2), grip=-1)
+
+
+def _begun(sight: Sight) -> str:
+    """Return the part in whose midst the flight is."""
+    if sight.status.subtasks["grasped"]:
+        return "lower" if math.hypot(*sight.numbers["cube to bowl"][:2]) < 0.05 else "lift"
+    if math.hypot(*sight.numbers["tool to cube"]) < AROUND_M:
+        return "close" if sight.numbers["gripper"][0] < HALF_CLOSED else "down"
+    return "over"
 
 
 def _leaning(sight: Sight) -> tuple[float, float]:
