@@ -1,7 +1,9 @@
 """Policy classes on human-like demonstrations, beside as many of a script: where several modes must earn their place.
 
 A model of a driver and the scripted expert each demonstrate the same task; every class is cloned from each of them and
-flown on the same unseen seeds. Every stage is kept by all that decides it: killed at any moment, the same call goes on.
+flown on the same unseen seeds. The driver's flights are learned from twice: as ``aerial-il train`` does by itself from
+a person's, and as they were recorded. Every stage is kept by all that decides it: killed at any moment, the same call
+goes on.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
+
+import numpy as np
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.benchmarks.parts.records.record import Record
@@ -40,15 +44,18 @@ from aerial_il.policies.gmm import GmmConfig
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 
-DRIVER, SCRIPT = "driver", "script"
+DRIVER, RECORDED, SCRIPT = "driver", "driver, as recorded", "script"
+TEACHERS = (DRIVER, RECORDED, SCRIPT)
 NOTES = (
     "Driver: a model with a reaction time of 0.25 s, errors of perception, tremor, pauses and several habits, which "
-    "sees the page's numbers and moves sticks; no person has flown. Script: the expert, without noise.",
+    "sees the page's numbers and moves sticks; no person has flown. Its flights are learned from as `aerial-il train` "
+    "does by itself from a person's (actions are poses that the tool reached later, in its own frame) or, as recorded, "
+    "like a script's. Script: the expert, without noise.",
     "The final policy of each training. Trainings of an arm differ in their draw: in demonstrations, weights and "
     "minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % "
     "interval with a training as the unit.",
     "All classes have the same number of optimisation steps and the same chunk; the time limit of a flight is the "
-    "task's own.",
+    "task's own. Time: mean to success, of flights that succeed.",
 )
 
 
@@ -96,10 +103,9 @@ class HumanData:
     Attributes:
         policies: name -> what is trained. arms: which of them; empty for all. algorithm: how.
         robot, task, tier: what is flown. demos: of each teacher. draws: one training of each arm each.
+        teachers: whose flights are learned from, and how.
         fewer: arm -> in how many of the draws it is trained, for classes whose training takes long.
         episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
-        by_hand: learn from the driver's flights as ``aerial-il train`` does by itself from a person's; False for as
-            they were recorded.
     """
 
     name: ClassVar[str] = "human_data"
@@ -113,14 +119,17 @@ class HumanData:
     tier: str = "calm"
     demos: int = 100
     draws: tuple[int, ...] = (0, 1, 2)
+    teachers: tuple[str, ...] = TEACHERS
     fewer: Mapping[str, int] = field(default_factory=dict)
     episodes: int = 100
     num_envs: int = 50
-    by_hand: bool = True
 
     def __post_init__(self) -> None:
-        if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
-            raise InvalidValueError("demos, episodes and num_envs start at 1; draws name at least one.")
+        if min(self.demos, self.episodes, self.num_envs) < 1 or not (self.draws and self.teachers):
+            raise InvalidValueError("demos, episodes and num_envs start at 1; draws and teachers name at least one.")
+        for name in self.teachers:
+            if name not in TEACHERS:
+                raise UnknownNameError("teacher", name, TEACHERS)
         for name in (*self.arms, *self.fewer):
             if name not in self.policies:
                 raise UnknownNameError("arm", name, self.policies)
@@ -151,17 +160,18 @@ class HumanData:
 
     def _trainings(self) -> Iterator[tuple[str, str, Training]]:
         """Yield policy class, teacher and training, draw by draw."""
-        names = self.arms or tuple(self.policies)
-        for draw, name, teacher in product(self.draws, names, (DRIVER, SCRIPT)):
-            if draw not in self.draws[: self.fewer.get(name)]:
-                continue
-            source = Source(robot=self.robot, task=self.task, tier=self.tier, draw=draw)
-            policy = self.policies[name]
-            if teacher == DRIVER:
-                algorithm, policy = suited(self.algorithm, policy) if self.by_hand else (self.algorithm, policy)
-                yield name, teacher, ClonedDriver(source, self.demos, policy, algorithm)
-            else:
-                yield name, teacher, Cloned(name, source, self.demos, policy, self.algorithm)
+        for draw, name, teacher in product(self.draws, self.arms or tuple(self.policies), self.teachers):
+            if draw in self.draws[: self.fewer.get(name)]:
+                source = Source(robot=self.robot, task=self.task, tier=self.tier, draw=draw)
+                yield name, teacher, self._training(name, teacher, source)
+
+    def _training(self, name: str, teacher: str, source: Source) -> Training:
+        policy, algorithm = self.policies[name], self.algorithm
+        if teacher == SCRIPT:
+            return Cloned(name, source, self.demos, policy, algorithm)
+        if teacher == DRIVER:
+            algorithm, policy = suited(algorithm, policy)
+        return ClonedDriver(source, self.demos, policy, algorithm)
 
 
 def _rows(found: list[tuple[str, str, Training, EvaluationResult]]) -> Iterator[Row]:
@@ -170,7 +180,9 @@ def _rows(found: list[tuple[str, str, Training, EvaluationResult]]) -> Iterator[
     for name, teacher, _, result in found:
         groups.setdefault((name, teacher), []).append(result)
     for (name, teacher), results in groups.items():
-        yield {"policy": name, "teacher": teacher, **pooled_row(results)}
+        times = [e.time_to_success_s for r in results for e in r.episodes if e.time_to_success_s is not None]
+        seconds = round(float(np.mean(times)), 1) if times else None
+        yield {"policy": name, "teacher": teacher, **pooled_row(results), "time_s": seconds}
 
 
 BENCHMARK = HumanData

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from aerial_il.benchmarks.hg_dagger import HumanInTheLoop
-from aerial_il.benchmarks.human_data import DRIVER, SCRIPT, ClonedDriver, HumanData
+from aerial_il.benchmarks.human_data import TEACHERS, ClonedDriver, HumanData
 from aerial_il.benchmarks.parts.training.stages import Cloned
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
@@ -15,24 +15,26 @@ from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 SUITED = Waypoints(lookahead_s=LOOKAHEAD_S)
 
 
-def test_the_drivers_arm_is_suited_to_hands_and_the_scripts_is_not() -> None:
-    for by_hand in (True, False):
-        found = {teacher: training for _, teacher, training in HumanData(arms=("flow",), by_hand=by_hand)._trainings()}
-        driver, script = found[DRIVER], found[SCRIPT]
-        assert isinstance(driver, ClonedDriver)
-        assert isinstance(script, Cloned)
-        assert driver.algorithm.waypoints == (SUITED if by_hand else Waypoints())
-        assert driver.policy.relative is by_hand
-        assert script.algorithm.waypoints == Waypoints()
-        assert not script.policy.relative
-        assert driver.policy.name == script.policy.name == "flow"
+def test_the_drivers_arm_is_suited_to_hands_and_the_others_are_not() -> None:
+    found = {teacher: training for _, teacher, training in HumanData(arms=("flow",), draws=(0,))._trainings()}
+    driver, recorded, script = (found[teacher] for teacher in TEACHERS)
+    assert isinstance(driver, ClonedDriver)
+    assert isinstance(recorded, ClonedDriver)
+    assert isinstance(script, Cloned)
+    assert (driver.algorithm.waypoints, driver.policy.relative) == (SUITED, True)
+    for other in (recorded, script):
+        assert (other.algorithm.waypoints, other.policy.relative) == (Waypoints(), False)
+    assert driver.driven == recorded.driven
+    assert {training.policy.name for training in found.values()} == {"flow"}
+    with pytest.raises(UnknownNameError, match="person"):
+        HumanData(teachers=("person",))
 
 
 def test_a_class_may_be_trained_in_fewer_draws() -> None:
     found = list(HumanData(arms=("mlp", "act"), fewer={"act": 1})._trainings())
     assert Counter((name, teacher) for name, teacher, _ in found) == {
-        ("mlp", DRIVER): 3, ("mlp", SCRIPT): 3, ("act", DRIVER): 1, ("act", SCRIPT): 1,
-    }  # fmt: skip
+        (name, teacher): count for name, count in (("mlp", 3), ("act", 1)) for teacher in TEACHERS
+    }
     with pytest.raises(UnknownNameError, match="transformer"):
         HumanData(fewer={"transformer": 1})
     with pytest.raises(InvalidValueError, match="fewer starts at 1"):
