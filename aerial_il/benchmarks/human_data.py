@@ -103,7 +103,8 @@ class HumanData:
     Attributes:
         policies: name -> what is trained. arms: which of them; empty for all. algorithm: how.
         robot, task, tier: what is flown. demos: of each teacher. draws: one training of each arm each.
-        teachers: whose flights are learned from, and how.
+        as_recorded: arms that learn from the driver's flights as they were recorded, too; all but ``act``, whose
+            training takes longest.
         fewer: arm -> in how many of the draws it is trained, for classes whose training takes long.
         episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
     """
@@ -119,18 +120,15 @@ class HumanData:
     tier: str = "calm"
     demos: int = 100
     draws: tuple[int, ...] = (0, 1, 2)
-    teachers: tuple[str, ...] = TEACHERS
+    as_recorded: tuple[str, ...] = ("mlp", "gmm", "diffusion", "flow")
     fewer: Mapping[str, int] = field(default_factory=dict)
     episodes: int = 100
     num_envs: int = 50
 
     def __post_init__(self) -> None:
-        if min(self.demos, self.episodes, self.num_envs) < 1 or not (self.draws and self.teachers):
-            raise InvalidValueError("demos, episodes and num_envs start at 1; draws and teachers name at least one.")
-        for name in self.teachers:
-            if name not in TEACHERS:
-                raise UnknownNameError("teacher", name, TEACHERS)
-        for name in (*self.arms, *self.fewer):
+        if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
+            raise InvalidValueError("demos, episodes and num_envs start at 1; draws name at least one.")
+        for name in (*self.arms, *self.fewer, *self.as_recorded):
             if name not in self.policies:
                 raise UnknownNameError("arm", name, self.policies)
         if min(self.fewer.values(), default=1) < 1:
@@ -160,8 +158,9 @@ class HumanData:
 
     def _trainings(self) -> Iterator[tuple[str, str, Training]]:
         """Yield policy class, teacher and training, draw by draw."""
-        for draw, name, teacher in product(self.draws, self.arms or tuple(self.policies), self.teachers):
-            if draw in self.draws[: self.fewer.get(name)]:
+        for draw, name, teacher in product(self.draws, self.arms or tuple(self.policies), TEACHERS):
+            wanted = teacher != RECORDED or name in self.as_recorded
+            if wanted and draw in self.draws[: self.fewer.get(name)]:
                 source = Source(robot=self.robot, task=self.task, tier=self.tier, draw=draw)
                 yield name, teacher, self._training(name, teacher, source)
 

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from aerial_il.benchmarks.hg_dagger import HumanInTheLoop
-from aerial_il.benchmarks.human_data import TEACHERS, ClonedDriver, HumanData
+from aerial_il.benchmarks.human_data import DRIVER, SCRIPT, TEACHERS, ClonedDriver, HumanData
 from aerial_il.benchmarks.parts.training.stages import Cloned
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
@@ -26,17 +26,17 @@ def test_the_drivers_arm_is_suited_to_hands_and_the_others_are_not() -> None:
         assert (other.algorithm.waypoints, other.policy.relative) == (Waypoints(), False)
     assert driver.driven == recorded.driven
     assert {training.policy.name for training in found.values()} == {"flow"}
-    with pytest.raises(UnknownNameError, match="person"):
-        HumanData(teachers=("person",))
 
 
 def test_a_class_may_be_trained_in_fewer_draws() -> None:
     found = list(HumanData(arms=("mlp", "act"), fewer={"act": 1})._trainings())
     assert Counter((name, teacher) for name, teacher, _ in found) == {
-        (name, teacher): count for name, count in (("mlp", 3), ("act", 1)) for teacher in TEACHERS
-    }
+        **{("mlp", teacher): 3 for teacher in TEACHERS}, ("act", DRIVER): 1, ("act", SCRIPT): 1,
+    }  # fmt: skip
     with pytest.raises(UnknownNameError, match="transformer"):
         HumanData(fewer={"transformer": 1})
+    with pytest.raises(UnknownNameError, match="lstm"):
+        HumanData(as_recorded=("lstm",))
     with pytest.raises(InvalidValueError, match="fewer starts at 1"):
         HumanData(fewer={"act": 0})
 
