@@ -44,7 +44,7 @@ from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 
-CLONE, SHOWN_MORE = "bc, first demonstrations", "bc, many demonstrations"
+CLONE, HIDING, SHOWN_MORE = "bc, first demonstrations", "bc, fields hidden", "bc, many demonstrations"
 JUDGED = "expert_iteration"
 WANTED: Mapping[tuple[str, int], float] = {("pick_place", 10): 90.0, ("pick_place", 40): 98.0}  # %, in the own tier
 WANTED_HARDER, MOST_DIP = 85.0, 5.0
@@ -57,6 +57,8 @@ NOTES = (
     "Trainings: Student's 95 % interval with a training as the unit.",
     "Flown: control steps of practice, mean over trainings. Minutes: of flying and learning, mean over trainings; the "
     "clone that an arm begins with, and its demonstrations, are not included.",
+    "bc, fields hidden: a clone of the same demonstrations, trained with fields of the observation hidden at random; "
+    "what practises begins with this one.",
     "ppo is shown nothing and begins with random weights; it stands for learning from scratch. rlpd is shown the "
     "demonstrations and begins with random weights.",
     "Dip: how far success fell below that of the initial policy, measured at the start of each round on the round's "
@@ -103,8 +105,10 @@ class FromPrior:
     """Settings.
 
     Attributes:
-        expert: what demonstrates. policy: what is trained. cloning: how clones are made.
-        practising: arms by name. arms: which of them; empty for all.
+        expert: what demonstrates. policy: what is trained. cloning: how clones are made that do not practise.
+        beginning: how the clone is made that practice begins with, but for those that make their own.
+        practising: arms by name. arms: which of them; empty for all. fewer: arm -> in how many of the draws it is
+            trained, for those that take long.
         robot, tier: what is flown. starts: task -> numbers of demonstrations to begin with.
         many: demonstrations of the clone that was shown more.
         harder: the tier that none has practised in. draws: one training each. episodes: unseen seeds per evaluation.
@@ -117,8 +121,12 @@ class FromPrior:
     expert: Mapping[str, Any] = field(default_factory=usual_expert)
     policy: PolicyConfig = field(default_factory=MlpConfig)
     cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
+    beginning: BehaviourCloning = field(
+        default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0, field_dropout=0.6)
+    )
     practising: Mapping[str, Practising] = field(default_factory=lambda: _all_practising())
     arms: tuple[str, ...] = ()
+    fewer: Mapping[str, int] = field(default_factory=dict)
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40)})
     many: int = 400
@@ -130,14 +138,14 @@ class FromPrior:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        for name in self.arms:
+        for name in (*self.arms, *self.fewer):
             if name not in self.practising:
                 raise UnknownNameError("arm", name, self.practising)
         counts = [count for task in self.starts.values() for count in task]
-        if min([self.many, self.episodes, self.num_envs, *counts]) < 1 or not (self.draws and counts):
-            raise InvalidValueError(
-                "starts, many, episodes and num_envs start at 1; draws and starts name at least one."
-            )
+        if min([self.many, self.episodes, self.num_envs, *counts, *self.fewer.values()]) < 1:
+            raise InvalidValueError("starts, many, episodes, num_envs and fewer start at 1.")
+        if not (self.draws and counts):
+            raise InvalidValueError("draws and starts name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
@@ -170,11 +178,12 @@ class FromPrior:
         """Yield what is trained, draw by draw."""
         for draw, (task, counts) in product(self.draws, self.starts.items()):
             source = Source(robot=self.robot, task=task, tier=self.tier, noise=self.expert["noise"], draw=draw)
-            names = self.arms or tuple(self.practising)
+            names = [name for name in self.arms or tuple(self.practising) if draw in self.draws[: self.fewer.get(name)]]
             scratch = [name for name in names if not self.practising[name].demonstrated]
             many = Cloned("bc", source, self.many, self.policy, self.cloning)
             for count in counts:
                 yield Arm(CLONE, count, Cloned("bc", source, count, self.policy, self.cloning))
+                yield Arm(HIDING, count, Cloned("bc", source, count, self.policy, self.beginning))
                 for name in names:
                     if name not in scratch:
                         yield Arm(name, count, self._practised(name, source, count))
@@ -186,7 +195,7 @@ class FromPrior:
         algorithm = self.practising[name]
         if isinstance(algorithm, ExpertIteration | FilteredCloning):
             return Practised(name, source, count, self.policy, algorithm)
-        return Continued(name, source, count, self.policy, algorithm, self.cloning)
+        return Continued(name, source, count, self.policy, algorithm, self.beginning)
 
     def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:
         """Yield what expert iteration must reach."""

@@ -14,7 +14,7 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.from_prior import CLONE, JUDGED, SHOWN_MORE, Arm, FromPrior, Practice
+from aerial_il.benchmarks.from_prior import CLONE, HIDING, JUDGED, SHOWN_MORE, Arm, FromPrior, Practice
 from aerial_il.benchmarks.parts.records.record import digest
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
@@ -28,6 +28,7 @@ ROUNDS: dict[str, Any] = {"rounds": 2, "episodes": 2, "training": CLONING, "betw
 SMALL: dict[str, Any] = {
     "policy": MlpConfig(hidden=(16,)),
     "cloning": CLONING,
+    "beginning": replace(CLONING, field_dropout=0.6),
     "practising": {
         JUDGED: ExpertIteration(**{**ROUNDS, "training": replace(CLONING, validation=0.0)}, attempts=2),
         "filtered_bc": FilteredCloning(**ROUNDS),
@@ -47,7 +48,7 @@ def test_a_small_study_stands_beside_its_controls_and_goes_on_where_it_stopped(t
     report = FromPrior(**SMALL).run(tmp_path, progress=False)
     success = report.tables["Success"]
     assert [(row["arm"], row["tier"]) for row in success] == [
-        (arm, tier) for arm in (CLONE, JUDGED, "filtered_bc", SHOWN_MORE) for tier in ("calm", "hard")
+        (arm, tier) for arm in (CLONE, HIDING, JUDGED, "filtered_bc", SHOWN_MORE) for tier in ("calm", "hard")
     ]
     flown = {row["arm"]: row["flown"] for row in success}
     assert flown[CLONE] == flown[SHOWN_MORE] == 0
@@ -114,6 +115,26 @@ def test_a_study_of_nothing_is_refused(wrong: dict[str, Any]) -> None:
         FromPrior(**wrong)
 
 
+def test_an_arm_may_be_trained_in_fewer_draws() -> None:
+    arms = list(FromPrior(starts={"reach": (2,)}, arms=("bc_ppo", "dapg"), fewer={"dapg": 1})._all_arms())
+    assert [arm.training.source.draw for arm in arms if arm.name == "bc_ppo"] == [0, 1, 2]
+    assert [arm.training.source.draw for arm in arms if arm.name == "dapg"] == [0]
+    with pytest.raises(InvalidValueError, match="fewer"):
+        FromPrior(fewer={"dapg": 0})
+
+
+def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_table() -> None:
+    arms = {arm.name: arm.training for arm in FromPrior(starts={"reach": (2,)}, draws=(0,))._all_arms()}
+    hiding = digest(arms[HIDING].decided_by())
+    assert hiding != digest(arms[CLONE].decided_by())
+    for training in arms.values():
+        if isinstance(training, Continued) and training.clone:
+            assert digest(training.clone.decided_by()) == hiding
+    own = arms[JUDGED].algorithm
+    assert isinstance(own, ExpertIteration)
+    assert own.training == FromPrior().beginning, "what makes its own clone makes it in the same way"
+
+
 def test_an_arm_that_is_none_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="filtered_bc"):
         FromPrior(arms=("sac",))
@@ -157,7 +178,7 @@ def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(tmp_path: 
     flown = {row["arm"]: row["flown"] for row in report.tables["Success"]}
     assert [flown[name] for name in practising] == [128] * 7
     clones = {run.parent for run in tmp_path.glob("training/bc/*/2/*/metrics.jsonl")}
-    assert len(clones) == 1
+    assert len(clones) == 2, "the one that stands by itself, and the one that all begin with"
     dips = {row["arm"]: row["dip"] for row in report.tables["Dips"]}
     assert dips["jsrl"] is dips["rlpd"] is dips["ppo"] is None
     assert set(report.figures) == {"by_steps.svg", "by_minutes.svg"}
