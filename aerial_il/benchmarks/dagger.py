@@ -25,7 +25,7 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
-from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row, pooled_target
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
@@ -201,14 +201,13 @@ def _grouped(results: Results) -> Iterator[list[Arm]]:
 def _row(head: Arm, arms: Sequence[Arm], results: Results, stages: Stages) -> Row:
     """Return success of some trainings of one arm, and what the mean one cost."""
     costs = [_cost(arm.training, stages) for arm in arms]
-    times = [e.time_to_success_s for arm in arms for e in results[arm].episodes if e.time_to_success_s is not None]
     return {
         "task": head.training.source.task,
         "arm": head.name,
         "control_of": head.control_of,
         **{key: round(float(np.mean([cost[key] for cost in costs]))) for key in costs[0]},
         **{("flown" if k == "episodes" else k): v for k, v in pooled_row(results[arm] for arm in arms).items()},
-        "time_s": round(float(np.mean(times)), 2) if times else None,
+        "time_s": mean_time_s(results[arm] for arm in arms),
     }
 
 

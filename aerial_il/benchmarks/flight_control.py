@@ -39,7 +39,7 @@ from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines, step_lines, success_curves
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
-from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row, pooled_target
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, TUNING_SEEDS, described, without_cadence
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
@@ -320,9 +320,8 @@ def _manoeuvre_tables(flown: Mapping[str, list[dict[str, Any]]]) -> dict[str, li
 
 
 def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult]) -> Row:
-    times = [e.time_to_success_s for result in found for e in result.episodes if e.time_to_success_s is not None]
     crashes = sum(result.metrics["ends"]["crash"] for result in found)
-    seconds = round(float(np.mean(times)), 2) if times else None
+    seconds = mean_time_s(found)
     return {"task": task, "tier": tier, "flown_by": name, **pooled_row(found), "time_s": seconds, "crashes": crashes}
 
 

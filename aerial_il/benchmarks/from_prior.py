@@ -34,7 +34,7 @@ from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import practice_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
-from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row, pooled_target
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
@@ -300,7 +300,6 @@ def _grouped(arms: Sequence[Arm]) -> Iterator[list[Arm]]:
 def _row(group: Sequence[Arm], tier: str, results: Results, stages: Stages) -> Row:
     """Return success of the trainings of one arm in a tier, and what the mean one cost."""
     judged = [results[arm, tier] for arm in group]
-    times = [e.time_to_success_s for result in judged for e in result.episodes if e.time_to_success_s is not None]
     return {
         "task": group[0].cell[0],
         "demos": group[0].demos,
@@ -309,7 +308,7 @@ def _row(group: Sequence[Arm], tier: str, results: Results, stages: Stages) -> R
         "flown": round(float(np.mean([_flown(arm, stages) for arm in group]))),
         "minutes": stages.minutes(arm.training for arm in group),
         **pooled_row(judged),
-        "time_s": round(float(np.mean(times)), 2) if times else None,
+        "time_s": mean_time_s(judged),
     }
 
 

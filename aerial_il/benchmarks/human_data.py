@@ -15,13 +15,11 @@ from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row
-from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.driver import Driven, suited
 from aerial_il.benchmarks.parts.training.stages import (
@@ -179,9 +177,7 @@ def _rows(found: list[tuple[str, str, Training, EvaluationResult]]) -> Iterator[
     for name, teacher, _, result in found:
         groups.setdefault((name, teacher), []).append(result)
     for (name, teacher), results in groups.items():
-        times = [e.time_to_success_s for r in results for e in r.episodes if e.time_to_success_s is not None]
-        seconds = round(float(np.mean(times)), 1) if times else None
-        yield {"policy": name, "teacher": teacher, **pooled_row(results), "time_s": seconds}
+        yield {"policy": name, "teacher": teacher, **pooled_row(results), "time_s": mean_time_s(results, digits=1)}
 
 
 BENCHMARK = HumanData

@@ -30,6 +30,12 @@ def success_row(result: EvaluationResult) -> Row:
     }
 
 
+def mean_time_s(results: Iterable[EvaluationResult], *, digits: int = 2) -> float | None:
+    """Return the mean time to success, s, of all flights that succeed, rounded; None where none does."""
+    times = [e.time_to_success_s for result in results for e in result.episodes if e.time_to_success_s is not None]
+    return round(float(np.mean(times)), digits) if times else None
+
+
 def pooled_row(results: Iterable[EvaluationResult]) -> Row:
     """Return success over several trainings of one arm, with both intervals that such a number has.
 
