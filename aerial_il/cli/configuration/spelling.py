@@ -33,10 +33,14 @@ def of_group(group: str, settings: Mapping[str, Any], *, default: str) -> list[s
 
 
 def changed(prefix: str, usual: Mapping[str, Any], chosen: Mapping[str, Any]) -> list[str]:
-    """Return ``~prefix.key`` for all that ``chosen`` lacks, ``prefix.key=value`` for what ``usual`` has not."""
-    before = flat(usual)
+    """Return ``~prefix.key`` for all that ``chosen`` lacks, ``prefix.key=value`` for what ``usual`` has not.
+
+    A key that ``usual`` has no place for is added, ``+prefix.key=value``.
+    """
+    before, added = flat(usual), tuple(f"{key}." for key in removed(chosen, usual))
     given = [
-        f"{prefix}.{key}={value if isinstance(before.get(key), str) and isinstance(value, str) else typed(value)}"
+        f"{'+' * f'{key}.'.startswith(added)}{prefix}.{key}="
+        f"{value if isinstance(before.get(key), str) and isinstance(value, str) else typed(value)}"
         for key, value in flat(chosen).items()
         if before.get(key) != value
     ]
