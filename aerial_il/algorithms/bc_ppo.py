@@ -45,8 +45,8 @@ class ClonedProximalOptimisation(PractisedChunks, AnchoredOnPolicy):
 
     name: ClassVar[str] = "bc_ppo"
 
-    steps: int = 3_000_000
-    gamma: float = 0.997
+    steps: int = 16_000_000
+    gamma: float = 0.995
 
     def practise(self, practice: Practice) -> ChunkPolicy:
         run, prior = practice.run, practice.prior

@@ -56,9 +56,11 @@ class DemonstrationAugmented(PractisedChunks, NaturalGradientLearning):
 
     name: ClassVar[str] = "dapg"
 
-    steps: int = 3_000_000
-    gamma: float = 0.997
-    batch_size: int = 256
+    steps: int = 16_000_000
+    gamma: float = 0.995
+    rollout: int = 65_536
+    step_size: float = 0.5
+    batch_size: int = 1024
     critic_hidden: tuple[int, ...] = (128, 128)
     demos_weight: float = 0.1
     demos_decay: float = 0.95

@@ -56,14 +56,14 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
     name: ClassVar[str] = "jsrl"
     needs: ClassVar[tuple[str, ...]] = ("env", "expert")
 
-    steps: int = 3_000_000
-    gamma: float = 0.997
+    steps: int = 16_000_000
+    gamma: float = 0.995
     guide: str | None = None
     schedule: Schedule = "curriculum"
     horizon: int = 0
     stages: int = 10
     window: int = 100
-    tolerance: float = 0.1
+    tolerance: float = 0.3
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -48,9 +48,11 @@ class ResidualLearning(PractisedPolicy, AnchoredOnPolicy):
 
     name: ClassVar[str] = "residual"
 
-    steps: int = 3_000_000
-    gamma: float = 0.997
+    steps: int = 16_000_000
+    gamma: float = 0.995
     lr: float = 3e-4
+    clip: float = 0.2
+    target_kl: float = 0.05
     hidden: tuple[int, ...] = (128, 128)
     reach: float = 0.5
     hold: int = 10

@@ -69,7 +69,7 @@ class PractisedPolicy(Reinforcement):
     prior: str | None = None
     cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
     warmup: int = 50_000
-    patience: float = 1.3
+    patience: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,6 +145,8 @@ class PractisedPolicy(Reinforcement):
 class AnchoredOnPolicy(ProximalOnPolicy):
     """Settings of PPO that begins with something good and holds on to it; ``lr`` is the actor's.
 
+    The divergences of all numbers of a chunk add up, and there are tens: ``clip`` and ``target_kl`` are wide.
+
     Attributes:
         critic_lr: the critic's learning rate, which stays.
         kl: weight of the divergence of a decision from what the beginning would have drawn; it falls linearly to zero.
@@ -152,14 +154,15 @@ class AnchoredOnPolicy(ProximalOnPolicy):
             :mod:`aerial_il.algorithms.decisions.gate`. A large number for any.
     """
 
-    rollout: int = 16_384
-    lr: float = 1e-5
+    rollout: int = 65_536
+    lr: float = 5e-5
     critic_lr: float = 1e-3
     epochs: int = 5
-    batch_size: int = 256
-    target_kl: float = 0.05
+    batch_size: int = 1024
+    clip: float = 0.9
+    target_kl: float = 1.0
     critic_hidden: tuple[int, ...] = (128, 128)
-    kl: float = 0.003
+    kl: float = 0.001
     gate: float = 2.0
 
     def __post_init__(self) -> None:
@@ -179,7 +182,7 @@ class PractisedChunks(PractisedPolicy):
     """
 
     execute: int = 10
-    noise: float = 0.1
+    noise: float = 0.15
     correlation: float = 0.9
 
     def __post_init__(self) -> None:
