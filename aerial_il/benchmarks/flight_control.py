@@ -1,4 +1,4 @@
-"""Flying a bare quadrotor: reinforcement learning that commands the rotors, beside tuned flight laws.
+"""Flying a bare quadrotor: reinforcement learning that commands thrust and body rates, beside tuned flight laws.
 
 Proximal policy optimisation and soft actor-critic learn to hover, to take off and to land in gusts, from the
 environment's dense reward and without a demonstration. PID, LQR and geometric control fly the same episodes, told what
@@ -56,10 +56,10 @@ MASSES, MOTORS = (0.8, 0.9, 1.1, 1.2, 1.3, 1.4), (0.95, 0.9, 0.85, 0.8, 0.75, 0.
 WANTED_PERCENT = 90.0  # of flights by the best learner, on each task in gusts
 MANOEUVRES, DRAWN_EVERY = "manoeuvres.json", 2
 NOTES = (
-    "Learners are paid by the environment's dense reward, have no demonstration and command the thrust of each "
-    "rotor 50 times a second; they have learned in gusts. Trainings differ in weights and in the episodes they fly. "
-    "Judged is the final policy. Laws run 250 times a second; the scripted expert of the task tells them where to "
-    "go.",
+    "Learners are paid by the environment's dense reward, have no demonstration and command collective thrust and body "
+    "rates 50 times a second, which the vehicle follows 250 times a second; they have learned in gusts. Trainings "
+    "differ in weights and in the episodes they fly. Judged is the final policy. Laws command the rotors 250 times a "
+    "second; the scripted expert of the task tells them where to go.",
     "Manoeuvres, all of `hover`: the mean of all seeds, of each training by itself and then of the trainings. Laws "
     "have the target for their reference, which jumps with it; no planner smooths the way. Forward 40 cm, up 30 cm, "
     "heading 30°, attitude: set at rest to a roll of 30°. Settling: to within 10 % for good. Push: a blow that "
@@ -106,9 +106,9 @@ class FlightControl:
     sac: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
     learners: tuple[str, ...] = LEARNERS
     laws: tuple[str, ...] = LAWS
-    action: str = "rotor"
+    action: str = "ctbr"
     seeds: int = 3
-    horizon: int = 200
+    horizon: int = 400
     ppo_envs: int = 64
     sac_envs: int = 16
     episodes: int = 100

@@ -20,7 +20,8 @@ from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 SETTLED_M, SETTLED_RAD = 0.05, math.radians(3.0)
 SETTLED_COS, UPRIGHT_COS = math.cos(SETTLED_RAD), math.cos(math.radians(10.0))
-TURNED_LOSS = 1.0 - math.cos(4.0 * SETTLED_RAD)  # at which half of what attitude earns is left
+TURNED = math.sqrt(1.0 - math.cos(4.0 * SETTLED_RAD))  # about in proportion to the angle
+TURNED_LITTLE = math.sqrt(1.0 - SETTLED_COS)
 TARGET_LOW, TARGET_HIGH = np.array([-0.3, -0.3, 0.8]), np.array([0.3, 0.3, 1.0])
 HEADING_RANGE_RAD = (-0.8, 0.8)
 STEP_M = (0.25, 0.45)  # how far from the target it starts
@@ -99,8 +100,9 @@ def progress(world, flags):
 @kernel
 def reward(world):
     position = 0.5 * closeness(distance(world), 0.3) + 0.5 * closeness(distance(world), SETTLED_M)
-    turned = closeness(1.0 - attitude_cosine(world), TURNED_LOSS)
-    return position * (0.7 + 0.3 * turned)
+    turned = math.sqrt(max(0.0, 1.0 - attitude_cosine(world)))
+    attitude = 0.5 * closeness(turned, TURNED) + 0.5 * closeness(turned, TURNED_LITTLE)
+    return position * (0.5 + 0.5 * attitude)
 
 
 @kernel

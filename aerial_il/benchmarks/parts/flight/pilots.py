@@ -1,4 +1,4 @@
-"""Pilots of the bare quadrotor: a flight law that is given the target, or a policy that commands the rotors."""
+"""Pilots of the bare quadrotor: a flight law that is given the target, or a policy."""
 
 from __future__ import annotations
 
