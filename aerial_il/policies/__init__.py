@@ -61,7 +61,8 @@ def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
     if RESIDUAL in saved.config:
         return ResidualPolicy.around(saved, _rebuilt)
 
-    kind, settings = policy_config(saved.config["policy"]), saved.config["settings"]
+    kind = policy_config(saved.config["policy"])
+    settings = {**kind.before, **saved.config["settings"]}
     if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
         raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")
     policy = ChunkPolicy.from_checkpoint(saved, kind(**settings))

@@ -1,39 +1,48 @@
-"""Flow matching: a network learns the velocity that carries noise to a demonstrated chunk along straight lines.
+"""Flow matching: a network learns to carry noise to a demonstrated chunk along straight lines.
 
 ::
 
     training:  x_t = (1 - t) e + t a,    loss = |(a - e) - v_theta(x_t, t, o)|^2,    e ~ N(0, 1)
     flying:    x_0 = e,    x_(t + 1/N) = x_t + v_theta(x_t, t, o) / N,    a = x_1, limited to +-clip
 
+The velocity holds the noise of every element of the chunk, which the network must reproduce beside the actions. With
+``predict=sample`` it answers with the actions alone, and the velocity is what leads to them::
+
+    loss = |a - a_theta(x_t, t, o)|^2,    v = (a_theta(x_t, t, o) - x_t) / (1 - t)
 Times are drawn as t = s (1 - u) with u ~ Beta(1.5, 1), which dwells on noisy chunks, where the way is decided. Like
 diffusion it follows one of several ways, in fewer steps for its paths are nearly straight.
 
 Source: Y. Lipman et al., "Flow Matching for Generative Modeling", 2023; K. Black et al., "pi0: A Vision-Language-Action
-Flow Model for General Robot Control", 2024, appendix B (times with s = 0.999, 10 Euler steps).
+Flow Model for General Robot Control", 2024, appendix B (velocity; times with s = 0.999, 10 Euler steps); T. Li, K. He,
+"Back to Basics: Let Denoising Generative Models Denoise", 2025 (predicting the sample on the path of a flow).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar, Literal, get_args
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from aerial_il.policies.parts.denoiser import Denoiser
-from aerial_il.policies.parts.layers import check_positive
+from aerial_il.policies.parts.layers import check_choice, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
 
+Target = Literal["sample", "velocity"]
 BETA, LATEST = 1.5, 0.999
 
 
 @dataclass(frozen=True, kw_only=True)
 class FlowConfig(PolicyConfig):
-    """Sizes of the network and how its velocity is followed.
+    """Sizes of the network and how a chunk is reached from noise.
 
     Attributes:
         width: of each hidden layer. blocks: residual blocks of two hidden layers each, after a first one.
         euler_steps: steps N from noise to a chunk.
+        predict: what the network answers with: the ``velocity`` towards the actions, or the actions (``sample``).
         clip: limit of normalised actions at the end, in deviations of the data under ``standard`` scaling.
         redraw: draw noise anew for each chunk rather than once per episode.
     """
@@ -41,11 +50,14 @@ class FlowConfig(PolicyConfig):
     width: int = 512
     blocks: int = 1
     euler_steps: int = 10
+    predict: Target = "velocity"
     clip: float = 5.0
     redraw: bool = True
+    before: ClassVar[Mapping[str, object]] = {"predict": "velocity"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_choice("predict", self.predict, get_args(Target))
         check_positive(width=self.width, blocks=self.blocks, euler_steps=self.euler_steps, clip=self.clip)
 
     def build(self, obs_size: int, action_size: int) -> Flow:
@@ -53,7 +65,7 @@ class FlowConfig(PolicyConfig):
 
 
 class Flow(ChunkNetwork):
-    """Predicts the velocity of a flattened chunk and follows it."""
+    """Tells where a flattened chunk on its way from noise is going, and goes there."""
 
     def __init__(self, config: FlowConfig, obs_size: int, action_size: int) -> None:
         super().__init__()
@@ -65,14 +77,15 @@ class Flow(ChunkNetwork):
         actions = hold_last(actions, valid)
         noise, time = torch.randn_like(actions), some_times(obs)
         place = (1 - time) * noise.flatten(1) + time * actions.flatten(1)
-        velocity = self.denoiser(place, time, self.denoiser.see(obs.flatten(1))).unflatten(-1, self.shape)
-        return functional.mse_loss(velocity, actions - noise), {}
+        found = self.denoiser(place, time, self.denoiser.see(obs.flatten(1))).unflatten(-1, self.shape)
+        return functional.mse_loss(found, actions if self.config.predict == "sample" else actions - noise), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
         x = obs.new_zeros(len(obs), self.noise_size) if noise is None else noise
         seen, steps = self.denoiser.see(obs.flatten(1)), self.config.euler_steps
         for i in range(steps):
-            x = x + self.denoiser(x, obs.new_full((1, 1), i / steps), seen) / steps
+            found = self.denoiser(x, obs.new_full((1, 1), i / steps), seen)
+            x = x + ((found - x) / (steps - i) if self.config.predict == "sample" else found / steps)
         return x.clamp(-self.config.clip, self.config.clip).unflatten(-1, self.shape)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
 from aerial_il.evaluation.rollouts import evaluate, rollouts
 from tests.evaluation.hover import GoThere, HoverBatch
@@ -53,6 +54,28 @@ def test_the_policy_forgets_a_world_with_each_new_seed() -> None:
     policy = GoThere()
     fly(4, policy=policy)
     assert policy.resets == len(SEEDS)  # all four at the start, one per later seed
+
+
+class Dicing(GoThere):
+    """Misses the goal by as much as its dice say, which the seed of the episode decides."""
+
+    def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
+        fresh = np.array([np.random.default_rng(seed).normal(size=3) for seed in seeds])
+        kept = self.missed if mask is not None else fresh
+        self.missed = np.where(np.ones(len(seeds), bool)[:, None] if mask is None else mask[:, None], fresh, kept)
+
+    def act(self, obs: Observation) -> np.ndarray:
+        actions = super().act(obs)
+        actions[:, :3] += 0.02 * self.missed
+        return actions
+
+
+def test_what_rolls_dice_is_told_the_seeds_and_flies_alike_however_many_fly_beside_it() -> None:
+    alone, together = fly(1, policy=Dicing()), fly(7, policy=Dicing())
+    assert [(e.seed, e.success, e.steps) for e in alone.episodes] == [
+        (e.seed, e.success, e.steps) for e in together.episodes
+    ]
+    assert alone.success != fly(1, policy=GoThere()).success, "and the dice matter"
 
 
 def test_an_episode_stops_at_its_first_success() -> None:

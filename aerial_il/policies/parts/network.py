@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import torch
 from torch import Tensor, nn
@@ -98,6 +99,7 @@ class PolicyConfig(ABC):
             middle in flight.
         action_scaling: ``standard`` or ``minmax``.
         obs_clip: normalised observations are limited to ±``obs_clip``, so that what was never seen cannot overwhelm.
+        before: values of later settings in policies that were saved before these settings existed.
     """
 
     history: int = 1
@@ -114,6 +116,7 @@ class PolicyConfig(ABC):
     crop: float = 0.9
     action_scaling: Scaling = "standard"
     obs_clip: float = 10.0
+    before: ClassVar[Mapping[str, object]] = {}
 
     def __post_init__(self) -> None:
         make_tuples(self)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -25,11 +26,13 @@ def test_every_value_is_what_is_flown_today() -> None:
     episode = read_episode(OLD / "plain.mcap")
     flown = fly(episode.seed, len(episode))
     for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(episode, name), flown[name], err_msg=name)
+        ulp = 1 if name == "rewards" else 0  # numpy's exp rounds differently from processor to processor
+        np.testing.assert_array_max_ulp(np.asarray(getattr(episode, name), float), np.asarray(flown[name], float), ulp)
     for name in episode.spec.observation.names:
         np.testing.assert_array_equal(episode.obs[name], flown[name], err_msg=name)
     assert episode.success
-    assert replay(CraneBatch(4), episode, starts=range(0, len(episode), 5)) > 0
+    here = replace(episode, rewards=flown["rewards"])
+    assert replay(CraneBatch(4), here, starts=range(0, len(episode), 5)) > 0
 
 
 def test_images_and_extras_are_read_and_written_anew_equal(tmp_path: Path) -> None:
