@@ -62,7 +62,7 @@ class DemonstrationAugmented(PractisedChunks, NaturalGradientLearning):
     step_size: float = 0.5
     batch_size: int = 1024
     critic_hidden: tuple[int, ...] = (128, 128)
-    demos_weight: float = 0.1
+    demos_weight: float = 0.01
     demos_decay: float = 0.95
     shown: int = 2_048
 
