@@ -108,7 +108,7 @@ class FlightControl:
     laws: tuple[str, ...] = LAWS
     action: str = "ctbr"
     seeds: int = 3
-    horizon: int = 400
+    horizon: int = 200
     ppo_envs: int = 64
     sac_envs: int = 16
     episodes: int = 100
