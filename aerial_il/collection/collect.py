@@ -21,9 +21,9 @@ from aerial_il.core.contracts import (
     BatchEnv,
     Observation,
     Policy,
-    SeededPolicy,
     StepResult,
     attach,
+    begin_episodes,
     intervention_of,
     label_of,
     phase_names_of,
@@ -230,9 +230,7 @@ class _Flight:
         """Begin the episodes of ``worlds`` (n,), or of all, and return what all worlds show."""
         obs = self.env.reset(self._seeds, worlds)
         for each in self._policies:
-            each.reset(worlds)
-            if isinstance(each, SeededPolicy):
-                each.begin(self._seeds, worlds)
+            begin_episodes(each, self._seeds, worlds)
         return obs
 
     def _step(self, obs: Observation, flying: np.ndarray) -> StepResult:

@@ -270,6 +270,13 @@ def attach(policy: Policy, env: BatchEnv) -> Policy:
     return policy
 
 
+def begin_episodes(policy: Policy, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
+    """Make ``policy`` ready for the episodes of ``seeds`` (n,) that begin in the worlds of ``mask`` (n,), or in all."""
+    policy.reset(mask)
+    if isinstance(policy, SeededPolicy):
+        policy.begin(seeds, mask)
+
+
 def phase_names_of(policy: Policy) -> tuple[str, ...]:
     """Return the names of a policy's phases, none for one without."""
     return tuple(policy.phase_names) if isinstance(policy, PhasedPolicy) else ()

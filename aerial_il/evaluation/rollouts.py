@@ -16,9 +16,9 @@ from aerial_il.core.contracts import (
     Observation,
     PhasedPolicy,
     Policy,
-    SeededPolicy,
     StorablePolicy,
     attach,
+    begin_episodes,
     phase_names_of,
 )
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
@@ -108,7 +108,7 @@ def rollouts(env: BatchEnv, policy: Policy, seeds: Iterable[int]) -> Iterator[Tr
     buffer = TraceBuffer(env.spec, env.num_envs)
     attach(policy, env)
     obs = env.reset(current)
-    _begin(policy, current)
+    begin_episodes(policy, current)
     while flying.any():
         actions = _act(policy, obs, env.spec, current, buffer.steps, flying)
         result = env.step(actions, flying)
@@ -124,14 +124,7 @@ def rollouts(env: BatchEnv, policy: Policy, seeds: Iterable[int]) -> Iterator[Tr
         renewed = _take_next(waiting, ended, current, flying)
         if renewed.any():
             obs = env.reset(current, renewed)
-            _begin(policy, current, renewed)
-
-
-def _begin(policy: Policy, seeds: np.ndarray, worlds: np.ndarray | None = None) -> None:
-    """Make ``policy`` ready for the episodes of ``seeds`` (n,) that begin in ``worlds`` (n,) bool, or in all."""
-    policy.reset(worlds)
-    if isinstance(policy, SeededPolicy):
-        policy.begin(seeds, worlds)
+            begin_episodes(policy, current, renewed)
 
 
 def _take_next(waiting: deque[int], ended: np.ndarray, current: np.ndarray, flying: np.ndarray) -> np.ndarray:

@@ -61,8 +61,7 @@ class Dicing(GoThere):
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         fresh = np.array([np.random.default_rng(seed).normal(size=3) for seed in seeds])
-        kept = self.missed if mask is not None else fresh
-        self.missed = np.where(np.ones(len(seeds), bool)[:, None] if mask is None else mask[:, None], fresh, kept)
+        self.missed = fresh if mask is None else np.where(mask[:, None], fresh, self.missed)
 
     def act(self, obs: Observation) -> np.ndarray:
         actions = super().act(obs)

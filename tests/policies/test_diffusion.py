@@ -8,10 +8,10 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from aerial_il.policies.diffusion import Diffusion, DiffusionConfig, squared_cosine
+from aerial_il.policies.diffusion import DiffusionConfig, squared_cosine
+from tests.policies.two_ways import CHUNK, TwoWays
 
 TARGETS, SAMPLERS = ("sample", "noise", "velocity"), ("ddim", "ddpm")
-CHUNK = 3  # actions, of two elements each
 
 
 class Oracle(nn.Module):
@@ -63,35 +63,14 @@ def test_samples_are_spread_as_the_data(predict: str, sampler: str) -> None:
 
 
 def test_two_ways_beside_what_is_seen_are_flown_and_nothing_between() -> None:
-    """Both lie 0.5 from a centre that depends on the observation; the mean of the demonstrations is that centre."""
     torch.manual_seed(0)
-    network, turn = DiffusionConfig(chunk=CHUNK, width=128).build(2, 2), torch.randn(2, CHUNK * 2)
-
-    def ways(obs: Tensor) -> Tensor:
-        centre = torch.sin(obs[:, 0] @ turn)
-        return torch.stack([centre + 0.5, centre - 0.5], 1).unflatten(-1, (CHUNK, 2))
-
-    _learn(network, ways, steps=500)
+    network, ways = DiffusionConfig(chunk=CHUNK, width=128).build(2, 2), TwoWays()
+    ways.teach(network, steps=500)
     obs, noise = torch.rand(500, 1, 2) * 2 - 1, torch.randn(500, network.noise_size)
     with torch.no_grad():
         flown, moved = network(obs, noise), network(obs + 0.02, noise)
-    distance = (flown[:, None] - ways(obs)).abs().mean((-1, -2))
-    near, way = distance.min(1)
+    near, way = ways.nearest(flown, obs)
     assert (near < 0.2).float().mean() > 0.9, "at a way, and not at the centre between them"
     assert 0.3 < way.float().mean() < 0.7, "both are flown"
-    stayed = (moved[:, None] - ways(obs + 0.02)).abs().mean((-1, -2)).argmin(1) == way
+    stayed = ways.nearest(moved, obs + 0.02)[1] == way
     assert stayed.float().mean() > 0.95, "the same noise goes the same way one step later"
-
-
-def _learn(network: Diffusion, ways: Any, steps: int) -> None:
-    """Show windows whose chunk is either way of what is seen; the last steps are small ones."""
-    optimizer = torch.optim.Adam(network.train().parameters())
-    for step in range(steps):
-        optimizer.param_groups[0]["lr"] = 3e-3 * (1 - step / steps)
-        obs = torch.rand(256, 1, 2) * 2 - 1
-        chunks = ways(obs)[torch.arange(256), torch.randint(2, (256,))]
-        loss, _ = network.loss(obs, chunks, torch.ones(256, CHUNK))
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-    network.eval()

@@ -10,9 +10,9 @@ from torch import Tensor, nn
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.flow import FlowConfig
+from tests.policies.two_ways import CHUNK, TwoWays
 
 TARGETS = ("sample", "velocity")
-CHUNK = 3  # actions, of two elements each
 
 
 class Oracle(nn.Module):
@@ -58,28 +58,13 @@ def test_samples_are_spread_as_the_data(predict: str) -> None:
 
 @pytest.mark.parametrize("predict", TARGETS)
 def test_what_is_learned_is_what_flying_takes_it_for(predict: str) -> None:
-    """Two ways lie beside a centre that depends on the observation; training and flying must mean the same answer."""
     torch.manual_seed(0)
-    network = FlowConfig(chunk=CHUNK, width=128, predict=predict).build(2, 2).train()  # type: ignore[arg-type]
-    turn = torch.randn(2, CHUNK * 2)
-
-    def ways(obs: Tensor) -> Tensor:
-        centre = torch.sin(obs[:, 0] @ turn)
-        return torch.stack([centre + 0.5, centre - 0.5], 1).unflatten(-1, (CHUNK, 2))
-
-    optimizer = torch.optim.Adam(network.parameters())
-    for step in range(500):
-        optimizer.param_groups[0]["lr"] = 3e-3 * (1 - step / 500)
-        obs = torch.rand(256, 1, 2) * 2 - 1
-        chunks = ways(obs)[torch.arange(256), torch.randint(2, (256,))]
-        loss, _ = network.loss(obs, chunks, torch.ones(256, CHUNK))
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
+    network, ways = FlowConfig(chunk=CHUNK, width=128, predict=predict).build(2, 2), TwoWays()  # type: ignore[arg-type]
+    ways.teach(network, steps=500)
     obs = torch.rand(500, 1, 2) * 2 - 1
     with torch.no_grad():
-        flown = network.eval()(obs, torch.randn(500, network.noise_size))
-    near, way = (flown[:, None] - ways(obs)).abs().mean((-1, -2)).min(1)
+        flown = network(obs, torch.randn(500, network.noise_size))
+    near, way = ways.nearest(flown, obs)
     assert (near < 0.2).float().mean() > 0.85, "at a way, and not at the centre between them"
     assert 0.3 < way.float().mean() < 0.7, "both are flown"
 
