@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -88,7 +87,8 @@ class AdroitRl:
     Attributes:
         data: folder of ``dapg_policies.npz`` and ``door_human_demos.npz``.
         policy: what is cloned and goes on. dapg: how. scratch: what the control trains. npg: how.
-        tasks, rewards: which. draws: one training of each arm each. episodes: that judge one.
+        tasks, rewards: which; the control has the first reward alone. draws: one training each of what a target asks
+            for; others: how many of them train the other arms. episodes: that judge one.
         worlds: that learn. num_envs: worlds flown at once to judge.
     """
 
@@ -103,6 +103,7 @@ class AdroitRl:
     tasks: tuple[str, ...] = ("relocate", "door")
     rewards: tuple[Reward, ...] = ("environment", "sparse")
     draws: tuple[int, ...] = (0, 1, 2)
+    others: int = 1
     episodes: int = 100
     worlds: int = 40
     num_envs: int = 25
@@ -111,9 +112,12 @@ class AdroitRl:
         for task in self.tasks:
             if task not in CELLS:
                 raise UnknownNameError("task of this study", task, CELLS)
-        if not (self.tasks and self.rewards and self.draws) or min(self.episodes, self.worlds, self.num_envs) < 1:
+        if (
+            not (self.tasks and self.rewards and self.draws)
+            or min(self.others, self.episodes, self.worlds, self.num_envs) < 1
+        ):
             raise InvalidValueError(
-                "tasks, rewards and draws name one at least; episodes, worlds and num_envs start at 1."
+                "tasks, rewards and draws name one at least; others, episodes, worlds and num_envs start at 1."
             )
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
@@ -122,7 +126,7 @@ class AdroitRl:
             what = f"{self.data} does not exist: nothing was measured. Say where the data lie with bench.data=FOLDER."
             return skipped(self, self._plain(), what)
         stages = OutsideStages(record=Record(folder), episodes=self.episodes, num_envs=self.num_envs, progress=progress)
-        work = list(product(self.draws, self.arms()))
+        work = self.trainings()
         found: dict[Arm, list[EvaluationResult]] = {arm: [] for arm in self.arms()}
         for draw, arm in bar(work, self.name, progress):
             found[arm].append(self._judged(arm, draw, stages))
@@ -138,7 +142,7 @@ class AdroitRl:
                 "failed_seeds": {
                     f"{arm.task}, {arm.reward}, {arm.name}: {draw}": failed_seeds(result)
                     for arm, results in found.items()
-                    for draw, result in zip(self.draws, results, strict=True)
+                    for draw, result in zip(self.draws_of(arm), results, strict=True)
                 }
             },
             wall_time_s=sum(stages.seconds(self.training(arm, d, stages)) for d, arm in work if arm.name != CLONE),
@@ -148,9 +152,18 @@ class AdroitRl:
         """Return what is compared, task by task."""
         found = []
         for task in self.tasks:
-            found += [Arm(task, CLONE, self.rewards[0])]
-            found += [Arm(task, name, reward) for reward in self.rewards for name in (ASKED, CONTROL)]
+            found += [Arm(task, name, self.rewards[0]) for name in (CLONE, ASKED, CONTROL)]
+            found += [Arm(task, ASKED, reward) for reward in self.rewards[1:]]
         return found
+
+    def draws_of(self, arm: Arm) -> tuple[int, ...]:
+        """Return the draws of an arm's trainings."""
+        asked = arm.name in (CLONE, ASKED) and arm.reward == self.rewards[0]
+        return self.draws if asked else self.draws[: self.others]
+
+    def trainings(self) -> list[tuple[int, Arm]]:
+        """Return all trainings, the first draw of every arm first."""
+        return [(draw, arm) for draw in self.draws for arm in self.arms() if draw in self.draws_of(arm)]
 
     def training(self, arm: Arm, draw: int, stages: OutsideStages) -> Learned:
         """Return the training of an arm; a clone's is that of dapg, which makes it."""
@@ -210,7 +223,9 @@ class AdroitRl:
 
     def _row(self, arm: Arm, results: Sequence[EvaluationResult], stages: OutsideStages) -> Row:
         cell, learned = CELLS[arm.task], arm.name != CLONE
-        minutes = [stages.seconds(self.training(arm, draw, stages)) / 60 for draw in self.draws] if learned else [0.0]
+        minutes = (
+            [stages.seconds(self.training(arm, draw, stages)) / 60 for draw in self.draws_of(arm)] if learned else [0.0]
+        )
         shown = cell.demos if arm.name != CONTROL else 0
         return {
             "task": arm.task,
