@@ -143,6 +143,16 @@ def test_an_arm_may_be_trained_in_fewer_draws() -> None:
         FromPrior(fewer={"dapg": 0})
 
 
+def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
+    study = FromPrior(starts={"reach": (2, 4)}, arms=("bc_ppo", "ibrl"), draws=(0,), shorter={"reach": {4: 200_000}})
+    steps = {
+        (arm.name, arm.demos): arm.training.algorithm.steps
+        for arm in study._all_arms()
+        if isinstance(arm.training, Continued)
+    }
+    assert steps == {("bc_ppo", 2): 16_000_000, ("bc_ppo", 4): 200_000, ("ibrl", 2): 100_000, ("ibrl", 4): 100_000}
+
+
 def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_table() -> None:
     arms = {arm.name: arm.training for arm in FromPrior(starts={"reach": (2,)}, draws=(0,))._all_arms()}
     hiding = digest(arms[HIDING].decided_by())
