@@ -92,7 +92,8 @@ class FlightControl:
 
     Attributes:
         policy: what is trained. ppo, sac: how. learners: which of them. laws: flight laws.
-        action: level at which learners act. seeds: trainings of each learner on each task.
+        action: level at which learners act. seeds: trainings of ``ppo`` on each task; sac_seeds: of ``sac``, which
+            takes longer.
         horizon: steps of a learning episode. ppo_envs, sac_envs: worlds that learn.
         episodes: unseen seeds that judge. curve_episodes: tuning seeds flown on the way.
         flights: worlds of a manoeuvre. threads: of the simulation; 0 for all cores.
@@ -108,6 +109,7 @@ class FlightControl:
     laws: tuple[str, ...] = LAWS
     action: str = "ctbr"
     seeds: int = 3
+    sac_seeds: int = 1
     horizon: int = 200
     ppo_envs: int = 64
     sac_envs: int = 16
@@ -120,7 +122,7 @@ class FlightControl:
         for what, known in (("learners", LEARNERS), ("laws", LAWS)):
             if unknown := set(getattr(self, what)) - set(known):
                 raise InvalidValueError(f"{what} names {sorted(unknown)}; valid: {', '.join(known)}.")
-        if not self.learners or min(self.seeds, self.episodes) < 1 or self.flights < 2:
+        if not self.learners or min(self.seeds, self.sac_seeds, self.episodes) < 1 or self.flights < 2:
             raise InvalidValueError("learners names one at least; seeds and episodes start at 1, flights at 2.")
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
@@ -135,7 +137,13 @@ class FlightControl:
 
     def trainings(self) -> list[Training]:
         """Return all trainings, the first seed of each first."""
-        return [Training(task, by, seed) for seed, task, by in product(range(self.seeds), TASKS, self.learners)]
+        every = [training for task, by in product(TASKS, self.learners) for training in self.trainings_of(task, by)]
+        return sorted(every, key=lambda training: training.seed)
+
+    def trainings_of(self, task: str, learner: str) -> list[Training]:
+        """Return the trainings of a learner on a task."""
+        seeds = self.seeds if learner == "ppo" else self.sac_seeds
+        return [Training(task, learner, seed) for seed in range(seeds)]
 
     def _work(self) -> list[tuple[Training | tuple[str, str], str]]:
         """Return what is judged: a training's policy or a (task, law), and in which tier."""
@@ -217,7 +225,7 @@ class FlightControl:
         """Return who flies the manoeuvres: the laws, and of each learner what it has learned of hovering."""
         pilots: dict[str, list[Pilot]] = {law: [LawPilot(law)] for law in self.laws}
         for by in self.learners:
-            runs = [self.run_of(Training(HOVER, by, seed), record) for seed in range(self.seeds)]
+            runs = [self.run_of(training, record) for training in self.trainings_of(HOVER, by)]
             pilots[by] = [PolicyPilot(load_policy(run), self.action, run.name) for run in runs]
         return pilots
 
@@ -275,7 +283,7 @@ class FlightControl:
     def _curves(self, record: Record) -> Mapping[tuple[str, str], list[list[tuple[float, float]]]]:
         """Return (task, algorithm) -> the learning curve of each of its trainings."""
         return {
-            (task, by): [_curve(self.run_of(Training(task, by, seed), record)) for seed in range(self.seeds)]
+            (task, by): [_curve(self.run_of(training, record)) for training in self.trainings_of(task, by)]
             for task, by in product(TASKS, self.learners)
         }
 
@@ -286,7 +294,7 @@ class FlightControl:
                 yield _success_row(task, tier, law, [results[(task, law), tier]])
             for by in self.learners:
                 yield _success_row(
-                    task, tier, by, [results[Training(task, by, seed), tier] for seed in range(self.seeds)]
+                    task, tier, by, [results[training, tier] for training in self.trainings_of(task, by)]
                 )
 
     def _targets(self, rows: list[Row]) -> Iterator[Target]:

@@ -90,7 +90,8 @@ class Z1Reach:
         policy: what is trained. sac, td3, ddpg: how; hindsight is theirs where the reward is sparse.
         smooth: what smooth arms are asked for. algorithms: which, the best one first.
         actions: levels of actions; smooth arms have the first alone. rewards: the same of rewards.
-        seeds: trainings of each arm with the first action level and the first reward; others: of all other arms.
+        seeds: trainings of what targets ask for, the first algorithm with the first action level and the first reward,
+            plain and smooth; others: of all other arms.
         horizon: steps of a learning episode. num_envs: worlds that learn.
         episodes: unseen seeds that judge. curve_episodes: tuning seeds flown on the way.
         threads: of the simulation; 0 for all cores.
@@ -136,14 +137,14 @@ class Z1Reach:
     def trainings(self) -> list[tuple[Arm, int]]:
         """Return all trainings, those that the targets ask for first."""
         found = [(arm, seed) for arm in self.arms() for seed in self.seeds_of(arm)]
-        return sorted(found, key=lambda training: (not self._is_first(training[0]), training[1]))
+        return sorted(found, key=lambda training: (not self._is_asked(training[0]), training[1]))
 
     def seeds_of(self, arm: Arm) -> range:
         """Return the seeds of an arm's trainings."""
-        return range(self.seeds if self._is_first(arm) else self.others)
+        return range(self.seeds if self._is_asked(arm) else self.others)
 
-    def _is_first(self, arm: Arm) -> bool:
-        return (arm.action, arm.reward) == (self.actions[0], self.rewards[0])
+    def _is_asked(self, arm: Arm) -> bool:
+        return (arm.action, arm.reward, arm.algorithm) == (self.actions[0], self.rewards[0], self.algorithms[0])
 
     def arms(self) -> list[Arm]:
         """Return what is compared."""
