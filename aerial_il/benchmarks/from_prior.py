@@ -54,6 +54,7 @@ WANTED: Mapping[tuple[str, int], float] = {  # %, in the own tier
 WANTED_HARDER, METHODS_WANTED, LONGEST_MINUTES = 85.0, 3, 180.0
 MOST_DIP, MAY_DIP = 5.0, 0.02  # points below the prior; share of the steps in which it may fall further
 FROM_SCRATCH_STEPS = 20_000_000
+LISTED = 16  # rounds of a training on the page
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 100_000}
 NOTES = (
     "The reward is sparse: whether a flight succeeded. The final policy of each training is flown in the tier it was"
@@ -66,6 +67,8 @@ NOTES = (
     "what practises begins with this one.",
     "ppo is shown nothing and begins with random weights; it stands for learning from scratch. rlpd is shown the "
     "demonstrations and begins with random weights.",
+    f"Round by round: of a training with more than {LISTED} rounds so many, evenly spread, the first and the last "
+    "among them. Dips and figures are of all.",
     "Dip: how far success fell below that of the initial policy after the first 2 % of the steps, measured at the "
     "start of each round on the round's own starts, before anything was learned from them; the largest over all "
     "draws and rounds. Rounds of filtered "
@@ -170,7 +173,7 @@ class FromPrior:
             question=self.question,
             settings=json.loads(json.dumps(plain(self) | {"policy": described(self.policy)})),
             targets=(*self._targets(pooled), *practice.targets()),
-            tables={"Success": pooled, "Dips": practice.dips, "Round by round": practice.rounds},
+            tables={"Success": pooled, "Dips": practice.dips, "Round by round": practice.listed},
             notes=(*NOTES, *stages.origins()),
             figures={
                 f"{name}.svg": practice_lines(practice.rounds, [r for r in pooled if r["tier"] == self.tier], over)
@@ -245,6 +248,11 @@ class Practice:
         """One row for each round of each training; the first row of a training tells of its prior."""
         return [row for arm in self.arms for row in self._rounds(arm)]
 
+    @property
+    def listed(self) -> list[Row]:
+        """Some of the rounds, for a page that can be read."""
+        return [row for arm in self.arms for row in spread_evenly(list(self._rounds(arm)), LISTED)]
+
     @cached_property
     def dips(self) -> list[Row]:
         """One row for each arm: the largest dip of any of its trainings below what it began with, in points."""
@@ -306,6 +314,12 @@ class Practice:
         dips = [largest_dip(rows) for rows in trainings if rows and begun and not guided]
         dip = round(max(dips), 1) if dips else None  # nor can it be told where no episode has ended
         return {**head, "dip": dip, "rounds": sum(map(len, trainings))}
+
+
+def spread_evenly(rounds: Sequence[Row], most: int) -> list[Row]:
+    """Return at most so many of the rounds, evenly spread, the first and the last among them."""
+    kept = np.linspace(0, len(rounds) - 1, min(most, len(rounds))).round().astype(int)
+    return [rounds[k] for k in kept]
 
 
 def largest_dip(rounds: Sequence[Row]) -> float:

@@ -14,7 +14,16 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.from_prior import CLONE, HIDING, SHOWN_MORE, Arm, FromPrior, Practice, largest_dip
+from aerial_il.benchmarks.from_prior import (
+    CLONE,
+    HIDING,
+    SHOWN_MORE,
+    Arm,
+    FromPrior,
+    Practice,
+    largest_dip,
+    spread_evenly,
+)
 from aerial_il.benchmarks.parts.records.record import digest
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
@@ -73,6 +82,14 @@ def rounds(*first: float, flown: int = 1000) -> list[dict[str, Any]]:
 @pytest.mark.parametrize(("percent", "dip"), [((50, 60), 0.0), ((50, 44, 90), 6.0), ((50, 52, 0), 50.0)])
 def test_the_dip_is_the_largest_on_the_way_however_it_ends(percent: tuple[float, ...], dip: float) -> None:
     assert largest_dip(rounds(*percent)) == dip
+
+
+def test_of_many_rounds_some_are_listed_from_the_first_to_the_last() -> None:
+    rounds = [{"round": number} for number in range(1, 246)]
+    listed = [row["round"] for row in spread_evenly(rounds, 16)]
+    assert (listed[0], listed[-1], len(set(listed))) == (1, 245, 16)
+    assert spread_evenly(rounds[:3], 16) == rounds[:3]
+    assert spread_evenly([], 16) == []
 
 
 def test_a_dip_counts_once_the_first_steps_are_over() -> None:
