@@ -119,7 +119,7 @@ class FromPrior:
         practising: arms by name. arms: which of them; empty for all. fewer: arm -> in how many of the draws it is
             trained, for those that take long.
         robot, tier: what is flown. starts: task -> numbers of demonstrations to begin with.
-        shorter: task -> demonstrations to begin with -> control steps of practice at most, where those suffice.
+        shorter: ``TASK_DEMOS``, with how many it begins, -> control steps of practice at most, where those suffice.
         many: demonstrations of the clone that was shown more.
         harder: the tier that none has practised in. draws: one training each. episodes: unseen seeds per evaluation.
         num_envs: worlds flown at once there. threads: of the simulation; 0 for all cores.
@@ -139,7 +139,7 @@ class FromPrior:
     fewer: Mapping[str, int] = field(default_factory=dict)
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
-    shorter: Mapping[str, Mapping[int, int]] = field(default_factory=lambda: {"pick_place": {40: 8_000_000}})
+    shorter: Mapping[str, int] = field(default_factory=lambda: {"pick_place_40": 8_000_000})
     many: int = 400
     tier: str = "calm"
     harder: str = "gusts"
@@ -206,7 +206,7 @@ class FromPrior:
         algorithm = self.practising[name]
         if isinstance(algorithm, ExpertIteration | FilteredCloning):
             return Practised(name, source, count, self.policy, algorithm)
-        most = self.shorter.get(source.task, {}).get(count, algorithm.steps)
+        most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
         algorithm = replace(algorithm, steps=min(algorithm.steps, most))
         return Continued(name, source, count, self.policy, algorithm, self.beginning)
 

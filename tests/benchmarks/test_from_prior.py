@@ -161,7 +161,7 @@ def test_an_arm_may_be_trained_in_fewer_draws() -> None:
 
 
 def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
-    study = FromPrior(starts={"reach": (2, 4)}, arms=("bc_ppo", "ibrl"), draws=(0,), shorter={"reach": {4: 200_000}})
+    study = FromPrior(starts={"reach": (2, 4)}, arms=("bc_ppo", "ibrl"), draws=(0,), shorter={"reach_4": 200_000})
     steps = {
         (arm.name, arm.demos): arm.training.algorithm.steps
         for arm in study._all_arms()
