@@ -46,7 +46,7 @@ NOTES = (
     "relocate: 25 flights of DAPG's expert with the noise it was trained with, other seeds for each draw. door: the "
     "same 25 demonstrations by people in all draws; most of them fail the criterion, for they end as the door is open.",
     "Clone: what dapg begins with, of the demonstrations alone. npg: the same algorithm without demonstrations, from "
-    "random weights, for as many steps.",
+    "random weights, for as many steps. It, and what learns from the sparse reward, are trained less often.",
     "The final policy of each training, on the same fixed seeds. Trainings of an arm differ in their draw. Flights: "
     "Wilson's 95 % interval over the episodes of these very policies. Trainings: Student's 95 % interval with a "
     "training as the unit.",

@@ -244,14 +244,19 @@ class Practice:
     arms: Sequence[Arm]
 
     @cached_property
+    def _told(self) -> dict[Arm, list[Row]]:
+        """One row for each round of each training, as its metrics tell; the first row tells of its prior."""
+        return {arm: list(self._rounds(arm)) for arm in self.arms}
+
+    @property
     def rounds(self) -> list[Row]:
-        """One row for each round of each training; the first row of a training tells of its prior."""
-        return [row for arm in self.arms for row in self._rounds(arm)]
+        """All rounds of all trainings."""
+        return [row for rows in self._told.values() for row in rows]
 
     @property
     def listed(self) -> list[Row]:
         """Some of the rounds, for a page that can be read."""
-        return [row for arm in self.arms for row in spread_evenly(list(self._rounds(arm)), LISTED)]
+        return [row for rows in self._told.values() for row in spread_evenly(rows, LISTED)]
 
     @cached_property
     def dips(self) -> list[Row]:
@@ -306,7 +311,7 @@ class Practice:
             }
 
     def _dip(self, group: Sequence[Arm]) -> Row:
-        trainings = [list(self._rounds(arm)) for arm in group]
+        trainings = [self._told[arm] for arm in group]
         head = {"arm": group[0].name, "task": group[0].cell[0], "demos": group[0].demos}
         training = group[0].training
         begun = not isinstance(training, Continued) or training.clone is not None  # with something to fall below

@@ -99,8 +99,9 @@ class Panda:
         if find_spec("panda_gym") is None:
             return skipped(self, self._plain(), MISSING)
         stages = OutsideStages(record=Record(folder), episodes=self.episodes, progress=progress)
-        found: dict[Arm, list[EvaluationResult]] = {arm: [] for arm, _ in self.trainings()}
-        for arm, seed in bar(self.trainings(), self.name, progress):
+        work = self.trainings()
+        found: dict[Arm, list[EvaluationResult]] = {arm: [] for arm, _ in work}
+        for arm, seed in bar(work, self.name, progress):
             found[arm].append(stages.judged(self.training(arm, seed)))
         rows = {arm: self._row(arm, results, stages) for arm, results in found.items()}
         return Report(
@@ -117,7 +118,7 @@ class Panda:
                     for seed, result in enumerate(results)
                 }
             },
-            wall_time_s=sum(stages.seconds(self.training(arm, seed)) for arm, seed in self.trainings()),
+            wall_time_s=sum(stages.seconds(self.training(arm, seed)) for arm, seed in work),
         )
 
     def trainings(self) -> list[tuple[Arm, int]]:

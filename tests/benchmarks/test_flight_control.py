@@ -95,6 +95,7 @@ def test_what_comes_after_a_crash_does_not_count() -> None:
 
 def test_trainings_and_settings() -> None:
     study = FlightControl(seeds=2)
+    assert len(study.trainings()) == 3 * (2 + 1)
     assert study.trainings()[0] == Training("hover", "ppo", 0)
     assert [(t.algorithm, t.seed) for t in study.trainings() if t.task == "hover"] == [
         ("ppo", 0),
