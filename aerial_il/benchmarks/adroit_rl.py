@@ -87,8 +87,8 @@ class AdroitRl:
     Attributes:
         data: folder of ``dapg_policies.npz`` and ``door_human_demos.npz``.
         policy: what is cloned and goes on. dapg: how. scratch: what the control trains. npg: how.
-        tasks, rewards: which; the control has the first reward alone. draws: one training each of what a target asks
-            for; others: how many of them train the other arms. episodes: that judge one.
+        tasks, rewards: which. draws: one training each of dapg with the first reward; others: how many of them train
+            the other arms. episodes: that judge one.
         worlds: that learn. num_envs: worlds flown at once to judge.
     """
 
@@ -152,8 +152,8 @@ class AdroitRl:
         """Return what is compared, task by task."""
         found = []
         for task in self.tasks:
-            found += [Arm(task, name, self.rewards[0]) for name in (CLONE, ASKED, CONTROL)]
-            found += [Arm(task, ASKED, reward) for reward in self.rewards[1:]]
+            found.append(Arm(task, CLONE, self.rewards[0]))
+            found += [Arm(task, name, reward) for reward in self.rewards for name in (ASKED, CONTROL)]
         return found
 
     def draws_of(self, arm: Arm) -> tuple[int, ...]:
@@ -171,6 +171,8 @@ class AdroitRl:
         task = Task(arm.task, lambda count: PublishedRewards(adroit_task, count, cell.max_steps), self._ground(cell))
         if arm.name == CONTROL:
             npg = replace(self.npg, reward=arm.reward, steps=self.dapg.steps)
+            if arm.reward == "sparse":  # whose silence is what a control is to show
+                npg = replace(npg, reward_patience=0)
             return Learned(f"{arm.reward}/{npg.name}", task, npg, self.scratch, draw, self.worlds)
         dapg = replace(self.dapg, reward=arm.reward)
         return Learned(

@@ -81,9 +81,17 @@ def test_draws_of_the_experts_flights_differ_and_those_of_people_cannot(tmp_path
 def test_what_a_target_asks_for_is_trained_on_every_draw_and_the_rest_on_the_first() -> None:
     planned = AdroitRl(tasks=("door",)).trainings()
     assert [draw for draw, arm in planned if arm == Arm("door", ASKED, "environment")] == [0, 1, 2]
-    assert [draw for draw, arm in planned if arm.name == CONTROL] == [0]
+    assert {draw for draw, arm in planned if arm.name == CONTROL} == {0}
     assert [arm.reward for draw, arm in planned if draw == 0 and arm.name == ASKED] == ["environment", "sparse"]
-    assert {arm.reward for _, arm in planned if arm.name == CONTROL} == {"environment"}
+    assert [arm.reward for _, arm in planned if arm.name == CONTROL] == ["environment", "sparse"]
+
+
+@needs_data
+def test_a_control_that_never_sees_a_reward_flies_all_its_steps(tmp_path: Path) -> None:
+    study, stages = AdroitRl(), OutsideStages(record=Record(tmp_path))
+    sparse, dense = (study.training(Arm("door", CONTROL, reward), 0, stages).algorithm for reward in study.rewards[::-1])
+    assert sparse.reward_patience == 0
+    assert dense.reward_patience == study.npg.reward_patience
 
 
 def test_both_targets_can_be_missed() -> None:
