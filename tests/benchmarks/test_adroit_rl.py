@@ -89,7 +89,8 @@ def test_what_a_target_asks_for_is_trained_on_every_draw_and_the_rest_on_the_fir
 @needs_data
 def test_a_control_that_never_sees_a_reward_flies_all_its_steps(tmp_path: Path) -> None:
     study, stages = AdroitRl(), OutsideStages(record=Record(tmp_path))
-    sparse, dense = (study.training(Arm("door", CONTROL, reward), 0, stages).algorithm for reward in study.rewards[::-1])
+    arms = (Arm("door", CONTROL, reward) for reward in ("sparse", "environment"))
+    sparse, dense = (study.training(arm, 0, stages).algorithm for arm in arms)
     assert sparse.reward_patience == 0
     assert dense.reward_patience == study.npg.reward_patience
 
