@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -95,6 +95,7 @@ class FlightControl:
         policy: what is trained. ppo, sac: how. learners: which of them. laws: flight laws.
         action: level at which learners act. seeds: trainings of ``ppo`` on each task; sac_seeds: of ``sac``, which
             takes longer.
+        entropy: weight of the entropy for ``ppo``, of tasks that need another one than the others.
         horizon: steps of a learning episode. ppo_envs, sac_envs: worlds that learn.
         episodes: unseen seeds that judge. curve_episodes: tuning seeds flown on the way.
         flights: worlds of a manoeuvre. threads: of the simulation; 0 for all cores.
@@ -111,6 +112,7 @@ class FlightControl:
     action: str = "ctbr"
     seeds: int = 3
     sac_seeds: int = 1
+    entropy: Mapping[str, float] = field(default_factory=dict)
     horizon: int = 200
     ppo_envs: int = 64
     sac_envs: int = 16
@@ -120,7 +122,7 @@ class FlightControl:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        for what, known in (("learners", LEARNERS), ("laws", LAWS)):
+        for what, known in (("learners", LEARNERS), ("laws", LAWS), ("entropy", TASKS)):
             if unknown := set(getattr(self, what)) - set(known):
                 raise InvalidValueError(f"{what} names {sorted(unknown)}; valid: {', '.join(known)}.")
         if not self.learners or min(self.seeds, self.sac_seeds, self.episodes) < 1 or self.flights < 2:
@@ -154,7 +156,8 @@ class FlightControl:
 
     def learner(self, training: Training) -> Any:
         """Return the algorithm of a training."""
-        return getattr(self, training.algorithm)
+        own = {"entropy": self.entropy[training.task]} if training.task in self.entropy else {}
+        return replace(self.ppo, **own) if training.algorithm == "ppo" else self.sac
 
     def run_of(self, training: Training, record: Record) -> Path:
         """Return the folder of a training."""

@@ -102,5 +102,14 @@ def test_trainings_and_settings() -> None:
         ("sac", 0),
         ("ppo", 1),
     ]
+    with pytest.raises(InvalidValueError, match=r"entropy names \['fly'\]; valid: hover"):
+        FlightControl(entropy={"fly": 0.1})
     with pytest.raises(InvalidValueError, match=r"laws names \['mpc'\]; valid: pid, lqr"):
         FlightControl(laws=("mpc",))
+
+
+def test_a_task_may_explore_less_than_the_others() -> None:
+    study = FlightControl(entropy={"land": 0.003})
+    entropies = {t.task: study.learner(t).entropy for t in study.trainings() if t.algorithm == "ppo"}
+    assert entropies == {"hover": 0.0, "take_off": 0.0, "land": 0.003}
+    assert study.learner(Training("land", "sac", 0)) == study.sac

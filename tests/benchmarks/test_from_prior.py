@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from aerial_il.benchmarks.from_prior import (
     spread_evenly,
 )
 from aerial_il.benchmarks.parts.records.record import digest
+from aerial_il.benchmarks.parts.training import practised
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.cli.configuration import groups
@@ -107,6 +109,31 @@ def test_no_method_may_fall_far_below_its_prior(name: str, met: bool | None) -> 
             return rounds(50, 44, 90)
 
     assert [target.met for target in Told(None, [arm]).targets()] == ([] if met is None else [met])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("rates", "dip"), [((0.8, 0.1, 0.77, 0.9), 3.0), ((0.8, 0.1, 0.5, 0.9), 30.0), ((), None)])
+def test_the_dip_of_what_learns_step_by_step_is_that_of_its_flights_on_the_way(
+    rates: tuple[float, ...], dip: float | None, tmp_path: Path
+) -> None:
+    """However good practice looked meanwhile; and practice itself is judged where nothing was flown on the way."""
+    training = Continued(
+        "dapg", Source(robot="z1", task="reach"), 2, MlpConfig(), DemonstrationAugmented(), CLONING, watched=3
+    )
+    (tmp_path / "config.yaml").write_text("steps: 1000\n")
+    steps = (0, 10, 500, 1000)
+    flown = [{"step": step, "evaluate/success": rate} for step, rate in zip(steps, rates, strict=False)]
+    exploring = [{"step": step, "episode/success": rate} for step, rate in ((100, 0.9), (500, 0.7), (1000, 0.9))]
+    (tmp_path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in (*flown, *exploring)))
+
+    class Folder:
+        def run_of(self, training: Any) -> Path:
+            return tmp_path
+
+    practice = Practice(Folder(), [Arm("dapg", 2, training)])  # type: ignore[arg-type]
+    (row,), (target,) = practice.dips, practice.targets()
+    assert (row["dip"], row["exploring_dip"]) == (dip and pytest.approx(dip), 20.0)
+    assert target.measured == pytest.approx(20.0 if dip is None else dip)
+    assert target.met == (dip == 3.0)
 
 
 def rows_of(arm: str, percent: float, harder: float, minutes: float = 60.0) -> list[dict[str, Any]]:
@@ -211,21 +238,29 @@ def test_whatever_practice_begins_with_decides_it() -> None:
 
 
 @pytest.mark.slow
-def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(tmp_path: Path) -> None:
+def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """All of them, from one clone, once, beside the two that have none."""
+    monkeypatch.setattr(practised, "WATCHED_FLIGHTS", 2)
     small = {"steps": 128, "rollout": 64, "warmup": 64, "critic_hidden": (8,), "log_every": 64, "batch_size": 16}
     small |= {"critics": 2, "subset": 1}
     usual = FromPrior().practising
-    practising = {
+    arms = {
         n: replace(a, **{k: v for k, v in small.items() if hasattr(a, k)})
         for n, a in usual.items()
         if isinstance(a, OnlineAlgorithm)
     }
-    report = FromPrior(**{**SMALL, "practising": practising}).run(tmp_path, progress=False)
+    report = FromPrior(**{**SMALL, "practising": arms, "watched": 2}).run(tmp_path, progress=False)
     flown = {row["arm"]: row["flown"] for row in report.tables["Success"]}
-    assert [flown[name] for name in practising] == [128] * 7
+    assert [flown[name] for name in arms] == [128] * 7
     clones = {run.parent for run in tmp_path.glob("training/bc/*/2/*/metrics.jsonl")}
     assert len(clones) == 2, "the one that stands by itself, and the one that all begin with"
-    dips = {row["arm"]: row["dip"] for row in report.tables["Dips"]}
-    assert dips["jsrl"] is dips["rlpd"] is dips["ppo"] is None
+    dips = {row["arm"]: row for row in report.tables["Dips"]}
+    assert {name for name, row in dips.items() if row["dip"] is None} == {"rlpd", "ppo"}, "nothing to fall below"
+    assert dips["jsrl"]["exploring_dip"] is None, "a guide begins its episodes"
+    judged = json.loads(
+        next(tmp_path.glob("training/bc_ppo/**/config.yaml")).with_name("metrics.jsonl").read_text().splitlines()[0]
+    )
+    assert (judged["step"], judged["evaluate/episodes"]) == (0, 2), "the prior is flown first"
     assert set(report.figures) == {"by_steps.svg", "by_minutes.svg"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,18 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
+from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.parts.training.stages import Cloned, Shown, Stages, all_that_decides, train_in_rounds
+from aerial_il.benchmarks.parts.training.stages import (
+    TUNING_SEEDS,
+    Cloned,
+    Shown,
+    Stages,
+    all_that_decides,
+    train_in_rounds,
+)
 from aerial_il.core.contracts import Policy
+from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
@@ -29,6 +39,7 @@ BESIDE = {  # the other algorithms whose code an algorithm uses
 }
 
 ON_POLICY_WORLDS = 64
+WATCHED_FLIGHTS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +70,13 @@ class Continued(Shown):
     Attributes:
         algorithm: how, beside those of :class:`Shown`; its ``prior``, where it has one, is that clone.
         cloning: how that was made.
+        watched: how many times on the way, evenly spread, it is flown without exploration if it begins with a clone,
+            which is flown first; no weight depends on it.
     """
 
     algorithm: OnlineAlgorithm
     cloning: BehaviourCloning
+    watched: int = 0
 
     @property
     def clone(self) -> Cloned | None:
@@ -70,6 +84,10 @@ class Continued(Shown):
         if not any(setting.name == "prior" for setting in fields(self.algorithm)):
             return None
         return Cloned("bc", self.source, self.demos, self.policy, self.cloning)
+
+    @property
+    def _is_watched(self) -> bool:
+        return self.watched > 0 and self.clone is not None
 
     @property
     def worlds(self) -> int:
@@ -86,7 +104,8 @@ class Continued(Shown):
         return {**own, "worlds": self.worlds, "clone": self.clone.decided_by() if self.clone else None}
 
     def train(self, stages: Stages, run: Path) -> Policy:
-        settings: Any = self.algorithm
+        every = math.ceil(self.algorithm.steps / self.watched) if self._is_watched else 0
+        settings: Any = replace(self.algorithm, evaluate_every=every)
         source = self.source
         if self.clone:
             stages.policy(self.clone)
@@ -101,6 +120,7 @@ class Continued(Shown):
                 env=env,
                 seed=source.draw,
                 progress=stages.progress,
+                evaluate=self._watch(stages),
                 **({"expert": expert} if isinstance(settings, PractisedPolicy) else {}),
             )
         finally:
@@ -109,3 +129,17 @@ class Continued(Shown):
     def flown(self, run: Path) -> int:
         """Return the control steps that it flew by itself, in the folder ``run``."""
         return int(read_metrics(run)[-1]["step"])
+
+    def _watch(self, stages: Stages) -> Evaluate | None:
+        """Return what flies the policy on the way, always on the same tuning seeds in the tier it practises in."""
+        seeds = TUNING_SEEDS[:WATCHED_FLIGHTS]
+
+        def seen(policy: Policy, step: int) -> dict[str, float]:
+            env = stages.environment(self.source, self.source.tier, min(stages.num_envs, len(seeds)))
+            try:
+                result = evaluate(env, policy, seeds, policy_name=f"{self.label} at {step}", progress=False)
+            finally:
+                env.close()
+            return {"success": result.success["rate"], "episodes": float(len(seeds))}
+
+        return seen if self._is_watched else None
