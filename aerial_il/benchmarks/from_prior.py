@@ -272,9 +272,12 @@ class Practice:
 
     def targets(self) -> Iterator[Target]:
         """Yield that no method may fall far below its prior."""
-        told = [row for row in self.dips if _judged_dip(row) is not None and row["arm"] not in BASELINES]
-        for task, demos in dict.fromkeys((row["task"], row["demos"]) for row in told):
-            dips = {row["arm"]: _judged_dip(row) for row in told if (row["task"], row["demos"]) == (task, demos)}
+        judged: dict[tuple[str, int], dict[str, float]] = {}
+        for row in self.dips:
+            dip = row["exploring_dip"] if row["dip"] is None else row["dip"]
+            if dip is not None and row["arm"] not in BASELINES:
+                judged.setdefault((row["task"], row["demos"]), {})[row["arm"]] = dip
+        for (task, demos), dips in judged.items():
             spread = ", ".join(f"{arm} {dip:g}" for arm, dip in dips.items())
             what = f"{task} from {demos}: largest dip below the prior"
             yield Target(what, "at most", MOST_DIP, max(dips.values()), "points", spread)
@@ -350,11 +353,6 @@ def _has_prior(arm: Arm) -> bool:
 
 def _largest(dips: Sequence[float]) -> float | None:
     return round(max(dips), 1) if dips else None
-
-
-def _judged_dip(row: Row) -> float | None:
-    """Return the dip of the flights on the way, or where there were none, of practice itself."""
-    return row["exploring_dip"] if row["dip"] is None else row["dip"]
 
 
 def spread_evenly(rounds: Sequence[Row], most: int) -> list[Row]:
