@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
-from aerial_il.benchmarks.flight_control import FlightControl, Training
+from aerial_il.benchmarks.flight_control import MASSES, MOTORS, FlightControl, Training, _by_mismatch
 from aerial_il.benchmarks.parts.flight.manoeuvres import (
     Held,
     Mismatch,
@@ -19,6 +20,7 @@ from aerial_il.benchmarks.parts.flight.manoeuvres import (
     response_of,
 )
 from aerial_il.benchmarks.parts.flight.pilots import LawPilot, PolicyPilot
+from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.errors import InvalidValueError
 
@@ -113,3 +115,15 @@ def test_a_task_may_explore_less_than_the_others() -> None:
     entropies = {t.task: study.learner(t).entropy for t in study.trainings() if t.algorithm == "ppo"}
     assert entropies == {"hover": 0.0, "take_off": 0.0, "land": 0.003}
     assert study.learner(Training("land", "sac", 0)) == study.sac
+
+
+def test_a_pilot_that_crashes_at_times_is_drawn_hollow_and_one_that_mostly_does_not_at_all() -> None:
+    def flown(crashed: float) -> dict[str, dict[str, object]]:
+        kinds = ["nominal", *(f"mass {m}" for m in MASSES), *(f"motor {m}" for m in MOTORS)]
+        return {"mismatch": {kind: asdict(Held(1.0, 2.0, 1.0, 3.0, crashed)) for kind in kinds}}
+
+    drawn = _by_mismatch({"pid": [flown(0.0)], "ppo": [flown(0.0), flown(0.2)], "sac": [flown(0.9)]})["mass"]
+    assert [crashed for _, _, crashed in drawn["pid"]] == [False] * 7
+    assert [crashed for _, _, crashed in drawn["ppo"]] == [True] * 7
+    assert drawn["sac"] == []
+    assert "<svg" in mismatch_lines({"mass": drawn})

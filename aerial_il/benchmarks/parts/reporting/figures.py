@@ -274,18 +274,27 @@ def step_lines(time_s: Sequence[float], percent: Mapping[tuple[str, str], Mappin
     return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in percent}, draw)
 
 
-def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]) -> str:
+def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, float, bool]]]]) -> str:
     """Draw how well a position is held by a vehicle that is not as expected: a panel per difference, a line per pilot.
 
     Args:
-        rmse_cm: what differs -> pilot -> (factor, cm), where none crashed.
+        rmse_cm: what differs -> pilot -> (factor, cm, whether some flight crashed; such points are hollow).
     """
+
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
     def draw(axes: Axes, what: str) -> None:
         for k, (pilot, points) in enumerate(rmse_cm[what].items()):
-            x, y = zip(*points, strict=True) if points else ((), ())
-            axes.plot(x, y, "o-", color=COLOURS[k % len(COLOURS)], markersize=3, linewidth=1.2, label=pilot)
+            colour = COLOURS[k % len(COLOURS)]
+            x, y, crashed = zip(*points, strict=True) if points else ((), (), ())
+            axes.plot(x, y, color=colour, linewidth=1.2, label=pilot)
+            axes.scatter(
+                x, y, 12, color=["white" if hollow else colour for hollow in crashed], edgecolors=colour, zorder=3
+            )
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_minor_locator(NullLocator())
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.set_xlabel(f"factor of {what}")
         axes.set_ylabel("distance, RMSE (cm)")
 
