@@ -382,9 +382,9 @@ def _by_mismatch(flown: Mapping[str, list[dict[str, Any]]]) -> dict[str, dict[st
             keys = {factor: "nominal" if factor == 1.0 else f"{what} {factor}" for factor in sorted(factors)}
             means = {factor: _mean_held([one["mismatch"][key] for one in all_]) for factor, key in keys.items()}
             panels.setdefault(what, {})[name] = [
-                (factor, mean["rmse_cm"], mean["crashed"] > 0)
+                (factor, mean["rmse_cm"], bool(mean["crashed"]))
                 for factor, mean in means.items()
-                if mean["rmse_cm"] and mean["crashed"] <= MOSTLY
+                if mean["rmse_cm"] and (mean["crashed"] or 0.0) <= MOSTLY
             ]
     return panels
 
