@@ -29,11 +29,18 @@ from aerial_il.benchmarks.parts.flight.manoeuvres import (
     decision_us,
     hold,
     push,
-    recovery_s,
     respond,
-    response_of,
 )
 from aerial_il.benchmarks.parts.flight.pilots import ROBOT, LawPilot, Pilot, PolicyPilot
+from aerial_il.benchmarks.parts.flight.tables import (
+    HELD_IN,
+    MASSES,
+    MOTORS,
+    by_mismatch,
+    drawn_responses,
+    drawn_times,
+    manoeuvre_tables,
+)
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines, step_lines, success_curves
@@ -48,14 +55,11 @@ from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
-from aerial_il.suite.timing import CONTROL_DT_S
 
 LAWS, LEARNERS, TASKS = ("pid", "lqr", "geometric", "geometric_observer"), ("ppo", "sac"), ("hover", "take_off", "land")
-HOVER, OWN_TIER, TIERS, HELD_IN = "hover", "gusts", ("calm", "gusts"), ("calm", "gusts", "hard")
-MASSES, MOTORS = (0.8, 0.9, 1.1, 1.2, 1.3, 1.4), (0.95, 0.9, 0.85, 0.8, 0.75, 0.7)
+HOVER, OWN_TIER, TIERS = "hover", "gusts", ("calm", "gusts")
 WANTED_PERCENT = 90.0  # of flights by the best learner, on each task in gusts
-MANOEUVRES, DRAWN_EVERY = "manoeuvres.json", 2
-MOSTLY = 0.5  # share of crashed flights beyond which a distance says nothing
+MANOEUVRES = "manoeuvres.json"
 NOTES = (
     "Learners are paid by the environment's dense reward, have no demonstration and command collective thrust and body "
     "rates 50 times a second, which the vehicle follows 250 times a second; they have learned in gusts. Trainings "
@@ -277,11 +281,11 @@ class FlightControl:
             question=self.question,
             settings=json.loads(json.dumps({**asdict(self), "policy": described(self.policy)})),
             targets=tuple(self._targets(success)),
-            tables={"Tasks": success, **_manoeuvre_tables(flown)},
+            tables={"Tasks": success, **manoeuvre_tables(flown)},
             notes=NOTES,
             figures={
-                "steps.svg": step_lines(_times(), _drawn(flown)),
-                "mismatch.svg": mismatch_lines(_by_mismatch(flown)),
+                "steps.svg": step_lines(drawn_times(), drawn_responses(flown)),
+                "mismatch.svg": mismatch_lines(by_mismatch(flown)),
                 "learning.svg": success_curves(self._curves(record)),
             },
             details={"failed_seeds": {f"{flier}, {tier}": failed_seeds(r) for (flier, tier), r in results.items()}},
@@ -313,84 +317,10 @@ class FlightControl:
             yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
 
 
-def _manoeuvre_tables(flown: Mapping[str, list[dict[str, Any]]]) -> dict[str, list[Row]]:
-    """Return the tables of the manoeuvres: pilots by name, each with the figures of its trainings."""
-    return {
-        "Step responses": [_response_row(name, step, all_) for name, all_ in flown.items() for step in STEPS],
-        "Push": [_push_row(name, all_) for name, all_ in flown.items()],
-        "Holding": [
-            {"flown_by": name, "tier": tier, **_mean_held([one["held"][tier] for one in all_])}
-            for name, all_ in flown.items()
-            for tier in HELD_IN
-        ],
-        "Mismatch": [
-            {"flown_by": name, "vehicle": what, **_mean_held([one["mismatch"][what] for one in all_])}
-            for name, all_ in flown.items()
-            for what in all_[0]["mismatch"]
-        ],
-        "Decisions": [
-            {"flown_by": name, "us": round(float(np.mean([one["decision_us"] for one in all_])), 1)}
-            for name, all_ in flown.items()
-        ],
-    }
-
-
 def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult]) -> Row:
     crashes = sum(result.metrics["ends"]["crash"] for result in found)
     seconds = mean_time_s(found)
     return {"task": task, "tier": tier, "flown_by": name, **pooled_row(found), "time_s": seconds, "crashes": crashes}
-
-
-def _response_row(name: str, step: str, flown: list[dict[str, Any]]) -> Row:
-    responses = [asdict(response_of(np.array(one["responses"][step]))) for one in flown]
-    return {"flown_by": name, "step": step, **{key: _mean([r[key] for r in responses]) for key in responses[0]}}
-
-
-def _push_row(name: str, flown: list[dict[str, Any]]) -> Row:
-    away = [np.array(one["push"], float) for one in flown]  # not a number from a crash on
-    farthest = _mean([100.0 * float(each.max()) for each in away])
-    return {"flown_by": name, "farthest_cm": farthest, "recovered_s": _mean([recovery_s(each) for each in away])}
-
-
-def _mean_held(held: list[dict[str, float | None]]) -> dict[str, float | None]:
-    return {key: _mean([one[key] for one in held], digits=3) for key in held[0]}
-
-
-def _mean(values: list[float | None], *, digits: int = 2) -> float | None:
-    """Return the mean; None if any is missing or not a number: one that fails is not averaged away."""
-    if any(value is None or not np.isfinite(value) for value in values):
-        return None
-    return round(float(np.mean([value for value in values if value is not None])), digits)
-
-
-def _drawn(flown: Mapping[str, list[dict[str, Any]]]) -> dict[tuple[str, str], dict[str, list[float]]]:
-    """Return the responses to be drawn, in percent: (robot, step) -> pilot -> values, mean of the trainings."""
-    return {
-        (ROBOT, step): {
-            name: (100.0 * np.mean([one["responses"][step] for one in all_], 0)[::DRAWN_EVERY]).round(2).tolist()
-            for name, all_ in flown.items()
-        }
-        for step in STEPS
-    }
-
-
-def _by_mismatch(flown: Mapping[str, list[dict[str, Any]]]) -> dict[str, dict[str, list[tuple[float, float, bool]]]]:
-    """Return what -> pilot -> (factor, RMSE in cm, whether any flight crashed), where no more than half crashed."""
-    panels: dict[str, dict[str, list[tuple[float, float, bool]]]] = {}
-    for what, factors in (("mass", (1.0, *MASSES)), ("motor", (1.0, *MOTORS))):
-        for name, all_ in flown.items():
-            keys = {factor: "nominal" if factor == 1.0 else f"{what} {factor}" for factor in sorted(factors)}
-            means = {factor: _mean_held([one["mismatch"][key] for one in all_]) for factor, key in keys.items()}
-            panels.setdefault(what, {})[name] = [
-                (factor, mean["rmse_cm"], bool(mean["crashed"]))
-                for factor, mean in means.items()
-                if mean["rmse_cm"] and (mean["crashed"] or 0.0) <= MOSTLY
-            ]
-    return panels
-
-
-def _times() -> list[float]:
-    return [round(CONTROL_DT_S * (k + 1), 3) for k in range(200)[::DRAWN_EVERY]]
 
 
 def _curve(run: Path) -> list[tuple[float, float]]:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from aerial_il.benchmarks.flight_control import MASSES, MOTORS, FlightControl, Training, _by_mismatch
+from aerial_il.benchmarks.flight_control import FlightControl, Training
 from aerial_il.benchmarks.parts.flight.manoeuvres import (
     Held,
     Mismatch,
@@ -20,6 +20,7 @@ from aerial_il.benchmarks.parts.flight.manoeuvres import (
     response_of,
 )
 from aerial_il.benchmarks.parts.flight.pilots import LawPilot, PolicyPilot
+from aerial_il.benchmarks.parts.flight.tables import MASSES, MOTORS, by_mismatch
 from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.errors import InvalidValueError
@@ -122,7 +123,7 @@ def test_a_pilot_that_crashes_at_times_is_drawn_hollow_and_one_that_mostly_does_
         kinds = ["nominal", *(f"mass {m}" for m in MASSES), *(f"motor {m}" for m in MOTORS)]
         return {"mismatch": {kind: asdict(Held(1.0, 2.0, 1.0, 3.0, crashed)) for kind in kinds}}
 
-    drawn = _by_mismatch({"pid": [flown(0.0)], "ppo": [flown(0.0), flown(0.2)], "sac": [flown(0.9)]})["mass"]
+    drawn = by_mismatch({"pid": [flown(0.0)], "ppo": [flown(0.0), flown(0.2)], "sac": [flown(0.9)]})["mass"]
     assert [crashed for _, _, crashed in drawn["pid"]] == [False] * 7
     assert [crashed for _, _, crashed in drawn["ppo"]] == [True] * 7
     assert drawn["sac"] == []
