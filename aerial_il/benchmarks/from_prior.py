@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -29,19 +28,18 @@ from aerial_il.algorithms.jsrl import JumpStart
 from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
 from aerial_il.algorithms.residual import ResidualLearning
 from aerial_il.algorithms.rlpd import PriorDataLearning
-from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import practice_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
+from aerial_il.benchmarks.parts.training.practice import LISTED, Arm, Practice, grouped
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 
@@ -53,9 +51,7 @@ WANTED: Mapping[tuple[str, int], float] = {  # %, in the own tier
     ("insert_peg", 40): 90.0,
 }
 WANTED_HARDER, METHODS_WANTED, LONGEST_MINUTES = 85.0, 3, 180.0
-MOST_DIP, MAY_DIP = 5.0, 0.02  # points below the prior; share of the steps in which it may fall further
 FROM_SCRATCH_STEPS = 20_000_000
-LISTED = 16  # rounds of a training on the page
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 100_000}
 NOTES = (
     "The reward is sparse: whether a flight succeeded. The final policy of each training is flown in the tier it was"
@@ -82,24 +78,6 @@ NOTES = (
     "the flights were added, which count wherever a training has them. Where none has, the exploring dip is judged. "
     "For jsrl no exploring dip can be given, since a guide begins its episodes.",
 )
-
-
-@dataclass(frozen=True)
-class Arm:
-    """One training and what it stands for.
-
-    Attributes:
-        name: of the arm. demos: that its arm begins with. training: what is trained.
-    """
-
-    name: str
-    demos: int
-    training: Cloned | Practised | Continued
-
-    @property
-    def cell(self) -> tuple[str, int]:
-        """Its task and the number of demonstrations to begin with."""
-        return self.training.source.task, self.demos
 
 
 Results = Mapping[tuple[Arm, str], EvaluationResult]
@@ -172,9 +150,9 @@ class FromPrior:
         seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._all_arms())
         work = [(arm, tier) for arm in arms for tier in (self.tier, self.harder)]
         results = {key: stages.judged(key[0].training, key[1], seeds) for key in bar(work, self.name, progress)}
-        groups = list(_grouped(arms))
+        groups = list(grouped(arms))
         pooled = [_row(group, tier, results, stages) for group in groups for tier in (self.tier, self.harder)]
-        practice = Practice(stages, [arm for arm in arms if not isinstance(arm.training, Cloned)])
+        practice = Practice(stages, [arm for arm in arms if not isinstance(arm.training, Cloned)], BASELINES)
         return Report(
             name=self.name,
             question=self.question,
@@ -237,147 +215,6 @@ class FromPrior:
 
     def _is_judged(self, row: Row) -> bool:
         return row["arm"] in self.practising and row["arm"] not in BASELINES
-
-
-@dataclass(frozen=True, eq=False)
-class Practice:
-    """What the rounds of the practising arms cost and brought.
-
-    Attributes:
-        stages: of the study. arms: those that practised.
-    """
-
-    stages: Stages
-    arms: Sequence[Arm]
-
-    @cached_property
-    def _told(self) -> dict[Arm, list[Row]]:
-        """One row for each round of each training, as its metrics tell; the first row tells of its prior."""
-        return {arm: list(self._rounds(arm)) for arm in self.arms}
-
-    @property
-    def rounds(self) -> list[Row]:
-        """All rounds of all trainings."""
-        return [row for rows in self._told.values() for row in rows]
-
-    @property
-    def listed(self) -> list[Row]:
-        """Some of the rounds, for a page that can be read."""
-        return [row for rows in self._told.values() for row in spread_evenly(rows, LISTED)]
-
-    @cached_property
-    def dips(self) -> list[Row]:
-        """One row for each arm: the largest dip of any of its trainings below what it began with, in points."""
-        return [self._dip(group) for group in _grouped(self.arms)]
-
-    def targets(self) -> Iterator[Target]:
-        """Yield that no method may fall far below its prior."""
-        judged: dict[tuple[str, int], dict[str, float]] = {}
-        for row in self.dips:
-            dip = row["exploring_dip"] if row["dip"] is None else row["dip"]
-            if dip is not None and row["arm"] not in BASELINES:
-                judged.setdefault((row["task"], row["demos"]), {})[row["arm"]] = dip
-        for (task, demos), dips in judged.items():
-            spread = ", ".join(f"{arm} {dip:g}" for arm, dip in dips.items())
-            what = f"{task} from {demos}: largest dip below the prior"
-            yield Target(what, "at most", MOST_DIP, max(dips.values()), "points", spread)
-
-    def _rounds(self, arm: Arm) -> Iterator[Row]:
-        if isinstance(arm.training, Continued):
-            yield from self._stretches(arm)
-            return
-        flown = 0
-        for row in read_metrics(self.stages.run_of(arm.training))[1:]:
-            flown += int(row["flight_steps"])
-            first = row.get("starts_solved_first", row["flights_solved"] / row["flights"])
-            yield {
-                "arm": arm.name,
-                "task": arm.cell[0],
-                "demos": arm.demos,
-                "draw": arm.training.source.draw,
-                "round": int(row["step"]),
-                "first_percent": round(100 * first, 1),
-                "solved_percent": round(100 * row.get("starts_solved", first), 1),
-                "flown": flown,
-                "minutes": _minutes(row),
-            }
-
-    def _stretches(self, arm: Arm) -> Iterator[Row]:
-        """Yield one row for each stretch of a training between two rows of its metrics: episodes that ended in it."""
-        rows = [row for row in read_metrics(self.stages.run_of(arm.training)) if "episode/success" in row]
-        for number, row in enumerate(rows, start=1):
-            solved = round(100 * row["episode/success"], 1)
-            alone = not isinstance(arm.training.algorithm, JumpStart)  # a guide begins
-            yield {
-                "arm": arm.name,
-                "task": arm.cell[0],
-                "demos": arm.demos,
-                "draw": arm.training.source.draw,
-                "round": number,
-                "first_percent": solved if alone else None,
-                "solved_percent": solved,
-                "flown": int(row["step"]),
-                "minutes": _minutes(row),
-            }
-
-    def _dip(self, group: Sequence[Arm]) -> Row:
-        told = {arm: self._told[arm] for arm in group}
-        by_rounds = [
-            largest_dip(rows)
-            for arm, rows in told.items()
-            if rows and _has_prior(arm) and all(row["first_percent"] is not None for row in rows)
-        ]
-        by_flights = [dip for arm in group if (dip := self._flown_dip(arm)) is not None]
-        stepwise = isinstance(group[0].training, Continued)
-        return {
-            "arm": group[0].name,
-            "task": group[0].cell[0],
-            "demos": group[0].demos,
-            "dip": _largest(by_flights if stepwise else by_rounds),
-            "exploring_dip": _largest(by_rounds) if stepwise else None,
-            "rounds": sum(map(len, told.values())),
-        }
-
-    def _flown_dip(self, arm: Arm) -> float | None:
-        """Return by how many points the flights on the way fell below those of the prior; None without such flights."""
-        if not (isinstance(arm.training, Continued) and _has_prior(arm)):
-            return None
-        dip = read_run(self.stages.run_of(arm.training)).largest_dip
-        return None if dip is None else 100 * dip
-
-
-def _has_prior(arm: Arm) -> bool:
-    """Whether it begins with something that it could fall below."""
-    return not isinstance(arm.training, Continued) or arm.training.clone is not None
-
-
-def _largest(dips: Sequence[float]) -> float | None:
-    return round(max(dips), 1) if dips else None
-
-
-def spread_evenly(rounds: Sequence[Row], most: int) -> list[Row]:
-    """Return at most so many of the rounds, evenly spread, the first and the last among them."""
-    kept = np.linspace(0, len(rounds) - 1, min(most, len(rounds))).round().astype(int)
-    return [rounds[k] for k in kept]
-
-
-def largest_dip(rounds: Sequence[Row]) -> float:
-    """Return how far success was below that of the first round, in points, once the first steps were over."""
-    first, last = rounds[0]["first_percent"], rounds[-1]["flown"]
-    return max(0.0, *(first - row["first_percent"] for row in rounds if row["flown"] >= MAY_DIP * last))
-
-
-def _minutes(row: Mapping[str, float]) -> float | None:
-    """Return the time up to a row of metrics; older runs of rounds do not tell it."""
-    return round(row["elapsed_s"] / 60, 2) if "elapsed_s" in row else None
-
-
-def _grouped(arms: Sequence[Arm]) -> Iterator[list[Arm]]:
-    """Yield the trainings of each arm, which differ in their draws only."""
-    groups: dict[tuple[Any, ...], list[Arm]] = {}
-    for arm in arms:
-        groups.setdefault((*arm.cell, arm.name), []).append(arm)
-    yield from groups.values()
 
 
 def _row(group: Sequence[Arm], tier: str, results: Results, stages: Stages) -> Row:

@@ -15,20 +15,11 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.from_prior import (
-    CLONE,
-    HIDING,
-    SHOWN_MORE,
-    Arm,
-    FromPrior,
-    Practice,
-    largest_dip,
-    spread_evenly,
-)
+from aerial_il.benchmarks.from_prior import CLONE, HIDING, SHOWN_MORE, FromPrior
 from aerial_il.benchmarks.parts.records.record import digest
 from aerial_il.benchmarks.parts.training import practised
 from aerial_il.benchmarks.parts.training.demonstrations import Source
-from aerial_il.benchmarks.parts.training.practised import Continued, Practised
+from aerial_il.benchmarks.parts.training.practised import Continued
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -74,66 +65,6 @@ def test_a_small_study_stands_beside_its_controls_and_goes_on_where_it_stopped(t
     again = FromPrior(**SMALL).run(tmp_path, progress=False)
     assert again.tables == report.tables
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == files
-
-
-def rounds(*first: float, flown: int = 1000) -> list[dict[str, Any]]:
-    """Rounds of ``flown`` steps each that began with these percentages of starts solved."""
-    return [{"first_percent": percent, "flown": flown * (n + 1)} for n, percent in enumerate(first)]
-
-
-@pytest.mark.parametrize(("percent", "dip"), [((50, 60), 0.0), ((50, 44, 90), 6.0), ((50, 52, 0), 50.0)])
-def test_the_dip_is_the_largest_on_the_way_however_it_ends(percent: tuple[float, ...], dip: float) -> None:
-    assert largest_dip(rounds(*percent)) == dip
-
-
-def test_of_many_rounds_some_are_listed_from_the_first_to_the_last() -> None:
-    rounds = [{"round": number} for number in range(1, 246)]
-    listed = [row["round"] for row in spread_evenly(rounds, 16)]
-    assert (listed[0], listed[-1], len(set(listed))) == (1, 245, 16)
-    assert spread_evenly(rounds[:3], 16) == rounds[:3]
-    assert spread_evenly([], 16) == []
-
-
-def test_a_dip_counts_once_the_first_steps_are_over() -> None:
-    early = [{"first_percent": 50.0, "flown": 10}, {"first_percent": 20.0, "flown": 19}]
-    assert largest_dip([*early, {"first_percent": 60.0, "flown": 1000}]) == 0.0
-    assert largest_dip([*early, {"first_percent": 20.0, "flown": 20}, {"first_percent": 60.0, "flown": 1000}]) == 30.0
-
-
-@pytest.mark.parametrize(("name", "met"), [("bc_ppo", False), ("filtered_bc", None)])
-def test_no_method_may_fall_far_below_its_prior(name: str, met: bool | None) -> None:
-    arm = Arm(name, 2, Practised(name, Source(robot="z1", task="reach"), 2, MlpConfig(), ExpertIteration(**ROUNDS)))
-
-    class Told(Practice):
-        def _rounds(self, arm: Arm) -> Any:
-            return rounds(50, 44, 90)
-
-    assert [target.met for target in Told(None, [arm]).targets()] == ([] if met is None else [met])  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("rates", "dip"), [((0.8, 0.1, 0.77, 0.9), 3.0), ((0.8, 0.1, 0.5, 0.9), 30.0), ((), None)])
-def test_the_dip_of_what_learns_step_by_step_is_that_of_its_flights_on_the_way(
-    rates: tuple[float, ...], dip: float | None, tmp_path: Path
-) -> None:
-    """However good practice looked meanwhile; and practice itself is judged where nothing was flown on the way."""
-    training = Continued(
-        "dapg", Source(robot="z1", task="reach"), 2, MlpConfig(), DemonstrationAugmented(), CLONING, watched=3
-    )
-    (tmp_path / "config.yaml").write_text("steps: 1000\n")
-    steps = (0, 10, 500, 1000)
-    flown = [{"step": step, "evaluate/success": rate} for step, rate in zip(steps, rates, strict=False)]
-    exploring = [{"step": step, "episode/success": rate} for step, rate in ((100, 0.9), (500, 0.7), (1000, 0.9))]
-    (tmp_path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in (*flown, *exploring)))
-
-    class Folder:
-        def run_of(self, training: Any) -> Path:
-            return tmp_path
-
-    practice = Practice(Folder(), [Arm("dapg", 2, training)])  # type: ignore[arg-type]
-    (row,), (target,) = practice.dips, practice.targets()
-    assert (row["dip"], row["exploring_dip"]) == (dip and pytest.approx(dip), 20.0)
-    assert target.measured == pytest.approx(20.0 if dip is None else dip)
-    assert target.met == (dip == 3.0)
 
 
 def rows_of(arm: str, percent: float, harder: float, minutes: float = 60.0) -> list[dict[str, Any]]:
