@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from importlib import metadata
 from itertools import islice
 from pathlib import Path
@@ -33,7 +34,7 @@ from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.ratios import LIKE, peer_rows, peer_targets, row, targets
 from aerial_il.benchmarks.parts.reporting.report import Report
 from aerial_il.benchmarks.parts.training.demonstrations import SEEDS_PER_DRAW
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, without_cadence
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judged_once, without_cadence
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import is_sealed
 from aerial_il.core.contracts import Policy
@@ -41,8 +42,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sha256_of
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
-from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies import FINAL, load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from aerial_il.suite.outside.processes import processes_for
@@ -315,16 +315,9 @@ class Gail:
         self, task: str, policy: Callable[[], Policy], judged: Path, name: str, progress: bool
     ) -> EvaluationResult:
         """Return the kept evaluation, or that of the policy that is made then."""
-        if (judged / FILE_NAME).exists():
-            return load_result(judged)
-        made, env = policy(), self.environment(task, judged=True, at_most=self.episodes)
-        try:
-            seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
-            result = evaluate(env, made, seeds, policy_name=name, progress=progress)
-        finally:
-            env.close()
-        result.save(judged)
-        return result
+        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        env = partial(self.environment, task, judged=True, at_most=self.episodes)
+        return judged_once(judged, policy, env, seeds, name=name, progress=progress)
 
     def _report(
         self, record: Record, experts: Mapping[str, EvaluationResult], results: Mapping[Point, EvaluationResult]
