@@ -18,6 +18,12 @@ from aerial_il.core.errors import AerialError
 
 OK, FAILED, BAD_USAGE = 0, 1, 2
 MISTYPED = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)  # said of a path
+REMEDIES = {
+    errno.ENOSPC: "make room",
+    errno.EDQUOT: "make room",
+    errno.EROFS: "choose a place that can be written to",
+    errno.EACCES: "choose a place that you may use",
+}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -48,9 +54,9 @@ def main(argv: list[str] | None = None) -> int:
         if error.errno in MISTYPED:
             _complain(f"aerial-il: {_of_a_path(error)}.")
             return BAD_USAGE
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
+        if (remedy := REMEDIES.get(error.errno or 0)) is None:
             raise
-        _complain(f"aerial-il: {error}. What was finished is whole; make room and run the same command again.")
+        _complain(f"aerial-il: {error}. What was finished is whole; {remedy} and run the same command again.")
         return FAILED
 
 

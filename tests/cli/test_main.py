@@ -132,21 +132,27 @@ def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(
 
 
 @pytest.mark.parametrize(
-    ("raised", "status"),
+    ("raised", "status", "next_step"),
     [
-        (KeyboardInterrupt(), 130),
-        (OSError(errno.ENOSPC, "No space left on device", "demo.mcap"), main.FAILED),
+        (KeyboardInterrupt(), 130, "same command continues"),
+        (OSError(errno.ENOSPC, "No space left on device", "demo.mcap"), main.FAILED, "make room and run"),
+        (OSError(errno.EROFS, "Read-only file system", "demo.mcap"), main.FAILED, "a place that can be written to"),
+        (OSError(errno.EACCES, "Permission denied", "demo.mcap"), main.FAILED, "a place that you may use"),
     ],
 )
-def test_what_ends_a_command_decides_its_status(
-    raised: BaseException, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_what_ends_a_command_decides_its_status_and_the_next_step(
+    raised: BaseException,
+    status: int,
+    next_step: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def fail(words: list[str]) -> int:
         raise raised
 
     monkeypatch.setattr(main, "_dispatch", fail)
     assert main.main([]) == status
-    assert capsys.readouterr().err
+    assert next_step in capsys.readouterr().err
 
 
 def test_a_termination_signal_ends_with_143() -> None:
