@@ -1,7 +1,7 @@
 """Deep Q-network (DQN): the worth of each of a few choices, learned from a replay buffer; the best one is taken.
 
-Each turn takes one step in every world, with probability epsilon a random choice, else the one of the highest value;
-keeps it; and takes ``utd_ratio`` gradient steps for each environment step towards
+Each turn takes one step in every world, with probability epsilon a random choice, else the one of the highest value,
+and keeps it. Every ``update_every`` environment steps it takes ``utd_ratio`` gradient steps for each of them towards
 
     ``Q(s, a) = r + gamma * Q'(s', argmax Q(s', .))``,
 
@@ -48,6 +48,8 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
         double: let Q choose what Q' judges.
         epsilon: probability of a random choice, once it has fallen; it begins at 1.
         exploration: share of all steps over which it falls, evenly.
+        update_every: environment steps from one bout of updates to the next. In between the policy stays as it is, so
+            that it presses on in one direction even where all choices seem to be worth the same.
         target_every: updates between two at which Q' follows. clip_norm: largest gradient norm.
     """
 
@@ -59,18 +61,24 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
     double: bool = True
     epsilon: float = 0.05
     exploration: float = 0.1
+    update_every: int = 1
     target_every: int = 500
     clip_norm: float = 10.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_share(self, "epsilon", "exploration")
-        require_positive(self, "target_every", "clip_norm")
+        require_positive(self, "update_every", "target_every", "clip_norm")
 
     def epsilon_at(self, left: float) -> float:
         """Return the probability of a random choice when the share ``left`` of the training is left."""
         fallen = min(1.0, (1.0 - left) / self.exploration) if self.exploration else 1.0
         return 1.0 + fallen * (self.epsilon - 1.0)
+
+    def updates_due(self, steps: int, worlds: int) -> int:
+        """Return how many updates follow a turn of one step in each of ``worlds``, after which ``steps`` are done."""
+        due, done = (int(self.utd_ratio * (n - n % self.update_every)) for n in (steps, steps - worlds))
+        return due - done
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeepQAgent(self, run.build_actor(Categorical))
@@ -85,7 +93,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
                 replay.finish_warmup()
 
             agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
+            for _ in range(0 if warming_up else self.updates_due(run.collector.steps, run.collector.n)):
                 run.log({**agent.update(replay.sample(self.batch_size)), "actor/epsilon": agent.epsilon})
             run.end_turn()
 

@@ -12,6 +12,7 @@ import torch
 import yaml
 
 from aerial_il import algorithms
+from aerial_il.algorithms.dqn import DeepQLearning
 from aerial_il.algorithms.npg import NaturalGradientAgent, NaturalGradientLearning, conjugate_gradients, flat_gradient
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.interface import check_policy, plain_interface
@@ -372,3 +373,15 @@ def test_a_run_that_was_begun_before_a_setting_was_there_goes_on(tmp_path: Path)
     (tmp_path / "checkpoints").mkdir(exist_ok=True)
     with pytest.raises(InvalidValueError, match=r"settings\.reward"):
         train(replace(settings, reward="sparse"), tmp_path, Drift(8))
+
+
+@pytest.mark.parametrize("worlds", [1, 3])
+def test_updates_in_bouts_are_as_many_and_the_policy_stands_still_between_them(worlds: int) -> None:
+    evenly, bouts = (DeepQLearning(utd_ratio=0.5, update_every=every) for every in (1, 24))
+    turns = range(worlds, 241, worlds)
+    assert sum(bouts.updates_due(steps, worlds) for steps in turns) == 120
+    assert sum(evenly.updates_due(steps, worlds) for steps in turns) == 120
+    assert {steps % 24 for steps in turns if bouts.updates_due(steps, worlds)} == {0}
+    assert max(evenly.updates_due(steps, worlds) for steps in turns) == 1 + (worlds > 1)
+    with pytest.raises(InvalidValueError, match="update_every"):
+        DeepQLearning(update_every=0)

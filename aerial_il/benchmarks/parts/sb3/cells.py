@@ -81,7 +81,7 @@ def cells() -> dict[str, Cell]:
             "CartPole-v1",
             DeepQLearning(
                 steps=50_000, lr=2.3e-3, batch_size=64, buffer_size=100_000, warmup=1_000, utd_ratio=0.5,
-                target_every=128, exploration=0.16, epsilon=0.04, **CLASSIC,
+                update_every=256, target_every=128, exploration=0.16, epsilon=0.04, **CLASSIC,
             ),
             CategoricalConfig(hidden=(256, 256), activation="relu"),
             Theirs(
@@ -99,7 +99,7 @@ def cells() -> dict[str, Cell]:
             "MountainCar-v0",
             DeepQLearning(
                 steps=120_000, lr=4e-3, batch_size=128, buffer_size=10_000, warmup=1_000, gamma=0.98, utd_ratio=0.5,
-                target_every=300, exploration=0.2, epsilon=0.07, reward_patience=0, **CLASSIC,
+                update_every=16, target_every=300, exploration=0.2, epsilon=0.07, reward_patience=0, **CLASSIC,
             ),
             CategoricalConfig(hidden=(256, 256), activation="relu"),
             Theirs(
