@@ -23,7 +23,7 @@ from typing import ClassVar
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import smooth_l1_loss
+from torch.nn.functional import huber_loss
 
 from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.critics import Target
@@ -51,6 +51,8 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
         update_every: environment steps from one bout of updates to the next. In between the policy stays as it is, so
             that it presses on in one direction even where all choices seem to be worth the same.
         target_every: updates between two at which Q' follows. clip_norm: largest gradient norm.
+        huber: error beyond which the loss grows linearly. Where it is small against the values, a rare end that
+            costs all that was still to come hardly teaches more than any other step.
     """
 
     name: ClassVar[str] = "dqn"
@@ -64,11 +66,12 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
     update_every: int = 1
     target_every: int = 500
     clip_norm: float = 10.0
+    huber: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_share(self, "epsilon", "exploration")
-        require_positive(self, "update_every", "target_every", "clip_norm")
+        require_positive(self, "update_every", "target_every", "clip_norm", "huber")
 
     def epsilon_at(self, left: float) -> float:
         """Return the probability of a random choice when the share ``left`` of the training is left."""
@@ -128,7 +131,7 @@ class DeepQAgent(Agent):
         """Take one step of the values, and let the target follow where it is due."""
         chosen = self.network.nearest(batch.actions)
         values = self.network.scores(batch.obs[:, None, :-1])[:, 0].gather(-1, chosen[:, None])[:, 0]
-        loss = smooth_l1_loss(values, self.bellman_targets(batch))
+        loss = huber_loss(values, self.bellman_targets(batch), delta=self.settings.huber)
         self._values.descend(loss, clip_norm=self.settings.clip_norm)
         self.updates += 1
         if self.updates % self.settings.target_every == 0:

@@ -31,7 +31,8 @@ NOTES = (
     " trainings, which differ in weights, exploration and episodes. Low and high: Student's 95 % interval with a"
     " training as the unit.",
     "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread; on `reach` its worlds "
-    "have a process each (SubprocVecEnv), ours are a batch.",
+    "have a process each (SubprocVecEnv), ours are a batch. On CartPole `dqn` has another learning rate, other targets "
+    "and another loss on our side, chosen on other seeds.",
     "Sooner: seconds until the mean return of the episodes that ended last first reaches the lower of the two sides' "
     "highest, theirs over ours, by pairs of trainings.",
     "Steps per second: environment steps of the whole training over its time, learning included.",

@@ -12,12 +12,13 @@ import torch
 import yaml
 
 from aerial_il import algorithms
-from aerial_il.algorithms.dqn import DeepQLearning
+from aerial_il.algorithms.dqn import DeepQAgent, DeepQLearning
 from aerial_il.algorithms.npg import NaturalGradientAgent, NaturalGradientLearning, conjugate_gradients, flat_gradient
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.interface import check_policy, plain_interface
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight, Relabeller
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.folder import CONFIG, read_metrics
 from aerial_il.core.contracts import StepResult
@@ -385,3 +386,16 @@ def test_updates_in_bouts_are_as_many_and_the_policy_stands_still_between_them(w
     assert max(evenly.updates_due(steps, worlds) for steps in turns) == 1 + (worlds > 1)
     with pytest.raises(InvalidValueError, match="update_every"):
         DeepQLearning(update_every=0)
+
+
+@pytest.mark.parametrize(("huber", "loss"), [(1.0, 49.5), (20.0, 800.0), (100.0, 1250.0)])
+def test_an_end_that_costs_much_teaches_as_much_as_it_is_allowed_to(huber: float, loss: float) -> None:
+    network = CHOICES.build(2, 1)
+    for parameter in network.parameters():
+        torch.nn.init.zeros_(parameter)
+    end = Batch(
+        obs=torch.zeros(4, 3), actions=torch.zeros(4, 1), rewards=torch.full((4,), -50.0),
+        next_obs=torch.zeros(4, 3), continues=torch.zeros(4),
+    )  # fmt: skip
+    told = DeepQAgent(DeepQLearning(huber=huber), network).update(end)
+    assert told["critic/loss"] == pytest.approx(loss)
