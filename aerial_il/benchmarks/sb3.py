@@ -33,8 +33,8 @@ NOTES = (
     "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread; on `reach` its worlds "
     "have a process each (SubprocVecEnv), ours are a batch. On CartPole `dqn` has another learning rate, other targets "
     "and another loss on our side, chosen on other seeds.",
-    "Sooner: seconds until the mean return of the episodes that ended last first reaches the lower of the two sides' "
-    "highest, theirs over ours, by pairs of trainings.",
+    "Sooner: seconds until the mean return of the last hundred episodes first reaches the lower of the two sides' "
+    "highest, theirs over ours, by pairs of trainings; median.",
     "Steps per second: environment steps of the whole training over its time, learning included.",
 )
 

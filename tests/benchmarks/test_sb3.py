@@ -11,6 +11,7 @@ import pytest
 
 from aerial_il.benchmarks.parts.sb3.cells import Cell, cells
 from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, keywords, schedule
+from aerial_il.benchmarks.parts.training.outside import mean_of_last
 from aerial_il.benchmarks.sb3 import Sb3, _targets, _times_sooner
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
@@ -87,3 +88,12 @@ def test_a_cell_of_the_suite_is_the_same_on_both_sides() -> None:
     finally:
         world.close()
         batch.close()
+
+
+def test_curves_of_ours_are_means_of_as_many_episodes_as_theirs() -> None:
+    """Else a lucky handful of episodes would count as having been sooner."""
+    ended = [(10.0, 150), (40.0, 20), (100.0, 5)]
+    assert mean_of_last(ended[:1]) == 10.0
+    assert mean_of_last(ended[:2]) == pytest.approx(0.8 * 10.0 + 0.2 * 40.0)
+    assert mean_of_last(ended) == pytest.approx(0.75 * 10.0 + 0.2 * 40.0 + 0.05 * 100.0)
+    assert mean_of_last(ended[1:]) == pytest.approx(0.8 * 40.0 + 0.2 * 100.0), "all there were"

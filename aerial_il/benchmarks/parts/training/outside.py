@@ -22,6 +22,7 @@ from aerial_il.policies.parts.network import PolicyConfig
 
 Open = Callable[[int], BatchEnv]
 VERSIONS = ("gymnasium", "mujoco")
+AVERAGED = 100  # episodes, as Stable-Baselines3 does
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +143,18 @@ class OutsideStages:
         return max((row.get("elapsed_s", 0.0) for row in read_metrics(self.run_of(training))), default=0.0)
 
     def curve(self, training: Learned) -> list[tuple[float, float, float]]:
-        """Return (steps, seconds, mean return of the episodes that ended since) along a training."""
-        rows = read_metrics(self.run_of(training))
-        return [(r["step"], r["elapsed_s"], r["episode/return"]) for r in rows if "episode/return" in r]
+        """Return (steps, seconds, mean return of the last hundred episodes) along a training."""
+        rows = [row for row in read_metrics(self.run_of(training)) if "episode/return" in row]
+        ended = [(row["episode/return"], int(row["episode/count"])) for row in rows]
+        return [(row["step"], row["elapsed_s"], mean_of_last(ended[: n + 1])) for n, row in enumerate(rows)]
+
+
+def mean_of_last(ended: Sequence[tuple[float, int]], most: int = AVERAGED) -> float:
+    """Return the mean over the last ``most`` episodes, or all there were, of pairs of a mean and how many it is of."""
+    left, total = most, 0.0
+    for mean, count in reversed(ended):
+        taken = min(left, count)
+        left, total = left - taken, total + taken * mean
+        if not left:
+            break
+    return total / (most - left)
