@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -59,7 +59,8 @@ class BeyondTeacher:
     """Settings.
 
     Attributes:
-        policy: what is trained. cloning: how the clone is made. practising: how it goes on.
+        policy: what is trained. cloning: how the clone is made. practising: how it goes on. noise: task -> what it
+            explores with there, where the usual deviation lets too few flights succeed.
         robot, tier: what is flown. tasks: which. demos: of the expert, without noise. draws: one training each.
         episodes: unseen seeds that judge. num_envs: worlds flown at once there. threads: of the simulation; 0 for all.
     """
@@ -70,6 +71,7 @@ class BeyondTeacher:
     policy: PolicyConfig = field(default_factory=MlpConfig)
     cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
     practising: ClonedProximalOptimisation = field(default_factory=ClonedProximalOptimisation)
+    noise: Mapping[str, float] = field(default_factory=lambda: {"insert_peg": 0.1})
     robot: str = "fa_hexa_arm4"
     tier: str = "calm"
     tasks: tuple[str, ...] = ("pick_place", "insert_peg")
@@ -116,7 +118,8 @@ class BeyondTeacher:
         """Return the clone and what goes on from it."""
         source = Source(robot=self.robot, task=task, tier=self.tier, draw=draw)
         clone = Cloned(CLONE, source, self.demos, self.policy, self.cloning)
-        return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, self.practising, self.cloning)}
+        practising = replace(self.practising, noise=self.noise.get(task, self.practising.noise))
+        return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, practising, self.cloning)}
 
     def _teacher(self, task: str, stages: Stages, seeds: range) -> EvaluationResult:
         """Return how the expert flies the seeds that all are judged on."""

@@ -21,6 +21,7 @@ import numpy as np
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
 from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.decisions.practice import PractisedChunks
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.ibrl import ImitationBootstrapped
@@ -103,6 +104,7 @@ class FromPrior:
             trained, for those that take long.
         robot, tier: what is flown. starts: task -> numbers of demonstrations to begin with.
         shorter: ``TASK_DEMOS``, with how many it begins, -> control steps of practice at most, where those suffice.
+        noise: task -> what policies of chunks explore with there, where usual noise lets too few flights succeed.
         watched: how many times on the way a policy that learns step by step is flown, to see dips.
         many: demonstrations of the clone that was shown more.
         harder: the tier that none has practised in. draws: one training each. episodes: unseen seeds per evaluation.
@@ -124,6 +126,7 @@ class FromPrior:
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=lambda: {"pick_place_40": 8_000_000})
+    noise: Mapping[str, float] = field(default_factory=lambda: {"insert_peg": 0.1})
     watched: int = 20
     many: int = 400
     tier: str = "calm"
@@ -193,6 +196,8 @@ class FromPrior:
             return Practised(name, source, count, self.policy, algorithm)
         most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
         algorithm = replace(algorithm, steps=min(algorithm.steps, most))
+        if isinstance(algorithm, PractisedChunks):
+            algorithm = replace(algorithm, noise=self.noise.get(source.task, algorithm.noise))
         return Continued(name, source, count, self.policy, algorithm, self.beginning, self.watched)
 
     def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:

@@ -54,6 +54,12 @@ def test_what_practises_begins_with_the_very_clone_beside_it() -> None:
         BeyondTeacher(demos=0)
 
 
+def test_it_explores_less_where_much_noise_lets_few_flights_succeed() -> None:
+    study = BeyondTeacher(noise={"insert_peg": 0.1})
+    noise = {task: study.trainings(task, 0)[ASKED].algorithm.noise for task in study.tasks}  # type: ignore[union-attr]
+    assert noise == {"pick_place": study.practising.noise, "insert_peg": 0.1}
+
+
 @pytest.mark.slow
 def test_a_small_study_runs_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     cloning = BehaviourCloning(steps=10, batch_size=16)
