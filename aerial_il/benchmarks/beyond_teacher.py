@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -24,7 +24,7 @@ from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source
-from aerial_il.benchmarks.parts.training.practised import Continued
+from aerial_il.benchmarks.parts.training.practised import LESS_NOISE, Continued, exploring
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     Cloned,
@@ -71,7 +71,7 @@ class BeyondTeacher:
     policy: PolicyConfig = field(default_factory=MlpConfig)
     cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
     practising: ClonedProximalOptimisation = field(default_factory=ClonedProximalOptimisation)
-    noise: Mapping[str, float] = field(default_factory=lambda: {"insert_peg": 0.1})
+    noise: Mapping[str, float] = field(default_factory=lambda: dict(LESS_NOISE))
     robot: str = "fa_hexa_arm4"
     tier: str = "calm"
     tasks: tuple[str, ...] = ("pick_place", "insert_peg")
@@ -118,7 +118,7 @@ class BeyondTeacher:
         """Return the clone and what goes on from it."""
         source = Source(robot=self.robot, task=task, tier=self.tier, draw=draw)
         clone = Cloned(CLONE, source, self.demos, self.policy, self.cloning)
-        practising = replace(self.practising, noise=self.noise.get(task, self.practising.noise))
+        practising = exploring(self.practising, task, self.noise)
         return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, practising, self.cloning)}
 
     def _teacher(self, task: str, stages: Stages, seeds: range) -> EvaluationResult:

@@ -21,7 +21,6 @@ import numpy as np
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
 from aerial_il.algorithms.dapg import DemonstrationAugmented
-from aerial_il.algorithms.decisions.practice import PractisedChunks
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.ibrl import ImitationBootstrapped
@@ -36,7 +35,7 @@ from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.training.practice import LISTED, Arm, Practice, grouped
-from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
+from aerial_il.benchmarks.parts.training.practised import LESS_NOISE, Continued, Practised, Practising, exploring
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
@@ -126,7 +125,7 @@ class FromPrior:
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=lambda: {"pick_place_40": 8_000_000})
-    noise: Mapping[str, float] = field(default_factory=lambda: {"insert_peg": 0.1})
+    noise: Mapping[str, float] = field(default_factory=lambda: dict(LESS_NOISE))
     watched: int = 20
     many: int = 400
     tier: str = "calm"
@@ -195,9 +194,7 @@ class FromPrior:
         if isinstance(algorithm, ExpertIteration | FilteredCloning):
             return Practised(name, source, count, self.policy, algorithm)
         most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
-        algorithm = replace(algorithm, steps=min(algorithm.steps, most))
-        if isinstance(algorithm, PractisedChunks):
-            algorithm = replace(algorithm, noise=self.noise.get(source.task, algorithm.noise))
+        algorithm = exploring(replace(algorithm, steps=min(algorithm.steps, most)), source.task, self.noise)
         return Continued(name, source, count, self.policy, algorithm, self.beginning, self.watched)
 
     def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from aerial_il import experts
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.decisions.practice import PractisedPolicy
+from aerial_il.algorithms.decisions.practice import PractisedChunks, PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
@@ -38,8 +39,16 @@ BESIDE = {  # the other algorithms whose code an algorithm uses
     "jsrl": ("bc_ppo", "ppo"),
 }
 
+LESS_NOISE: Mapping[str, float] = {"insert_peg": 0.1}  # of tasks where usual noise lets too few flights succeed
 ON_POLICY_WORLDS = 64
 WATCHED_FLIGHTS = 200
+
+
+def exploring[Algorithm: OnlineAlgorithm](algorithm: Algorithm, task: str, noise: Mapping[str, float]) -> Algorithm:
+    """Return what practises ``task``, exploring with the ``noise`` of that task if it goes on with a clone's chunks."""
+    if isinstance(algorithm, PractisedChunks) and task in noise:
+        return replace(algorithm, noise=noise[task])
+    return algorithm
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,15 +57,8 @@ def test_the_dip_of_what_learns_step_by_step_is_that_of_its_flights_on_the_way(
     rates: tuple[float, ...], dip: float | None, tmp_path: Path
 ) -> None:
     """However good practice looked meanwhile; and practice itself is judged where nothing was flown on the way."""
-    training = Continued(
-        "dapg",
-        Source(robot="z1", task="reach"),
-        2,
-        MlpConfig(),
-        DemonstrationAugmented(),
-        BehaviourCloning(),
-        watched=3,
-    )
+    source, cloning = Source(robot="z1", task="reach"), BehaviourCloning()
+    training = Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), cloning, watched=3)
     (tmp_path / "config.yaml").write_text("steps: 1000\n")
     steps = (0, 10, 500, 1000)
     flown = [{"step": step, "evaluate/success": rate} for step, rate in zip(steps, rates, strict=False)]
