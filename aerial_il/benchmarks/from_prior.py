@@ -35,7 +35,7 @@ from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.training.practice import LISTED, Arm, Practice, grouped
-from aerial_il.benchmarks.parts.training.practised import LESS_NOISE, Continued, Practised, Practising, exploring
+from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising, suited
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
@@ -52,6 +52,7 @@ WANTED: Mapping[tuple[str, int], float] = {  # %, in the own tier
 }
 WANTED_HARDER, METHODS_WANTED, LONGEST_MINUTES = 85.0, 3, 180.0
 FROM_SCRATCH_STEPS = 20_000_000
+PRECISE: Mapping[str, Any] = {"noise": 0.05, "execute": 5}
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 100_000}
 NOTES = (
     "The reward is sparse: whether a flight succeeded. The final policy of each training is flown in the tier it was"
@@ -103,7 +104,8 @@ class FromPrior:
             trained, for those that take long.
         robot, tier: what is flown. starts: task -> numbers of demonstrations to begin with.
         shorter: ``TASK_DEMOS``, with how many it begins, -> control steps of practice at most, where those suffice.
-        noise: task -> what policies of chunks explore with there, where usual noise lets too few flights succeed.
+        suited: task -> what is changed of those that go on with the clone's chunks there; in insert_peg usual noise
+            lets too few flights succeed.
         watched: how many times on the way a policy that learns step by step is flown, to see dips.
         many: demonstrations of the clone that was shown more.
         harder: the tier that none has practised in. draws: one training each. episodes: unseen seeds per evaluation.
@@ -125,7 +127,7 @@ class FromPrior:
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=lambda: {"pick_place_40": 8_000_000})
-    noise: Mapping[str, float] = field(default_factory=lambda: dict(LESS_NOISE))
+    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"insert_peg": PRECISE})
     watched: int = 20
     many: int = 400
     tier: str = "calm"
@@ -145,6 +147,9 @@ class FromPrior:
         if not (self.draws and counts):
             raise InvalidValueError("draws and starts name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)
+        for algorithm, task in product(self.practising.values(), self.suited):
+            if not isinstance(algorithm, ExpertIteration | FilteredCloning):
+                suited(algorithm, task, self.suited)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
@@ -194,7 +199,7 @@ class FromPrior:
         if isinstance(algorithm, ExpertIteration | FilteredCloning):
             return Practised(name, source, count, self.policy, algorithm)
         most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
-        algorithm = exploring(replace(algorithm, steps=min(algorithm.steps, most)), source.task, self.noise)
+        algorithm = suited(replace(algorithm, steps=min(algorithm.steps, most)), source.task, self.suited)
         return Continued(name, source, count, self.policy, algorithm, self.beginning, self.watched)
 
     def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
 from aerial_il.benchmarks.beyond_teacher import ASKED, CLONE, EXPERT, BeyondTeacher, _targets, _times
 from aerial_il.benchmarks.parts.training.practised import Continued
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MlpConfig
 
 
@@ -54,10 +55,15 @@ def test_what_practises_begins_with_the_very_clone_beside_it() -> None:
         BeyondTeacher(demos=0)
 
 
-def test_it_explores_less_where_much_noise_lets_few_flights_succeed() -> None:
-    study = BeyondTeacher(noise={"insert_peg": 0.1})
-    noise = {task: study.trainings(task, 0)[ASKED].algorithm.noise for task in study.tasks}  # type: ignore[union-attr]
-    assert noise == {"pick_place": study.practising.noise, "insert_peg": 0.1}
+def test_a_task_can_have_settings_of_its_own() -> None:
+    study = BeyondTeacher(suited={"insert_peg": {"noise": 0.07, "execute": 5}})
+    practised = {task: study.trainings(task, 0)[ASKED].algorithm for task in study.tasks}
+    assert practised == {
+        "pick_place": study.practising,
+        "insert_peg": replace(study.practising, noise=0.07, execute=5),
+    }
+    with pytest.raises(UnknownNameError, match="Did you mean 'noise'"):
+        BeyondTeacher(suited={"insert_peg": {"nose": 0.07}})
 
 
 @pytest.mark.slow

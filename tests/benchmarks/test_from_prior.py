@@ -128,15 +128,17 @@ def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
     assert steps == {("bc_ppo", 2): 16_000_000, ("bc_ppo", 4): 200_000, ("ibrl", 2): 100_000, ("ibrl", 4): 100_000}
 
 
-def test_policies_of_chunks_explore_less_where_much_noise_lets_few_flights_succeed() -> None:
+def test_a_task_can_have_settings_of_its_own_for_policies_of_chunks() -> None:
     study = FromPrior(
-        starts={"reach": (2,), "hover": (2,)}, arms=("dapg", "residual"), draws=(0,), noise={"hover": 0.1}
+        starts={"reach": (2,), "hover": (2,)}, arms=("dapg", "residual"), draws=(0,), suited={"hover": {"noise": 0.1}}
     )
     arms = {(a.name, a.training.source.task): a.training.algorithm for a in study._all_arms()}
     usual = study.practising
     assert arms["dapg", "hover"] == replace(usual["dapg"], noise=0.1)  # type: ignore[type-var]
     assert arms["dapg", "reach"] == usual["dapg"]
     assert arms["residual", "hover"] == arms["residual", "reach"] == usual["residual"]
+    with pytest.raises(UnknownNameError, match="Did you mean 'noise'"):
+        FromPrior(suited={"hover": {"nose": 0.1}})
 
 
 def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_table() -> None:

@@ -199,27 +199,26 @@ def practice_lines(rows: Rows, final: Rows, over: str) -> str:
     return _panels(titles, draw, width=1.5, height=1.3)
 
 
-def time_shares(rows: Rows, parts: Sequence[str]) -> str:
-    """Draw how a control step's time divides: one stacked bar per cell.
+def time_shares(rows: Rows, parts: Mapping[str, str], *, named_by: Sequence[str], title: str, unit: str) -> str:
+    """Draw how time divides: one stacked bar per row.
 
     Args:
-        rows: with ``robot``, ``task`` and one number per part. parts: columns to stack, in order.
+        rows: with one number per part. parts: column -> name, to stack in order. named_by: columns whose values name a
+            row. title: of the figure. unit: what the numbers are.
     """
 
     def draw(axes: Axes, _: str) -> None:
         start = [0.0] * len(rows)
-        for k, part in enumerate(parts):
-            widths = [r[part] for r in rows]
-            axes.barh(
-                range(len(rows)), widths, 0.6, left=start, color=COLOURS[k % len(COLOURS)], label=part.split("_us")[0]
-            )
+        for k, (column, name) in enumerate(parts.items()):
+            widths = [r[column] for r in rows]
+            axes.barh(range(len(rows)), widths, 0.6, left=start, color=COLOURS[k % len(COLOURS)], label=name)
             start = [a + b for a, b in zip(start, widths, strict=True)]
-        axes.set_yticks(range(len(rows)), [f"{r['robot']}\n{r['task']}" for r in rows])
+        axes.set_yticks(range(len(rows)), ["\n".join(r[column] for column in named_by) for r in rows])
         axes.set_ylim(len(rows) - 0.5, -0.5)
-        axes.set_xlabel("µs per world and control step")
+        axes.set_xlabel(unit)
         axes.grid(axis="y", visible=False)
 
-    return _panels({"": "Where the time of the batch environment goes"}, draw, width=2.0)
+    return _panels({"": title}, draw, width=2.0)
 
 
 def spectra(frequency_hz: Sequence[float], measured: Mapping[str, Sequence[float]], theory: Mapping[str, Any]) -> str:

@@ -26,6 +26,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     train_in_rounds,
 )
 from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import UnknownNameError
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
@@ -39,16 +40,25 @@ BESIDE = {  # the other algorithms whose code an algorithm uses
     "jsrl": ("bc_ppo", "ppo"),
 }
 
-LESS_NOISE: Mapping[str, float] = {"insert_peg": 0.1}  # of tasks where usual noise lets too few flights succeed
 ON_POLICY_WORLDS = 64
 WATCHED_FLIGHTS = 200
 
 
-def exploring[Algorithm: OnlineAlgorithm](algorithm: Algorithm, task: str, noise: Mapping[str, float]) -> Algorithm:
-    """Return what practises ``task``, exploring with the ``noise`` of that task if it goes on with a clone's chunks."""
-    if isinstance(algorithm, PractisedChunks) and task in noise:
-        return replace(algorithm, noise=noise[task])
-    return algorithm
+def suited[Algorithm: OnlineAlgorithm](
+    algorithm: Algorithm, task: str, changes: Mapping[str, Mapping[str, Any]]
+) -> Algorithm:
+    """Return what practises ``task``, with that task's ``changes`` of settings if it goes on with a clone's chunks.
+
+    Raises:
+        UnknownNameError: there is no such setting.
+    """
+    if not isinstance(algorithm, PractisedChunks):
+        return algorithm
+    changed, known = changes.get(task, {}), [setting.name for setting in fields(algorithm)]
+    for name in changed:
+        if name not in known:
+            raise UnknownNameError(f"setting of {algorithm.name}", name, known)
+    return replace(algorithm, **changed)
 
 
 @dataclass(frozen=True, eq=False)
