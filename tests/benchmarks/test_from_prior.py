@@ -15,7 +15,7 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.benchmarks.from_prior import CLONE, HIDING, SHOWN_MORE, FromPrior
+from aerial_il.benchmarks.from_prior import BEGINNING, CLONE, SHOWN_MORE, FromPrior
 from aerial_il.benchmarks.parts.records.record import digest
 from aerial_il.benchmarks.parts.training import practised
 from aerial_il.benchmarks.parts.training.demonstrations import Source
@@ -51,7 +51,7 @@ def test_a_small_study_stands_beside_its_controls_and_goes_on_where_it_stopped(t
     report = FromPrior(**SMALL).run(tmp_path, progress=False)
     success = report.tables["Success"]
     assert [(row["arm"], row["tier"]) for row in success] == [
-        (arm, tier) for arm in (CLONE, HIDING, ITERATED, "filtered_bc", SHOWN_MORE) for tier in ("calm", "hard")
+        (arm, tier) for arm in (CLONE, BEGINNING, ITERATED, "filtered_bc", SHOWN_MORE) for tier in ("calm", "hard")
     ]
     flown = {row["arm"]: row["flown"] for row in success}
     assert flown[CLONE] == flown[SHOWN_MORE] == 0
@@ -128,6 +128,20 @@ def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
     assert steps == {("bc_ppo", 2): 16_000_000, ("bc_ppo", 4): 200_000, ("ibrl", 2): 100_000, ("ibrl", 4): 100_000}
 
 
+def test_a_task_can_be_practised_in_another_tier_and_from_another_clone() -> None:
+    starts, clone = {"pick_place": (10,), "insert_peg": (40,)}, {"insert_peg": {"field_dropout": 0.0}}
+    study = FromPrior(
+        starts=starts, arms=("bc_ppo", "ppo"), draws=(0,), practised_in={"insert_peg": "hard"}, beginnings=clone
+    )
+    arms = list(study._all_arms())
+    assert {a.training.source.tier for a in arms if a.cell[0] == "pick_place"} == {"calm"}
+    assert {a.training.source.tier for a in arms if a.cell[0] == "insert_peg"} == {"hard"}
+    begun = {a.cell[0]: a.training.algorithm.field_dropout for a in arms if a.name == BEGINNING}
+    assert begun == {"pick_place": study.beginning.field_dropout, "insert_peg": 0.0}
+    practised = {a.cell[0]: a.training.clone for a in arms if a.name == "bc_ppo"}
+    assert {task: clone.algorithm.field_dropout for task, clone in practised.items()} == begun
+
+
 def test_a_task_can_have_settings_of_its_own_for_policies_of_chunks() -> None:
     study = FromPrior(
         starts={"reach": (2,), "hover": (2,)}, arms=("dapg", "residual"), draws=(0,), suited={"hover": {"noise": 0.1}}
@@ -143,7 +157,7 @@ def test_a_task_can_have_settings_of_its_own_for_policies_of_chunks() -> None:
 
 def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_table() -> None:
     arms = {arm.name: arm.training for arm in FromPrior(starts={"reach": (2,)}, draws=(0,))._all_arms()}
-    hiding = digest(arms[HIDING].decided_by())
+    hiding = digest(arms[BEGINNING].decided_by())
     assert hiding != digest(arms[CLONE].decided_by())
     for training in arms.values():
         if isinstance(training, Continued) and training.clone:
