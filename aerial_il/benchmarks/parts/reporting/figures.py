@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 Rows = Sequence[Mapping[str, Any]]
 INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c", "#c0504d")
 LEGEND_COLUMNS = 6
+ROW_IN = 0.2  # of a line that names a bar
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 ROWS_PER_PANEL = 10  # lines of text that such a height has room for
 STYLE: dict[Any, Any] = {
@@ -218,7 +219,7 @@ def time_shares(rows: Rows, parts: Mapping[str, str], *, named_by: Sequence[str]
         axes.set_xlabel(unit)
         axes.grid(axis="y", visible=False)
 
-    return _panels({"": title}, draw, width=2.0)
+    return _panels({"": title}, draw, width=2.0, height=max(1.0, ROW_IN * len(rows) * len(named_by) / PANEL_IN[1]))
 
 
 def spectra(frequency_hz: Sequence[float], measured: Mapping[str, Sequence[float]], theory: Mapping[str, Any]) -> str:
