@@ -24,7 +24,7 @@ from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source
-from aerial_il.benchmarks.parts.training.practised import Continued, suited
+from aerial_il.benchmarks.parts.training.practised import Continued
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     Cloned,
@@ -35,7 +35,7 @@ from aerial_il.benchmarks.parts.training.stages import (
 )
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
-from aerial_il.core.settings import plain
+from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import bootstrap_mean
 from aerial_il.policies.mlp import MlpConfig
@@ -87,7 +87,7 @@ class BeyondTeacher:
             raise InvalidValueError("demos, episodes and num_envs start at 1; tasks and draws name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)
         for task in self.suited:
-            suited(self.practising, task, self.suited)
+            self._suited(task)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
@@ -121,8 +121,12 @@ class BeyondTeacher:
         """Return the clone and what goes on from it."""
         source = Source(robot=self.robot, task=task, tier=self.tier, draw=draw)
         clone = Cloned(CLONE, source, self.demos, self.policy, self.cloning)
-        practising = suited(self.practising, task, self.suited)
+        practising = self._suited(task)
         return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, practising, self.cloning)}
+
+    def _suited(self, task: str) -> ClonedProximalOptimisation:
+        """Return how practice goes on in a task."""
+        return changed(self.practising, self.suited.get(task, {}))
 
     def _teacher(self, task: str, stages: Stages, seeds: range) -> EvaluationResult:
         """Return how the expert flies the seeds that all are judged on."""

@@ -35,15 +35,16 @@ from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.training.practice import LISTED, Arm, Practice, grouped
-from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising, suited
+from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import plain
+from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 
 CLONE, BEGINNING, SHOWN_MORE = "bc, first demonstrations", "bc, as practice begins", "bc, many demonstrations"
+BEGUN = "beginning"
 BASELINES = ("filtered_bc", "ppo")  # flown beside the methods, and not judged
 WANTED: Mapping[tuple[str, int], float] = {  # %, in the own tier
     ("pick_place", 10): 90.0,
@@ -52,7 +53,15 @@ WANTED: Mapping[tuple[str, int], float] = {  # %, in the own tier
 }
 WANTED_HARDER, METHODS_WANTED, LONGEST_MINUTES = 85.0, 3, 180.0
 FROM_SCRATCH_STEPS = 20_000_000
-PRECISE: Mapping[str, Any] = {"noise": 0.05, "execute": 5}
+SUITED: Mapping[str, Mapping[str, Any]] = {  # in insert_peg usual noise, and hidden fields, let too few flights succeed
+    "insert_peg": {
+        "beginning": {"field_dropout": 0.0},
+        "expert_iteration": {"hidden": 0.3, "training": {"field_dropout": 0.2}},
+        "bc_ppo": {"noise": 0.05, "execute": 5, "lr": 1e-5},
+        "jsrl": {"noise": 0.05, "execute": 5, "lr": 1e-5},
+        "dapg": {"noise": 0.05, "execute": 5},
+    }
+}
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 100_000}
 NOTES = (
     "The reward is sparse: whether a flight succeeded. pick_place is demonstrated and practised in calm air, "
@@ -100,14 +109,12 @@ class FromPrior:
 
     Attributes:
         expert: what demonstrates. policy: what is trained. cloning: how clones are made that do not practise.
-        beginning: how the clone is made that practice begins with, but for those that make their own. beginnings:
-            task -> what is changed of that there.
+        beginning: how the clone is made that practice begins with, but for those that make their own.
         practising: arms by name. arms: which of them; empty for all. fewer: arm -> in how many of the draws it is
             trained, for those that take long.
         robot: what is flown. starts: task -> numbers of demonstrations to begin with.
         shorter: ``TASK_DEMOS``, with how many it begins, -> control steps of practice at most, where those suffice.
-        suited: task -> what is changed of those that go on with the clone's chunks there; in insert_peg usual noise
-            lets too few flights succeed.
+        suited: task -> arm, or ``beginning`` -> what is changed of that there.
         watched: how many times on the way a policy that learns step by step is flown, to see dips.
         many: demonstrations of the clone that was shown more.
         tier: that all are flown in. harder: another one. practised_in: task -> which tier it is demonstrated and
@@ -124,14 +131,13 @@ class FromPrior:
     beginning: BehaviourCloning = field(
         default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0, field_dropout=0.6)
     )
-    beginnings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"insert_peg": {"field_dropout": 0.0}})
     practising: Mapping[str, Practising] = field(default_factory=lambda: _all_practising())
     arms: tuple[str, ...] = ()
     fewer: Mapping[str, int] = field(default_factory=dict)
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=lambda: {"pick_place_40": 8_000_000})
-    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"insert_peg": PRECISE})
+    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(SUITED))
     watched: int = 20
     many: int = 400
     tier: str = "calm"
@@ -152,9 +158,12 @@ class FromPrior:
         if not (self.draws and counts):
             raise InvalidValueError("draws and starts name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)
-        for algorithm, task in product(self.practising.values(), self.suited):
-            if not isinstance(algorithm, ExpertIteration | FilteredCloning):
-                suited(algorithm, task, self.suited)
+        for task, arms in self.suited.items():
+            for name in arms:
+                if name not in (known := (BEGUN, *self.practising, *_all_practising())):
+                    raise UnknownNameError("arm", name, known)
+                if name in (BEGUN, *self.practising):
+                    self._suited(task, name)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
@@ -192,7 +201,7 @@ class FromPrior:
             many = Cloned("bc", source, self.many, self.policy, self.cloning)
             for count in counts:
                 yield Arm(CLONE, count, Cloned("bc", source, count, self.policy, self.cloning))
-                yield Arm(BEGINNING, count, Cloned("bc", source, count, self.policy, self._beginning(task)))
+                yield Arm(BEGINNING, count, Cloned("bc", source, count, self.policy, self._suited(task, BEGUN)))
                 for name in names:
                     if name not in scratch:
                         yield Arm(name, count, self._practised(name, source, count))
@@ -201,16 +210,17 @@ class FromPrior:
                 yield Arm(name, 0, self._practised(name, source, 0))
 
     def _practised(self, name: str, source: Source, count: int) -> Practised | Continued:
-        algorithm = self.practising[name]
+        algorithm, beginning = self._suited(source.task, name), self._suited(source.task, BEGUN)
         if isinstance(algorithm, ExpertIteration | FilteredCloning):
             return Practised(name, source, count, self.policy, algorithm)
         most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
-        algorithm = suited(replace(algorithm, steps=min(algorithm.steps, most)), source.task, self.suited)
-        return Continued(name, source, count, self.policy, algorithm, self._beginning(source.task), self.watched)
+        algorithm = replace(algorithm, steps=min(algorithm.steps, most))
+        return Continued(name, source, count, self.policy, algorithm, beginning, self.watched)
 
-    def _beginning(self, task: str) -> BehaviourCloning:
-        """Return how the clone is made that practice of a task begins with."""
-        return replace(self.beginning, **self.beginnings.get(task, {}))
+    def _suited(self, task: str, name: str) -> Any:
+        """Return the settings of an arm, or of the clone that practice begins with, in a task."""
+        usual = self.beginning if name == BEGUN else self.practising[name]
+        return changed(usual, self.suited.get(task, {}).get(name, {}))
 
     def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:
         """Yield how many methods must reach what is wanted from each start, in both tiers and in time."""

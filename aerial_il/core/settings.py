@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
+
+from aerial_il.core.errors import UnknownNameError
 
 
 def make_tuples(settings: Any) -> None:
@@ -31,3 +33,23 @@ def plain(settings: Any) -> Any:
     if isinstance(settings, (tuple, list)):
         return [plain(value) for value in settings]
     return settings if isinstance(settings, (int, float, str, bool, type(None))) else type(settings).__name__
+
+
+def changed[Settings](settings: Settings, changes: Mapping[str, Any]) -> Settings:
+    """Return a frozen dataclass with some of its values changed.
+
+    Args:
+        changes: name of a setting -> its value or, where that is a dataclass too, the changes of that.
+
+    Raises:
+        UnknownNameError: there is no such setting.
+    """
+    before: Any = settings
+    known = [field.name for field in fields(before)]
+    values: dict[str, Any] = {}
+    for name, value in changes.items():
+        if name not in known:
+            raise UnknownNameError(f"setting of {type(settings).__name__}", name, known)
+        inner = getattr(before, name)
+        values[name] = changed(inner, value) if isinstance(value, Mapping) and is_dataclass(inner) else value
+    return replace(before, **values)

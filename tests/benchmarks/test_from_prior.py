@@ -128,31 +128,37 @@ def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
     assert steps == {("bc_ppo", 2): 16_000_000, ("bc_ppo", 4): 200_000, ("ibrl", 2): 100_000, ("ibrl", 4): 100_000}
 
 
-def test_a_task_can_be_practised_in_another_tier_and_from_another_clone() -> None:
-    starts, clone = {"pick_place": (10,), "insert_peg": (40,)}, {"insert_peg": {"field_dropout": 0.0}}
-    study = FromPrior(
-        starts=starts, arms=("bc_ppo", "ppo"), draws=(0,), practised_in={"insert_peg": "hard"}, beginnings=clone
-    )
-    arms = list(study._all_arms())
-    assert {a.training.source.tier for a in arms if a.cell[0] == "pick_place"} == {"calm"}
-    assert {a.training.source.tier for a in arms if a.cell[0] == "insert_peg"} == {"hard"}
-    begun = {a.cell[0]: a.training.algorithm.field_dropout for a in arms if a.name == BEGINNING}
-    assert begun == {"pick_place": study.beginning.field_dropout, "insert_peg": 0.0}
-    practised = {a.cell[0]: a.training.clone for a in arms if a.name == "bc_ppo"}
-    assert {task: clone.algorithm.field_dropout for task, clone in practised.items()} == begun
+def test_a_task_can_be_practised_in_another_tier() -> None:
+    starts = {"pick_place": (10,), "insert_peg": (40,)}
+    study = FromPrior(starts=starts, arms=("bc_ppo", "ppo"), draws=(0,), practised_in={"insert_peg": "hard"})
+    tiers = {(a.training.source.task, a.training.source.tier) for a in study._all_arms()}
+    assert tiers == {("pick_place", "calm"), ("insert_peg", "hard")}
 
 
-def test_a_task_can_have_settings_of_its_own_for_policies_of_chunks() -> None:
+def test_a_task_can_have_settings_of_its_own() -> None:
+    changes = {"dapg": {"noise": 0.1}, "expert_iteration": {"training": {"steps": 5}}, "beginning": {"steps": 3}}
     study = FromPrior(
-        starts={"reach": (2,), "hover": (2,)}, arms=("dapg", "residual"), draws=(0,), suited={"hover": {"noise": 0.1}}
+        starts={"reach": (2,), "hover": (2,)},
+        arms=("dapg", "residual", "expert_iteration"),
+        draws=(0,),
+        suited={"hover": changes},
     )
-    arms = {(a.name, a.training.source.task): a.training.algorithm for a in study._all_arms()}
-    usual = study.practising
-    assert arms["dapg", "hover"] == replace(usual["dapg"], noise=0.1)  # type: ignore[type-var]
-    assert arms["dapg", "reach"] == usual["dapg"]
-    assert arms["residual", "hover"] == arms["residual", "reach"] == usual["residual"]
-    with pytest.raises(UnknownNameError, match="Did you mean 'noise'"):
-        FromPrior(suited={"hover": {"nose": 0.1}})
+    arms = {(a.name, a.training.source.task): a.training for a in study._all_arms()}
+    usual: Any = study.practising
+    assert arms["dapg", "hover"].algorithm == replace(usual["dapg"], noise=0.1)
+    rounds = usual["expert_iteration"]
+    assert arms[ITERATED, "hover"].algorithm == replace(rounds, training=replace(rounds.training, steps=5))
+    assert all(arms[name, "reach"].algorithm == usual[name] for name in study.arms)
+    assert arms["residual", "hover"].algorithm == usual["residual"]
+    begun = replace(study.beginning, steps=3)
+    assert arms[BEGINNING, "hover"].algorithm == arms["dapg", "hover"].cloning == begun
+    assert arms[BEGINNING, "reach"].algorithm == arms["dapg", "reach"].cloning == study.beginning
+
+
+@pytest.mark.parametrize(("changes", "wanted"), [({"dapg": {"nose": 0.1}}, "noise"), ({"dagp": {}}, "dapg")])
+def test_unknown_names_in_a_tasks_own_settings_are_answered_with_the_nearest(changes: Any, wanted: str) -> None:
+    with pytest.raises(UnknownNameError, match=f"Did you mean '{wanted}'"):
+        FromPrior(suited={"hover": changes})
 
 
 def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_table() -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from aerial_il import experts
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.decisions.practice import PractisedChunks, PractisedPolicy
+from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
@@ -26,7 +25,6 @@ from aerial_il.benchmarks.parts.training.stages import (
     train_in_rounds,
 )
 from aerial_il.core.contracts import Policy
-from aerial_il.core.errors import UnknownNameError
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
@@ -42,23 +40,6 @@ BESIDE = {  # the other algorithms whose code an algorithm uses
 
 ON_POLICY_WORLDS = 64
 WATCHED_FLIGHTS = 200
-
-
-def suited[Algorithm: OnlineAlgorithm](
-    algorithm: Algorithm, task: str, changes: Mapping[str, Mapping[str, Any]]
-) -> Algorithm:
-    """Return what practises ``task``, with that task's ``changes`` of settings if it goes on with a clone's chunks.
-
-    Raises:
-        UnknownNameError: there is no such setting.
-    """
-    if not isinstance(algorithm, PractisedChunks):
-        return algorithm
-    changed, known = changes.get(task, {}), [setting.name for setting in fields(algorithm)]
-    for name in changed:
-        if name not in known:
-            raise UnknownNameError(f"setting of {algorithm.name}", name, known)
-    return replace(algorithm, **changed)
 
 
 @dataclass(frozen=True, eq=False)
