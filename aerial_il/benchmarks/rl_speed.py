@@ -143,7 +143,7 @@ class RlSpeed:
 
     def settings(self, name: str, clone: Path) -> OnlineAlgorithm:
         """Return an algorithm as it ships, but for how long it trains and for what it begins with."""
-        usual = settings_of(name)()
+        usual: Any = settings_of(name)()
         stretch = max(self.steps, getattr(usual, "rollout", 0))
         wanted = {
             "steps": 2 * stretch,
@@ -161,7 +161,7 @@ class RlSpeed:
         """Train once; return the steps per second of the second stretch, and the seconds of each section."""
         settings = self.settings(name, shown.clone)
         env = aerial_il.load_batch(self.robot, self.task, num_envs=settings.worlds, num_threads=1)
-        options = {"expert": shown.expert} if "expert" in settings.needs else {}
+        options: dict[str, Any] = {"expert": shown.expert} if "expert" in settings.needs else {}
         sampler = Sampler(SECTIONS, rest=LEARNING)
         found: dict[str, float] = {}
 
