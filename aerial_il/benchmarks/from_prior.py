@@ -64,15 +64,14 @@ SUITED: Mapping[str, Mapping[str, Any]] = {  # in insert_peg usual noise, and hi
 }
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 100_000}
 NOTES = (
-    "The reward is sparse: whether a flight succeeded. pick_place is demonstrated and practised in calm air, "
-    "insert_peg in gusts, where it is hard; the final policy of each training is flown in both. The trainings of an "
-    "arm differ in their draw: demonstrations and flights (other seeds), weights and minibatches. Flights: Wilson's "
-    "95 % interval over the flights of these very policies. Trainings: Student's 95 % interval with a training as the "
-    "unit.",
+    "The reward is sparse: whether a flight succeeded. The final policy of each training is flown in two tiers. The "
+    "trainings of an arm differ in their draw: demonstrations and flights (other seeds), weights and minibatches. "
+    "Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % interval with "
+    "a training as the unit.",
     "Flown: control steps of practice, mean over trainings. Minutes: of flying and learning, mean over trainings; the "
     "clone that an arm begins with, and its demonstrations, are not included.",
     "bc, as practice begins: a clone of the same demonstrations, trained with fields of the observation hidden at "
-    "random, but not on insert_peg, where that does harm. expert_iteration and filtered_bc make their own.",
+    "random, where that does no harm (suited, beginning). expert_iteration and filtered_bc make their own.",
     "ppo is shown nothing and begins with random weights; it stands for learning from scratch. rlpd is shown the "
     "demonstrations and begins with random weights.",
     f"Round by round: of a training with more than {LISTED} rounds so many, evenly spread, the first and the last "
@@ -158,12 +157,12 @@ class FromPrior:
         if not (self.draws and counts):
             raise InvalidValueError("draws and starts name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)
-        for task, arms in self.suited.items():
-            for name in arms:
-                if name not in (known := (BEGUN, *self.practising, *_all_practising())):
-                    raise UnknownNameError("arm", name, known)
-                if name in (BEGUN, *self.practising):
-                    self._suited(task, name)
+        known = (BEGUN, *self.practising, *_all_practising())
+        for task, name in ((task, name) for task, arms in self.suited.items() for name in arms):
+            if name not in known:
+                raise UnknownNameError("arm", name, known)
+            if name in (BEGUN, *self.practising):
+                self._suited(task, name)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
@@ -180,7 +179,7 @@ class FromPrior:
             settings=json.loads(json.dumps(plain(self) | {"policy": described(self.policy)})),
             targets=(*self._targets(pooled), *practice.targets()),
             tables={"Success": pooled, "Dips": practice.dips, "Round by round": practice.listed},
-            notes=(*NOTES, *stages.origins()),
+            notes=(self._tiers(), *NOTES, *stages.origins()),
             figures={
                 f"{name}.svg": practice_lines(practice.rounds, [r for r in pooled if r["tier"] == self.tier], over)
                 for name, over in (("by_steps", "flown"), ("by_minutes", "minutes"))
@@ -191,10 +190,17 @@ class FromPrior:
             wall_time_s=stages.seconds(),
         )
 
+    def _tiers(self) -> str:
+        """Return a note that tells in which tier each task was demonstrated and practised."""
+        return f"Demonstrated and practised: {', '.join(f'{t} in {self._practised_in(t)}' for t in self.starts)}."
+
+    def _practised_in(self, task: str) -> str:
+        return self.practised_in.get(task, self.tier)
+
     def _all_arms(self) -> Iterator[Arm]:
         """Yield what is trained, draw by draw."""
         for draw, (task, counts) in product(self.draws, self.starts.items()):
-            tier = self.practised_in.get(task, self.tier)
+            tier = self._practised_in(task)
             source = Source(robot=self.robot, task=task, tier=tier, noise=self.expert["noise"], draw=draw)
             names = [name for name in self.arms or tuple(self.practising) if draw in self.draws[: self.fewer.get(name)]]
             scratch = [name for name in names if not self.practising[name].demonstrated]

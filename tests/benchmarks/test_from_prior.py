@@ -133,6 +133,7 @@ def test_a_task_can_be_practised_in_another_tier() -> None:
     study = FromPrior(starts=starts, arms=("bc_ppo", "ppo"), draws=(0,), practised_in={"insert_peg": "hard"})
     tiers = {(a.training.source.task, a.training.source.tier) for a in study._all_arms()}
     assert tiers == {("pick_place", "calm"), ("insert_peg", "hard")}
+    assert study._tiers() == "Demonstrated and practised: pick_place in calm, insert_peg in hard."
 
 
 def test_a_task_can_have_settings_of_its_own() -> None:
