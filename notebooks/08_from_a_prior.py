@@ -219,8 +219,8 @@ plt.show()
 # nothing is learned, and noise does not help much.
 #
 # `algorithm=expert_iteration` therefore tries each start again, up to a few times, with parts of the observation *hidden* at random: a clone of ten demonstrations fails where it relies on a
-# coincidence, such as a bowl that always lay to the right, and where that input is hidden it has to do without (after de Haan et al. 2019). One success is kept per start, so hard
-# starts weigh as much as easy ones (Anthony et al. 2017: plan with a better policy, clone it, repeat).
+# coincidence, such as a bowl that always lay to the right, and where that input is hidden it has to do without (after de Haan et al. 2019). Who flies those attempts is a second clone, an explorer trained
+# with inputs hidden. One success is kept per start, so hard starts weigh as much as easy ones (Anthony et al. 2017: plan with a better policy, clone it, repeat).
 
 # %%
 ROBOT, TASK, FLIGHTS, LIMIT = "fa_hexa_arm4", "pick_place", 60, 500
@@ -231,7 +231,7 @@ iterated = quietly(
     aerial_il.train, "demos", policy=POLICY, run="practised", num_envs=120, evaluate_episodes=1,
     algorithm={
         "name": "expert_iteration", "rounds": 1, "episodes": 240, "attempts": 6, "evaluate_every": 0,
-        "training": {**CLONING, "field_dropout": 0.6},
+        "training": CLONING, "between_steps": 2500,
     },
 )  # fmt: skip
 rounds = analysis.metrics("practised").dropna(subset=["flights"])

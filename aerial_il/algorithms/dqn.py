@@ -1,7 +1,8 @@
 """Deep Q-network (DQN): the worth of each of a few choices, learned from a replay buffer; the best one is taken.
 
 Each turn takes one step in every world, with probability epsilon a random choice, else the one of the highest value,
-and keeps it. Every ``update_every`` environment steps it takes ``utd_ratio`` gradient steps for each of them towards
+and keeps it. A random choice may be held for some steps (``longest_hold``), so that it leads away from where the best
+choices stay. Every ``update_every`` environment steps it takes ``utd_ratio`` gradient steps for each of them towards
 
     ``Q(s, a) = r + gamma * Q'(s', argmax Q(s', .))``,
 
@@ -12,7 +13,8 @@ Metrics: ``critic/loss``, ``critic/value``, ``actor/epsilon``; ``episode/return`
 ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
 
 Source: V. Mnih et al., "Human-level Control through Deep Reinforcement Learning", 2015; H. van Hasselt et al., "Deep
-Reinforcement Learning with Double Q-learning", 2016, equation 4.
+Reinforcement Learning with Double Q-learning", 2016, equation 4; for random choices that are held, W. Dabney,
+G. Ostrovski, A. Barreto, "Temporally-Extended epsilon-Greedy Exploration", 2021, appendix B.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_positive, require_share
+from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.categorical import Categorical, CategoricalConfig
@@ -47,6 +50,8 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
     Attributes:
         double: let Q choose what Q' judges.
         epsilon: probability of a random choice, once it has fallen; it begins at 1.
+        longest_hold: steps that a random choice is held for, at most; n of them with a probability that falls as
+            1 / n^2. At 1 each step is drawn by itself.
         exploration: share of all steps over which it falls, evenly.
         update_every: environment steps from one bout of updates to the next. In between the policy stays as it is, so
             that it presses on in one direction even where all choices seem to be worth the same.
@@ -62,6 +67,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
     tau: float = 1.0
     double: bool = True
     epsilon: float = 0.05
+    longest_hold: int = 1
     exploration: float = 0.1
     update_every: int = 1
     target_every: int = 500
@@ -71,7 +77,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_share(self, "epsilon", "exploration")
-        require_positive(self, "update_every", "target_every", "clip_norm", "huber")
+        require_positive(self, "longest_hold", "update_every", "target_every", "clip_norm", "huber")
 
     def epsilon_at(self, left: float) -> float:
         """Return the probability of a random choice when the share ``left`` of the training is left."""
@@ -117,15 +123,14 @@ class DeepQAgent(Agent):
     def __init__(self, settings: DeepQLearning, network: Categorical) -> None:
         self.settings, self.network, self.epsilon = settings, network, 1.0
         self._values = TrainState(network, adam(network, settings.lr))
-        self._target = Target(network)
-        super().__init__({"values": self._values}, {"target": self._target})
+        self._target, self._held = Target(network), HeldChoices(len(network.table), settings.longest_hold)
+        super().__init__({"values": self._values}, {"target": self._target}, {"held": self._held})
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Return normalised actions (n, Da) for encoded observations (n, Do): the best choices, or random ones."""
         best = self.network.scores(tensor(obs)[:, None])[:, 0].argmax(-1)
-        random = torch.randint(len(self.network.table), best.shape)
-        return self.network.table[torch.where(torch.rand(best.shape) < self.epsilon, random, best)].numpy()
+        return self.network.table[self._held.instead_of(best, self.epsilon)].numpy()
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of the values, and let the target follow where it is due."""
@@ -146,3 +151,33 @@ class DeepQAgent(Agent):
         choosing = self.network.scores(after)[:, 0] if self.settings.double else values
         worth = values.gather(-1, choosing.argmax(-1, keepdim=True))[:, 0]
         return batch.rewards + self.settings.gamma * batch.continues * worth
+
+
+class HeldChoices:
+    """Random choices taken now and then in each world, each held for some steps.
+
+    Args:
+        choices: how many there are. longest: steps that one is held for, at most.
+    """
+
+    def __init__(self, choices: int, longest: int) -> None:
+        self._choices, self._chance = choices, 1.0 / torch.arange(1, longest + 1) ** 2
+        self._chosen = self._left = torch.zeros(0, dtype=torch.long)
+
+    def instead_of(self, best: Tensor, epsilon: float) -> Tensor:
+        """Return the choices (n,): the ``best`` (n,), where none is held and none drawn, with chance ``epsilon``."""
+        if len(self._left) == 0:
+            self._chosen = self._left = torch.zeros_like(best)
+        drawn = (self._left == 0) & (torch.rand(best.shape) < epsilon)
+        self._chosen = torch.where(drawn, torch.randint(self._choices, best.shape), self._chosen)
+        steps = 1 + torch.multinomial(self._chance, len(best), replacement=True)
+        self._left = torch.where(drawn, steps, self._left)
+        found = torch.where(self._left > 0, self._chosen, best)
+        self._left = (self._left - 1).clamp(min=0)
+        return found
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot({"chosen": self._chosen.numpy().copy(), "left": self._left.numpy().copy()})
+
+    def restore(self, saved: Snapshot) -> None:
+        self._chosen, self._left = (torch.from_numpy(saved.arrays[name].copy()) for name in ("chosen", "left"))

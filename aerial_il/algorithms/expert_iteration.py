@@ -1,12 +1,13 @@
 """Expert iteration by a policy that looks away: what solves a start that the clone fails is cloned too.
 
 A clone of few demonstrations fails where something it has learned to look at misleads it: that the bowl always lay to
-the right, say, or how the base leaned. It comes to rest there, and noise leads it back to the same place. So clones are
-trained with fields of the observation hidden at random, and in each round fly ``episodes`` new starts up to
-``attempts`` times: first the learner as it is (or, in the first round, another prior), then the learner with some
-fields hidden, others from time to time, each attempt only from the starts that none before it has solved. What is kept,
-one success for each start, has hard starts in it as well as easy ones, and in it no one direction goes along with
-another any more. The learner is then trained on the demonstrations and all successes so far.
+the right, say, or how the base leaned. It comes to rest there, and noise leads it back to the same place. So there are
+two clones of the same flights: the learner, and an explorer trained with fields of the observation hidden at random.
+In each round ``episodes`` new starts are flown up to ``attempts`` times: first by the learner (or, in the first round,
+by another prior), then by the explorer with some fields hidden, others from time to time, each attempt only from the
+starts that none before it has solved. What is kept, one success for each start, has hard starts in it as well as easy
+ones, and in it no one direction goes along with another any more. Both are then trained on the demonstrations and all
+successes so far.
 
 It needs no critic and no expert; its reward is 1 for success. It ends where no attempt solves what the learner fails.
 
@@ -23,7 +24,7 @@ Confusion in Imitation Learning", 2019, section 4, for policies of masked observ
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from aerial_il.algorithms.bc import BehaviourCloning
@@ -41,6 +42,8 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.partly_blind import PartlyBlind
 
+EXPLORER_SEED = 2_000_003  # apart from the learner's
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExpertIteration(InteractiveAlgorithm):
@@ -48,12 +51,14 @@ class ExpertIteration(InteractiveAlgorithm):
 
     Attributes:
         episodes: starts of a round.
-        training: behaviour cloning of the dataset so far, with fields hidden; its loss is the policy network's.
+        training: behaviour cloning of the dataset so far; its loss is the policy network's. The explorer's is that of
+            the rounds between, with fields hidden.
+        explorer_dropout: its ``field_dropout``. A learner trained so, too, flies worse once it has flights enough.
         prior: a run or policy of any class that flies first in the first round; None for the clone of the
             demonstrations.
         attempts: at each start, at most.
-        hidden: largest chance with which a field is hidden in all attempts but the first; the chance itself is drawn
-            with the fields, from 0 on.
+        hidden: largest chance with which a field is hidden from the explorer; the chance itself is drawn with the
+            fields, from 0 on.
         hold: mean number of steps before others are hidden.
         reward_patience: flown steps after which a run stops that no flight has solved yet; 0 for never.
     """
@@ -64,10 +69,9 @@ class ExpertIteration(InteractiveAlgorithm):
     rounds: int = 8
     episodes: int = 400
     patience: float = 1.3
-    training: BehaviourCloning = field(
-        default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0, field_dropout=0.6)
-    )
+    training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0))
     between_steps: int = 4_000
+    explorer_dropout: float = 0.6
     demos_share: float = 0.1
     warm_start: bool = False
     prior: str | None = None
@@ -81,6 +85,7 @@ class ExpertIteration(InteractiveAlgorithm):
         require_positive(self, "attempts", "hold")
         require_not_negative(self, "reward_patience")
         require_share(self, "hidden")
+        require_share(self, "explorer_dropout", below_one=True)
 
     @property
     def worlds(self) -> int:
@@ -104,12 +109,26 @@ class ExpertIteration(InteractiveAlgorithm):
         return rounds.finish()
 
     def _pilots(self, rounds: Rounds, number: int) -> Iterator[Policy]:
-        """Yield who flies in a round, attempt by attempt."""
+        """Yield who flies in a round, attempt by attempt; the explorer is trained where there is a second one."""
         learner, spec = rounds.learner, rounds.problem.env.spec
         assert learner is not None
         yield load_prior(self.prior, spec) if self.prior and number == 1 else learner
+        if self.attempts == 1:
+            return
+        explorer = self._explorer(rounds, number)
         for attempt in range(1, self.attempts):
-            yield PartlyBlind(learner, most=self.hidden, hold=self.hold, stream=attempt)
+            yield PartlyBlind(explorer, most=self.hidden, hold=self.hold, stream=attempt)
+
+    def _explorer(self, rounds: Rounds, number: int) -> ChunkPolicy:
+        """Return a clone of the dataset so far that can do without any field."""
+        return rounds.auxiliary(
+            number,
+            "explorer",
+            rounds.dataset,
+            seed=rounds.problem.seed + EXPLORER_SEED,
+            training=replace(self.training, steps=self.between_steps, field_dropout=self.explorer_dropout),
+            weights=rounds.weights,
+        )
 
     def _refuse_silence(self, rounds: Rounds) -> None:
         """Stop a run in which nothing has ever succeeded.

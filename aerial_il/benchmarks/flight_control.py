@@ -47,7 +47,13 @@ from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines, step_li
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row, pooled_target
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, TUNING_SEEDS, described, without_cadence
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    TUNING_SEEDS,
+    described,
+    own_time_s,
+    without_cadence,
+)
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
@@ -330,7 +336,7 @@ def _curve(run: Path) -> list[tuple[float, float]]:
 
 def _minutes(run: Path) -> float:
     """Return how long a training took."""
-    return max(row.get("elapsed_s", 0.0) for row in read_metrics(run)) / 60
+    return own_time_s(run) / 60
 
 
 BENCHMARK = FlightControl

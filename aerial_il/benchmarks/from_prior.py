@@ -56,7 +56,7 @@ FROM_SCRATCH_STEPS = 20_000_000
 SUITED: Mapping[str, Mapping[str, Any]] = {  # in insert_peg usual noise, and hidden fields, let too few flights succeed
     "insert_peg": {
         "beginning": {"field_dropout": 0.0},
-        "expert_iteration": {"hidden": 0.3, "training": {"field_dropout": 0.2}},
+        "expert_iteration": {"hidden": 0.3, "explorer_dropout": 0.2},
         "bc_ppo": {"noise": 0.05, "execute": 5, "lr": 1e-5},
         "jsrl": {"noise": 0.05, "execute": 5, "lr": 1e-5},
         "dapg": {"noise": 0.05, "execute": 5},

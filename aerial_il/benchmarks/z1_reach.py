@@ -31,7 +31,13 @@ from aerial_il.benchmarks.parts.reporting.figures import success_curves
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, TUNING_SEEDS, described, without_cadence
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    TUNING_SEEDS,
+    described,
+    own_time_s,
+    without_cadence,
+)
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
@@ -314,7 +320,7 @@ def _mean(values: Sequence[float | None], *, digits: int = 2) -> float | None:
 
 def _minutes(run: Path) -> float:
     """Return how long a training took."""
-    return max(row.get("elapsed_s", 0.0) for row in read_metrics(run)) / 60
+    return own_time_s(run) / 60
 
 
 def _curve(run: Path) -> list[tuple[float, float]]:

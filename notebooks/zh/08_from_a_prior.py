@@ -208,7 +208,7 @@ plt.show()
 #
 # `pick_place`，机器人 `fa_hexa_arm4`，从十次示范出发。每次飞行一个比特，对其中两百步的每一步几乎说明不了什么。比梯度更简单的想法是：**从许多起始状态飞行，留下成功的，再克隆**。这就是用 0 或 1 的奖励加权的克隆，也是朝更好的策略迈出的一步：记 $\pi_{\text{new}}(a|s)\propto\pi(a|s)\,P(\text{成功}\mid s,a)$，用最大似然把 $\pi_{\text{new}}$ 投影到网络上，*就是*克隆成功的飞行（Dayan 与 Hinton 1997；`algorithm=filtered_bc`）。它的弱点是：如果从某个起始状态出发没有一次飞行成功，就什么也学不到，加噪声的帮助也不大。
 #
-# 因此 `algorithm=expert_iteration` 对每个起始状态重试几次，并随机*隐藏*观测的一部分：十次示范的克隆策略失败的地方，是它依赖了某种巧合，例如碗总是在右边；隐藏这个输入，它就只好不用它（参照 de Haan 等 2019）。每个起始状态只留下一次成功，因此困难的起始状态与容易的同样重要（Anthony 等 2017：用更好的策略规划，克隆它，重复）。
+# 因此 `algorithm=expert_iteration` 对每个起始状态重试几次，并随机*隐藏*观测的一部分：十次示范的克隆策略失败的地方，是它依赖了某种巧合，例如碗总是在右边；隐藏这个输入，它就只好不用它（参照 de Haan 等 2019）。飞这些尝试的是另一个克隆策略，即训练时就随机隐藏输入的探索者。每个起始状态只留下一次成功，因此困难的起始状态与容易的同样重要（Anthony 等 2017：用更好的策略规划，克隆它，重复）。
 
 # %%
 ROBOT, TASK, FLIGHTS, LIMIT = "fa_hexa_arm4", "pick_place", 60, 500
@@ -219,7 +219,7 @@ iterated = quietly(
     aerial_il.train, "demos", policy=POLICY, run="practised", num_envs=120, evaluate_episodes=1,
     algorithm={
         "name": "expert_iteration", "rounds": 1, "episodes": 240, "attempts": 6, "evaluate_every": 0,
-        "training": {**CLONING, "field_dropout": 0.6},
+        "training": CLONING, "between_steps": 2500,
     },
 )  # fmt: skip
 rounds = analysis.metrics("practised").dropna(subset=["flights"])

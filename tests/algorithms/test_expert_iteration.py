@@ -26,9 +26,7 @@ from tests.algorithms.drift import SPEC, Drift, demonstrations
 from tests.algorithms.point_mass import StepResult
 
 STARTS = 48
-FEW = BehaviourCloning(
-    steps=600, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0, field_dropout=0.6
-)
+FEW = BehaviourCloning(steps=600, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
 POLICY = SquashedGaussianConfig(hidden=(32,))
 LAMPLIT = replace(SPEC, observation=ObservationSpec((*SPEC.observation.fields, Field("lamp", (1,)))))
 

@@ -171,7 +171,10 @@ def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_tabl
             assert digest(training.clone.decided_by()) == hiding
     own = arms[ITERATED].algorithm
     assert isinstance(own, ExpertIteration)
-    assert own.training == FromPrior().beginning, "what makes its own clone makes it in the same way"
+    usual = FromPrior().beginning
+    assert (own.training, own.explorer_dropout) == (replace(usual, field_dropout=0.0), usual.field_dropout), (
+        "what makes its own clones makes them in the same way, one with hidden fields and one without"
+    )
 
 
 def test_an_arm_that_is_none_is_refused() -> None:

@@ -17,6 +17,9 @@ FEWEST = 10  # episodes of a rollout, and of the prior, that are compared at all
 class ReturnGate:
     """Compares the mean return of the episodes that ended in a rollout with what the prior's had, both exploring.
 
+    Whatever the weights fly that are still the prior's counts as the prior's: in its first steps those episodes end
+    that succeed soon, and a prior that was judged by them alone would not be let go of.
+
     Args:
         actor: what learns; it begins as the prior. worlds: n.
         errors: standard errors of the difference by which the actor may lie below the prior.
@@ -25,7 +28,7 @@ class ReturnGate:
     def __init__(self, actor: ChunkNetwork, worlds: int, errors: float) -> None:
         self._actor, self._errors, self._returns = actor, errors, Returns(worlds)
         self._prior = np.zeros(0)
-        self._kept = self._weights()
+        self._kept, self._begins, self._keeps_prior = self._weights(), True, True
 
     def passes(self, decisions: Decisions, *, warming_up: bool) -> bool:
         """Take in what the actor flew as it is; where it flew worse than the prior, let it be as it was before.
@@ -34,13 +37,15 @@ class ReturnGate:
             Whether the actor may learn from the rollout: it flew with the weights that it has now, not clearly worse.
         """
         returns = self._returns.ended(decisions)
-        if warming_up:
+        if self._begins:
             self._prior = np.concatenate([self._prior, returns])
-            return False
-        if self._is_worse(returns):
+        elif self._is_worse(returns):
             load_weights(self._actor, self._kept)
+            self._begins = self._keeps_prior
             return False
-        self._kept = self._weights()
+        if warming_up:
+            return False
+        self._kept, self._keeps_prior, self._begins = self._weights(), self._begins, False
         return True
 
     def _is_worse(self, returns: np.ndarray) -> bool:
@@ -54,9 +59,11 @@ class ReturnGate:
 
     def snapshot(self) -> Snapshot:
         kept = {f"kept.{name}": array for name, array in self._kept.items()}
-        return Snapshot({**self._returns.snapshot().arrays, "prior": self._prior.copy(), **kept})
+        told = {"begins": self._begins, "keeps_prior": self._keeps_prior}
+        return Snapshot({**self._returns.snapshot().arrays, "prior": self._prior.copy(), **kept}, told)
 
     def restore(self, saved: Snapshot) -> None:
         self._returns.restore(saved)
         self._prior = saved.arrays["prior"].copy()
+        self._begins, self._keeps_prior = (saved.values.get(name, False) for name in ("begins", "keeps_prior"))
         self._kept = {name: saved.arrays[f"kept.{name}"].copy() for name in self._kept}

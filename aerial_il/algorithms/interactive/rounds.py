@@ -130,15 +130,33 @@ class Rounds:
         self._notify(number, "it learns")
         training = settings.training if number in (0, settings.rounds) else settings.between
         initial = self.learner if settings.warm_start else None
-        weights = demonstration_weights(self.demos, self.dataset[len(self.demos) :], settings.demos_share)
-        self._train(training, self.dataset, place, self.problem.seed, initial, weights)
+        self._train(training, self.dataset, place, self.problem.seed, initial, self.weights)
         self.learner = load_policy(place)  # as a resumed run has it, on the processor, wherever it was trained
         return self.learner
 
-    def auxiliary(self, number: int, name: str, dataset: Sequence[Episode], *, seed: int) -> ChunkPolicy:
-        """Return a policy that only serves to judge the learner, trained afresh on ``dataset``."""
-        training = replace(self._settings.between, validation=0.0)
-        return self._train(training, dataset, self._flights.place(number) / name, seed, None)
+    @property
+    def weights(self) -> list[float] | None:
+        """How often each episode of the dataset is visited; see :func:`demonstration_weights`."""
+        return demonstration_weights(self.demos, self.dataset[len(self.demos) :], self._settings.demos_share)
+
+    def auxiliary(
+        self,
+        number: int,
+        name: str,
+        dataset: Sequence[Episode],
+        *,
+        seed: int,
+        training: SupervisedAlgorithm | None = None,
+        weights: Sequence[float] | None = None,
+    ) -> ChunkPolicy:
+        """Return a policy that only serves beside the learner, trained afresh on ``dataset``.
+
+        Args:
+            number: of the round in whose folder it is kept, under ``name``. training: how; None for as the learner's in
+                the rounds between. weights: how often each episode is visited; None for all alike.
+        """
+        training = replace(training or self._settings.between, validation=0.0)
+        return self._train(training, dataset, self._flights.place(number) / name, seed, None, weights)
 
     def end_round(self, number: int, evaluate: Evaluate | None, metrics: Mapping[str, float] | None = None) -> None:
         """Log the round, evaluated where that is due, and make it the one to go on from.

@@ -108,6 +108,26 @@ def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_di
     assert ReturnGate(one, 1, errors=1e9).passes(bad, warming_up=False)
 
 
+def test_a_prior_is_not_held_to_its_quickest_episodes() -> None:
+    one = actor()
+    gate, other = (ReturnGate(one, 1, errors=2.0) for _ in range(2))
+    quick, usual, worse = returns(*[1.0] * 20), returns(*[1.0, 0.0] * 30), returns(*[0.0] * 20)
+    assert not gate.passes(quick, warming_up=True)
+    assert gate.passes(usual, warming_up=False), "the weights are the prior's still"
+    weight = one.network.layers[-1].bias
+    begun = weight.detach().clone()
+    with torch.no_grad():
+        weight.add_(1.0)
+    assert not gate.passes(worse, warming_up=False)
+    torch.testing.assert_close(weight.detach(), begun)
+    other.restore(gate.snapshot())
+    for resumed in (gate, other):
+        assert resumed.passes(usual, warming_up=False), "back at the prior, it goes on to learn"
+        with torch.no_grad():
+            weight.add_(1.0)
+        assert not resumed.passes(worse, warming_up=False)
+
+
 def test_episodes_are_cut_short_and_begin_anew() -> None:
     env = cut_short(Drift(3), 4)
     assert cut_short(env, 99) is env

@@ -12,7 +12,7 @@ import torch
 import yaml
 
 from aerial_il import algorithms
-from aerial_il.algorithms.dqn import DeepQAgent, DeepQLearning
+from aerial_il.algorithms.dqn import DeepQAgent, DeepQLearning, HeldChoices
 from aerial_il.algorithms.npg import NaturalGradientAgent, NaturalGradientLearning, conjugate_gradients, flat_gradient
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.interface import check_policy, plain_interface
@@ -399,3 +399,27 @@ def test_an_end_that_costs_much_teaches_as_much_as_it_is_allowed_to(huber: float
     )  # fmt: skip
     told = DeepQAgent(DeepQLearning(huber=huber), network).update(end)
     assert told["critic/loss"] == pytest.approx(loss)
+
+
+def test_random_choices_are_held_and_the_best_ones_are_taken_in_between() -> None:
+    torch.manual_seed(0)
+    best, held = torch.full((500,), 7), HeldChoices(3, longest=20)
+    taken = torch.stack([held.instead_of(best, 0.1) for _ in range(200)])
+    random = taken != 7
+    assert {*taken[random].tolist()} == {0, 1, 2}
+    again = (taken[1:] == taken[:-1])[random[1:] & random[:-1]]
+    assert 0.8 < again.double().mean() < 1.0, "held, and followed by another draw at times"
+    assert 0.15 < random.double().mean() < 0.25, "a tenth of the free steps begin two of them on average"
+
+
+def test_with_a_hold_of_one_step_choices_are_those_of_epsilon_greedy_and_a_hold_goes_on_after_a_break() -> None:
+    torch.manual_seed(0)
+    best, single = torch.full((20_000,), 7), HeldChoices(4, longest=1)
+    for _ in range(2):
+        assert (single.instead_of(best, 0.3) != 7).double().mean() == pytest.approx(0.3, abs=0.02)
+    held, other = HeldChoices(4, longest=50), HeldChoices(4, longest=50)
+    held.instead_of(best, 1.0)
+    other.restore(held.snapshot())
+    goes_on = held.instead_of(best, 0.0)
+    assert 0.3 < (goes_on != 7).double().mean() < 0.45, "all but those of a single step, 1 / 1.625"
+    assert torch.equal(other.instead_of(best, 0.0), goes_on)

@@ -15,10 +15,9 @@ from aerial_il.core.provenance import package_versions
 
 PROBED_SEEDS, PROBE_NOISE, LONGEST_PROBE = (4_000_000, 4_000_001), 0.3, 1500
 PACKAGE = Path(aerial_il.__file__).parent
-SET_APART = (  # parts that only some algorithms use: the code of the others is what it would be without them
-    "algorithms.decisions",
-    "algorithms.run.judged_first",
-    "policies.parts.residual",
+SET_APART = (  # groups of parts that only some algorithms use: the code of the others is what it would be without them
+    ("algorithms.decisions", "algorithms.run.judged_first", "policies.parts.residual"),
+    ("algorithms.interactive",),
 )
 ROOMS = sorted(file.parent for file in (PACKAGE / "algorithms").glob("*/__init__.py"))  # what algorithms share
 LEARNING = (PACKAGE / "policies", *ROOMS, *(PACKAGE / "data" / f"{name}.py" for name in ("windows", "waypoints")))
@@ -67,13 +66,14 @@ def _flown(env: BatchEnv, expert: Expert) -> str:
 def learning_code(*algorithms: str) -> dict[str, str]:
     """Return what decides a training besides its data and settings: digest of the code, version of torch.
 
-    What is set apart counts where one of the algorithms imports it, and nowhere else.
+    A group that is set apart counts where one of the algorithms imports from it, and nowhere else.
 
     Args:
         algorithms: names of those that train, e.g. ``bc``.
     """
     files = [PACKAGE / "algorithms" / f"{name}.py" for name in algorithms]
-    apart = () if any(imports(file, SET_APART) for file in files) else SET_APART
+    unused = (group for group in SET_APART if not any(imports(file, group) for file in files))
+    apart = tuple(module for group in unused for module in group)
     files += [file for part in LEARNING for file in _sources(part) if not _is_one_of(file, apart)]
     return {"code": code_digest(files, apart), "torch": package_versions().get("torch", "")}
 

@@ -14,7 +14,13 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.fingerprint import learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.practised import BESIDE
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judged_once, without_cadence
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    described,
+    judged_once,
+    own_time_s,
+    without_cadence,
+)
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.result import EvaluationResult
@@ -140,7 +146,7 @@ class OutsideStages:
 
     def seconds(self, training: Learned) -> float:
         """Return the wall time of a training's loop: flying and learning, without evaluations and checkpoints."""
-        return max((row.get("elapsed_s", 0.0) for row in read_metrics(self.run_of(training))), default=0.0)
+        return own_time_s(self.run_of(training))
 
     def curve(self, training: Learned) -> list[tuple[float, float, float]]:
         """Return (steps, seconds, mean return of the last hundred episodes) along a training."""

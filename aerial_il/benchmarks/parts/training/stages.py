@@ -292,11 +292,16 @@ def check_seeds(first_episode: int, episodes: int) -> None:
         )
 
 
+def own_time_s(run: Path) -> float:
+    """Return the wall time that a run tells of itself; rows of evaluations on the way tell none. 0 for older runs."""
+    return max((row.get("elapsed_s", 0.0) for row in read_metrics(run)), default=0.0)
+
+
 def trained_s(run: Path) -> float:
     """Return the wall time of a training, and of what it began with below its folder: flying and learning.
 
     Rounds of a run that does not tell its own time, as older ones, count with their optimisation alone.
     """
-    seconds = {file: read_metrics(file.parent)[-1].get("elapsed_s", 0.0) for file in run.rglob(METRICS)}
+    seconds = {file: own_time_s(file.parent) for file in run.rglob(METRICS)}
     tells = seconds.get(run / METRICS, 0.0) > 0.0
     return sum(s for file, s in seconds.items() if not (tells and ROUNDS in file.relative_to(run).parts))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 from pathlib import Path
 from types import SimpleNamespace
@@ -66,25 +67,29 @@ def test_what_is_set_apart_counts_for_none_but_those_that_use_it(tmp_path: Path)
     assert coded("from aerial_il.policies.parts.gated import KEY", "if KEY in y:\n        return 2") != plain
 
 
-def test_code_that_is_set_apart_is_there_and_decides_those_that_import_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in fingerprint.SET_APART:
+@pytest.mark.parametrize(
+    ("room", "file", "decided"),
+    [("policies", "residual.py", {"bc_ppo", "residual"}), ("interactive", "rounds.py", {"expert_iteration", "dagger"})],
+)
+def test_code_that_is_set_apart_is_there_and_decides_those_that_import_it(
+    room: str, file: str, decided: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in itertools.chain(*fingerprint.SET_APART):
         path = fingerprint.PACKAGE.joinpath(*module.split("."))
         assert path.is_dir() or path.with_suffix(".py").is_file()
     sources = fingerprint._sources
 
-    def altered(name: str) -> str:
-        """Return the digest of an algorithm's code without the parts that are set apart."""
+    def told() -> dict[str, str]:
+        """Return the digest of each algorithm's code."""
         fingerprint.learning_code.cache_clear()
-        return fingerprint.learning_code(name)["code"]
+        names = ("bc", "sac", "bc_ppo", "residual", "expert_iteration", "dagger")
+        return {name: fingerprint.learning_code(name)["code"] for name in names}
 
-    before = {name: altered(name) for name in ("bc", "bc_ppo", "residual")}
-    without = [f for f in sources(fingerprint.PACKAGE / "policies") if f.name != "residual.py"]
-    monkeypatch.setattr(fingerprint, "_sources", lambda p: without if p.name == "policies" else sources(p))
-    now = {name: altered(name) for name in before}
+    before = told()
+    monkeypatch.setattr(fingerprint, "_sources", lambda p: [f for f in sources(p) if (p.name, f.name) != (room, file)])
+    now = told()
     fingerprint.learning_code.cache_clear()
-    assert now["bc"] == before["bc"]
-    assert now["bc_ppo"] != before["bc_ppo"]
-    assert now["residual"] != before["residual"]
+    assert {name for name in now if now[name] != before[name]} == decided
 
 
 class Flown:
