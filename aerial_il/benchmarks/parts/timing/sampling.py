@@ -32,7 +32,8 @@ class Sampler:
     """Wall time by section of the code, sampled while the ``with`` block runs, in the main thread.
 
     A sample belongs to the section of the innermost frame that any section holds, and counts for the time since the
-    one before. Compiled code is not interrupted: once it returns, its time counts for who called it.
+    one before. Compiled code is not interrupted: once it returns, its time counts for who called it. The clock to the
+    next sample starts when one has been taken, so that on a machine too busy to take one in time they do not pile up.
 
     Args:
         sections: name -> places. rest: name of what none of them holds.
@@ -42,7 +43,7 @@ class Sampler:
     """
 
     def __init__(self, sections: Mapping[str, Sequence[Place]], *, rest: str) -> None:
-        self._sections, self._rest = sections, rest
+        self._sections, self._rest, self._runs = sections, rest, False
         self.clear()
 
     def clear(self) -> None:
@@ -54,12 +55,14 @@ class Sampler:
         self._before = signal.signal(signal.SIGALRM, self._sample)
         signal.siginterrupt(signal.SIGALRM, False)
         self.clear()
-        signal.setitimer(signal.ITIMER_REAL, INTERVAL_S, INTERVAL_S)
+        self._runs = True
+        signal.setitimer(signal.ITIMER_REAL, INTERVAL_S)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._runs = False
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, self._before)
 
@@ -67,6 +70,8 @@ class Sampler:
         now = time.perf_counter()
         self.seconds[self._section(frame)] += now - self._last
         self._last = now
+        if self._runs:
+            signal.setitimer(signal.ITIMER_REAL, INTERVAL_S)
 
     def _section(self, frame: FrameType | None) -> str:
         while frame:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import signal
 import time
+from types import FrameType
 
 import numpy as np
+import pytest
 
-from aerial_il.benchmarks.parts.timing.sampling import Place, Sampler
+from aerial_il.benchmarks.parts.timing.sampling import INTERVAL_S, Place, Sampler
 
 HERE = {"slow": [Place(__name__, "slow")], "outer": [Place(__name__, "outer")], "other": [Place("elsewhere")]}
 
@@ -55,3 +57,22 @@ def test_it_begins_anew_and_leaves_the_signal_as_it_was() -> None:
         assert not any(sampler.seconds.values())
     assert signal.getsignal(signal.SIGALRM) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_a_machine_too_busy_to_take_samples_in_time_does_not_pile_them_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    depth, deepest = 0, 0
+    taken = Sampler._section
+
+    def late(self: Sampler, frame: FrameType | None) -> str:
+        nonlocal depth, deepest
+        depth += 1
+        deepest = max(deepest, depth)
+        busy(3 * INTERVAL_S)
+        depth -= 1
+        return taken(self, frame)
+
+    monkeypatch.setattr(Sampler, "_section", late)
+    with Sampler(HERE, rest="rest") as sampler:
+        slow()
+    assert deepest == 1
+    assert sampler.seconds["slow"] > 0.5 * sum(sampler.seconds.values())
