@@ -295,7 +295,7 @@ class FlightControl:
                 "learning.svg": success_curves(self._curves(record)),
             },
             details={"failed_seeds": {f"{flier}, {tier}": failed_seeds(r) for (flier, tier), r in results.items()}},
-            wall_time_s=seconds + sum(_minutes(self.run_of(training, record)) * 60 for training in self.trainings()),
+            wall_time_s=seconds + sum(own_time_s(self.run_of(training, record)) for training in self.trainings()),
         )
 
     def _curves(self, record: Record) -> Mapping[tuple[str, str], list[list[tuple[float, float]]]]:
@@ -332,11 +332,6 @@ def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult])
 def _curve(run: Path) -> list[tuple[float, float]]:
     """Return (steps, success in percent) of a training's evaluations on the way."""
     return [(r["step"], 100 * r["evaluate/success"]) for r in read_metrics(run) if "evaluate/success" in r]
-
-
-def _minutes(run: Path) -> float:
-    """Return how long a training took."""
-    return own_time_s(run) / 60
 
 
 BENCHMARK = FlightControl

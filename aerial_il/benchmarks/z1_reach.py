@@ -262,7 +262,7 @@ class Z1Reach:
             figures={"z1_reach.svg": success_curves(curves)},
             details={"failed_seeds": {f"{arm.place}/{seed}": failed_seeds(r) for (arm, seed), r in results.items()}},
             wall_time_s=sum(r.provenance["wall_time_s"] for r in results.values())
-            + sum(_minutes(self.run_of(arm, seed, record)) * 60 for arm, seed in results),
+            + sum(own_time_s(self.run_of(arm, seed, record)) for arm, seed in results),
         )
 
     def _row(self, arm: Arm, record: Record, results: Mapping[tuple[Arm, int], EvaluationResult]) -> Row:
@@ -276,7 +276,7 @@ class Z1Reach:
             "jerk": _mean([_jerk(result) for result in found], digits=0),
             "fast_share": _mean([_metric(result, "action_fast_share") for result in found], digits=3),
             **{f"held_{key}": _mean([one[key] for one in holding], digits=3) for key in holding[0]},
-            "train_min": _mean([_minutes(run) for run in runs], digits=1),
+            "train_min": _mean([own_time_s(run) / 60 for run in runs], digits=1),
         }
 
     def _singles(self, record: Record, results: Mapping[tuple[Arm, int], EvaluationResult]) -> Iterator[Row]:
@@ -316,11 +316,6 @@ def _jerk(result: EvaluationResult) -> float | None:
 def _mean(values: Sequence[float | None], *, digits: int = 2) -> float | None:
     known = [value for value in values if value is not None]
     return round(sum(known) / len(known), digits) if known else None
-
-
-def _minutes(run: Path) -> float:
-    """Return how long a training took."""
-    return own_time_s(run) / 60
 
 
 def _curve(run: Path) -> list[tuple[float, float]]:
