@@ -122,7 +122,7 @@ class BeyondTeacher:
         source = Source(robot=self.robot, task=task, tier=self.tier, draw=draw)
         clone = Cloned(CLONE, source, self.demos, self.policy, self.cloning)
         practising = self._suited(task)
-        return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, practising, self.cloning)}
+        return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, practising, clone)}
 
     def _suited(self, task: str) -> ClonedProximalOptimisation:
         """Return how practice goes on in a task."""

@@ -69,9 +69,10 @@ NOTES = (
     "Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % interval with "
     "a training as the unit.",
     "Flown: control steps of practice, mean over trainings. Minutes: of flying and learning, mean over trainings; the "
-    "clone that an arm begins with, and its demonstrations, are not included.",
+    "clone that an arm begins with, and its demonstrations, are not included. Practice that goes on from the policy of "
+    "other practice (begun_by) counts the steps and the minutes of that, too.",
     "bc, as practice begins: a clone of the same demonstrations, trained with fields of the observation hidden at "
-    "random, where that does no harm (suited, beginning). expert_iteration and filtered_bc make their own.",
+    "random. expert_iteration and filtered_bc make their own.",
     "ppo is shown nothing and begins with random weights; it stands for learning from scratch. rlpd is shown the "
     "demonstrations and begins with random weights.",
     f"Round by round: of a training with more than {LISTED} rounds so many, evenly spread, the first and the last "
@@ -113,6 +114,8 @@ class FromPrior:
             trained, for those that take long.
         robot: what is flown. starts: task -> numbers of demonstrations to begin with.
         shorter: ``TASK_DEMOS``, with how many it begins, -> control steps of practice at most, where those suffice.
+        begun_by: task -> arm that the others with a prior go on from there, if not from the clone; its steps and its
+            minutes are added to theirs.
         suited: task -> arm, or ``beginning`` -> what is changed of that there.
         watched: how many times on the way a policy that learns step by step is flown, to see dips.
         many: demonstrations of the clone that was shown more.
@@ -136,6 +139,7 @@ class FromPrior:
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=lambda: {"pick_place_40": 8_000_000})
+    begun_by: Mapping[str, str] = field(default_factory=lambda: {"insert_peg": "expert_iteration"})
     suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(SUITED))
     watched: int = 20
     many: int = 400
@@ -157,6 +161,10 @@ class FromPrior:
         if not (self.draws and counts):
             raise InvalidValueError("draws and starts name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)
+        in_rounds = [n for n, a in self.practising.items() if isinstance(a, ExpertIteration | FilteredCloning)]
+        for name in (name for task, name in self.begun_by.items() if task in self.starts):
+            if name not in in_rounds:
+                raise UnknownNameError("arm whose policy others go on from (begun_by)", name, in_rounds)
         known = (BEGUN, *self.practising, *_all_practising())
         for task, name in ((task, name) for task, arms in self.suited.items() for name in arms):
             if name not in known:
@@ -207,7 +215,8 @@ class FromPrior:
             many = Cloned("bc", source, self.many, self.policy, self.cloning)
             for count in counts:
                 yield Arm(CLONE, count, Cloned("bc", source, count, self.policy, self.cloning))
-                yield Arm(BEGINNING, count, Cloned("bc", source, count, self.policy, self._suited(task, BEGUN)))
+                if task not in self.begun_by:
+                    yield Arm(BEGINNING, count, self._beginning(source, count))
                 for name in names:
                     if name not in scratch:
                         yield Arm(name, count, self._practised(name, source, count))
@@ -216,12 +225,19 @@ class FromPrior:
                 yield Arm(name, 0, self._practised(name, source, 0))
 
     def _practised(self, name: str, source: Source, count: int) -> Practised | Continued:
-        algorithm, beginning = self._suited(source.task, name), self._suited(source.task, BEGUN)
+        algorithm = self._suited(source.task, name)
         if isinstance(algorithm, ExpertIteration | FilteredCloning):
             return Practised(name, source, count, self.policy, algorithm)
         most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
         algorithm = replace(algorithm, steps=min(algorithm.steps, most))
-        return Continued(name, source, count, self.policy, algorithm, beginning, self.watched)
+        return Continued(name, source, count, self.policy, algorithm, self._beginning(source, count), self.watched)
+
+    def _beginning(self, source: Source, count: int) -> Cloned | Practised:
+        """Return what practice that learns step by step begins with."""
+        if source.task not in self.begun_by:
+            return Cloned("bc", source, count, self.policy, self._suited(source.task, BEGUN))
+        name = self.begun_by[source.task]
+        return Practised(name, source, count, self.policy, self._suited(source.task, name))
 
     def _suited(self, task: str, name: str) -> Any:
         """Return the settings of an arm, or of the clone that practice begins with, in a task."""
@@ -258,16 +274,11 @@ def _row(group: Sequence[Arm], tier: str, results: Results, stages: Stages) -> R
         "demos": group[0].demos,
         "arm": group[0].name,
         "tier": tier,
-        "flown": round(float(np.mean([_flown(arm, stages) for arm in group]))),
-        "minutes": stages.minutes(arm.training for arm in group),
+        "flown": round(float(np.mean([arm.flown(stages) for arm in group]))),
+        "minutes": round(float(np.mean([arm.minutes(stages) for arm in group])), 2),
         **pooled_row(judged),
         "time_s": mean_time_s(judged),
     }
-
-
-def _flown(arm: Arm, stages: Stages) -> int:
-    """Return the control steps that a training has flown by itself."""
-    return 0 if isinstance(arm.training, Cloned) else arm.training.flown(stages.run_of(arm.training))
 
 
 BENCHMARK = FromPrior

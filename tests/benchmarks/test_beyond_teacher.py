@@ -49,8 +49,8 @@ def test_what_practises_begins_with_the_very_clone_beside_it() -> None:
     trainings = BeyondTeacher().trainings("insert_peg", 1)
     practised = trainings[ASKED]
     assert isinstance(practised, Continued)
-    assert practised.clone is not None
-    assert practised.clone.decided_by() == trainings[CLONE].decided_by()
+    assert practised.prior is not None
+    assert practised.prior.decided_by() == trainings[CLONE].decided_by()
     with pytest.raises(InvalidValueError, match="start at 1"):
         BeyondTeacher(demos=0)
 

@@ -19,7 +19,8 @@ from aerial_il.benchmarks.from_prior import BEGINNING, CLONE, SHOWN_MORE, FromPr
 from aerial_il.benchmarks.parts.records.record import digest
 from aerial_il.benchmarks.parts.training import practised
 from aerial_il.benchmarks.parts.training.demonstrations import Source
-from aerial_il.benchmarks.parts.training.practised import Continued
+from aerial_il.benchmarks.parts.training.practised import Continued, Practised
+from aerial_il.benchmarks.parts.training.stages import Cloned
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -152,8 +153,32 @@ def test_a_task_can_have_settings_of_its_own() -> None:
     assert all(arms[name, "reach"].algorithm == usual[name] for name in study.arms)
     assert arms["residual", "hover"].algorithm == usual["residual"]
     begun = replace(study.beginning, steps=3)
-    assert arms[BEGINNING, "hover"].algorithm == arms["dapg", "hover"].cloning == begun
-    assert arms[BEGINNING, "reach"].algorithm == arms["dapg", "reach"].cloning == study.beginning
+    assert arms[BEGINNING, "hover"].algorithm == arms["dapg", "hover"].beginning.algorithm == begun
+    assert arms[BEGINNING, "reach"].algorithm == arms["dapg", "reach"].beginning.algorithm == study.beginning
+
+
+def test_what_practises_can_go_on_from_the_policy_of_other_practice() -> None:
+    study = FromPrior(
+        starts={"reach": (2,), "pick_place": (2,)},
+        arms=(ITERATED, "bc_ppo", "rlpd"),
+        draws=(0,),
+        begun_by={"pick_place": ITERATED},
+        suited={"pick_place": {ITERATED: {"rounds": 3}}},
+    )
+    arms: Any = {(a.name, a.training.source.task): a.training for a in study._all_arms()}
+    begun = arms["bc_ppo", "pick_place"].prior
+    assert digest(begun.decided_by()) == digest(arms[ITERATED, "pick_place"].decided_by()), "of the arm beside it"
+    assert isinstance(arms["bc_ppo", "reach"].prior, Cloned)
+    assert arms["rlpd", "pick_place"].prior is None
+    assert (BEGINNING, "pick_place") not in arms, "nothing begins with that clone"
+    assert (BEGINNING, "reach") in arms
+
+
+@pytest.mark.parametrize("wrong", ["bc_ppo", "expert_iterating"])
+def test_practice_goes_on_from_what_practised_in_rounds_alone(wrong: str) -> None:
+    with pytest.raises(UnknownNameError, match=r"begun_by.*expert_iteration, filtered_bc"):
+        FromPrior(begun_by={"insert_peg": wrong})
+    assert FromPrior(begun_by={"a task that is not flown": wrong})
 
 
 @pytest.mark.parametrize(("changes", "wanted"), [({"dapg": {"nose": 0.1}}, "noise"), ({"dagp": {}}, "dapg")])
@@ -167,8 +192,8 @@ def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_tabl
     hiding = digest(arms[BEGINNING].decided_by())
     assert hiding != digest(arms[CLONE].decided_by())
     for training in arms.values():
-        if isinstance(training, Continued) and training.clone:
-            assert digest(training.clone.decided_by()) == hiding
+        if isinstance(training, Continued) and training.prior:
+            assert digest(training.prior.decided_by()) == hiding
     own = arms[ITERATED].algorithm
     assert isinstance(own, ExpertIteration)
     usual = FromPrior().beginning
@@ -199,10 +224,12 @@ def test_an_arm_that_is_added_leaves_what_decides_the_others() -> None:
 
 def test_whatever_practice_begins_with_decides_it() -> None:
     source, other = Source(robot="z1", task="reach"), replace(CLONING, steps=11)
-    clones = [
-        Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), cloning) for cloning in (CLONING, other)
+    beginnings = [
+        *(Cloned("bc", source, 2, MlpConfig(), cloning) for cloning in (CLONING, other)),
+        *(Practised("rounds", source, 2, MlpConfig(), ExpertIteration(rounds=rounds)) for rounds in (1, 2)),
     ]
-    assert clones[0].decided_by() != clones[1].decided_by()
+    trainings = [Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), begun) for begun in beginnings]
+    assert len({digest(training.decided_by()) for training in trainings}) == len(beginnings)
 
 
 @pytest.mark.slow

@@ -37,6 +37,21 @@ class Arm:
         """Its task and the number of demonstrations to begin with."""
         return self.training.source.task, self.demos
 
+    @property
+    def begun_by(self) -> Practised | None:
+        """The practice whose policy it goes on from; None where that is a clone or nothing."""
+        prior = self.training.prior if isinstance(self.training, Continued) else None
+        return prior if isinstance(prior, Practised) else None
+
+    def flown(self, stages: Stages) -> int:
+        """Return the control steps that all practice up to its final policy flew."""
+        practised = [t for t in (self.begun_by, self.training) if not (t is None or isinstance(t, Cloned))]
+        return sum(training.flown(stages.run_of(training)) for training in practised)
+
+    def minutes(self, stages: Stages) -> float:
+        """Return the wall time of its training, and of the practice that it goes on from, min."""
+        return sum(stages.minutes([training]) for training in (self.begun_by, self.training) if training)
+
 
 @dataclass(frozen=True, eq=False)
 class Practice:
@@ -103,7 +118,11 @@ class Practice:
             }
 
     def _stretches(self, arm: Arm) -> Iterator[Row]:
-        """Yield one row for each stretch of a training between two rows of its metrics: episodes that ended in it."""
+        """Yield one row for each stretch of a training between two rows of its metrics: episodes that ended in it.
+
+        Steps and minutes go on from those of the practice it began with.
+        """
+        flown, minutes = _begun(arm, self.stages)
         rows = [row for row in read_metrics(self.stages.run_of(arm.training)) if "episode/success" in row]
         for number, row in enumerate(rows, start=1):
             solved = round(100 * row["episode/success"], 1)
@@ -116,14 +135,14 @@ class Practice:
                 "round": number,
                 "first_percent": solved if alone else None,
                 "solved_percent": solved,
-                "flown": int(row["step"]),
-                "minutes": _minutes(row),
+                "flown": flown + int(row["step"]),
+                "minutes": _minutes(row, minutes),
             }
 
     def _dip(self, group: Sequence[Arm]) -> Row:
         told = {arm: self._told[arm] for arm in group}
         by_rounds = [
-            largest_dip(rows)
+            largest_dip(rows, begun=_begun(arm, self.stages)[0])
             for arm, rows in told.items()
             if rows and _has_prior(arm) and all(row["first_percent"] is not None for row in rows)
         ]
@@ -148,7 +167,7 @@ class Practice:
 
 def _has_prior(arm: Arm) -> bool:
     """Whether it begins with something that it could fall below."""
-    return not isinstance(arm.training, Continued) or arm.training.clone is not None
+    return not isinstance(arm.training, Continued) or arm.training.prior is not None
 
 
 def _largest(dips: Sequence[float]) -> float | None:
@@ -161,15 +180,26 @@ def spread_evenly(rounds: Sequence[Row], most: int) -> list[Row]:
     return [rounds[k] for k in kept]
 
 
-def largest_dip(rounds: Sequence[Row]) -> float:
-    """Return how far success was below that of the first round, in points, once the first steps were over."""
+def largest_dip(rounds: Sequence[Row], *, begun: int = 0) -> float:
+    """Return how far success was below that of the first round, in points, once the first steps were over.
+
+    Args:
+        rounds: from the first to the last, with ``first_percent`` and ``flown``. begun: steps flown before the first.
+    """
     first, last = rounds[0]["first_percent"], rounds[-1]["flown"]
-    return max(0.0, *(first - row["first_percent"] for row in rounds if row["flown"] >= MAY_DIP * last))
+    judged = [row for row in rounds if row["flown"] - begun >= MAY_DIP * (last - begun)]
+    return max(0.0, *(first - row["first_percent"] for row in judged))
 
 
-def _minutes(row: Mapping[str, float]) -> float | None:
-    """Return the time up to a row of metrics; older runs of rounds do not tell it."""
-    return round(row["elapsed_s"] / 60, 2) if "elapsed_s" in row else None
+def _begun(arm: Arm, stages: Stages) -> tuple[int, float]:
+    """Return the steps and the minutes of the practice that an arm goes on from; zero without."""
+    begun_by = arm.begun_by
+    return (begun_by.flown(stages.run_of(begun_by)), stages.minutes([begun_by])) if begun_by else (0, 0.0)
+
+
+def _minutes(row: Mapping[str, float], begun: float = 0.0) -> float | None:
+    """Return the time up to a row of metrics, ``begun`` minutes before it; older runs of rounds do not tell it."""
+    return round(begun + row["elapsed_s"] / 60, 2) if "elapsed_s" in row else None
 
 
 def grouped(arms: Sequence[Arm]) -> Iterator[list[Arm]]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il import experts
-from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
@@ -65,29 +64,27 @@ class Practised(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Continued(Shown):
-    """A policy that learns step by step; from the very clone that stands beside it, where it begins with one.
+    """A policy that learns step by step; from the very one that stands beside it, where it begins with one.
 
     Attributes:
-        algorithm: how, beside those of :class:`Shown`; its ``prior``, where it has one, is that clone.
-        cloning: how that was made.
-        watched: how many times on the way, evenly spread, it is flown without exploration if it begins with a clone,
+        algorithm: how, beside those of :class:`Shown`; its ``prior``, where it has one, is that policy.
+        beginning: what it begins with, if its algorithm has a prior: a clone, or what has practised in rounds.
+        watched: how many times on the way, evenly spread, it is flown without exploration if it begins with a policy,
             which is flown first; no weight depends on it.
     """
 
     algorithm: OnlineAlgorithm
-    cloning: BehaviourCloning
+    beginning: Cloned | Practised
     watched: int = 0
 
     @property
-    def clone(self) -> Cloned | None:
-        """What it begins with."""
-        if not any(setting.name == "prior" for setting in fields(self.algorithm)):
-            return None
-        return Cloned("bc", self.source, self.demos, self.policy, self.cloning)
+    def prior(self) -> Cloned | Practised | None:
+        """What it begins with; None where its algorithm has no prior."""
+        return self.beginning if any(setting.name == "prior" for setting in fields(self.algorithm)) else None
 
     @property
     def _is_watched(self) -> bool:
-        return self.watched > 0 and self.clone is not None
+        return self.watched > 0 and self.prior is not None
 
     @property
     def worlds(self) -> int:
@@ -96,20 +93,20 @@ class Continued(Shown):
 
     @property
     def trained(self) -> PolicyConfig:
-        """What is trained: the clone's own kind, or the one that the algorithm knows."""
+        """What is trained: the prior's own kind, or the one that the algorithm knows."""
         return self.policy if isinstance(self.policy, self.algorithm.trains) else SquashedGaussianConfig()
 
     def decided_by(self) -> dict[str, Any]:
         own = all_that_decides(self, "bc", self.algorithm.name, *BESIDE.get(self.algorithm.name, ()))
-        return {**own, "worlds": self.worlds, "clone": self.clone.decided_by() if self.clone else None}
+        return {**own, "worlds": self.worlds, "clone": self.prior.decided_by() if self.prior else None}
 
     def train(self, stages: Stages, run: Path) -> Policy:
         every = math.ceil(self.algorithm.steps / self.watched) if self._is_watched else 0
         settings: Any = replace(self.algorithm, evaluate_every=every)
         source = self.source
-        if self.clone:
-            stages.policy(self.clone)
-            settings = replace(settings, prior=str(stages.run_of(self.clone)))
+        if self.prior:
+            stages.policy(self.prior)
+            settings = replace(settings, prior=str(stages.run_of(self.prior)))
         expert = experts.make(source.robot, source.task) if "expert" in settings.needs else None
         env = stages.environment(source, source.tier, self.worlds)
         try:
@@ -127,7 +124,7 @@ class Continued(Shown):
             env.close()
 
     def flown(self, run: Path) -> int:
-        """Return the control steps that it flew by itself, in the folder ``run``."""
+        """Return the control steps that it flew by itself, in the folder ``run``, without those of its beginning."""
         return int(read_metrics(run)[-1]["step"])
 
     def _watch(self, stages: Stages) -> Evaluate | None:

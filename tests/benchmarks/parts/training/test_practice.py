@@ -14,6 +14,7 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practice import Arm, Practice, largest_dip, spread_evenly
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
+from aerial_il.benchmarks.parts.training.stages import Cloned, trained_s
 from aerial_il.policies.mlp import MlpConfig
 
 
@@ -33,6 +34,42 @@ def test_of_many_rounds_some_are_listed_from_the_first_to_the_last() -> None:
     assert (listed[0], listed[-1], len(set(listed))) == (1, 245, 16)
     assert spread_evenly(rounds[:3], 16) == rounds[:3]
     assert spread_evenly([], 16) == []
+
+
+def test_practice_that_goes_on_from_other_practice_counts_the_steps_and_minutes_of_both(tmp_path: Path) -> None:
+    """Or a method would look as quick as its last stretch."""
+    source = Source(robot="z1", task="reach")
+    rounds = Practised("rounds", source, 2, MlpConfig(), ExpertIteration(rounds=2))
+    arm = Arm("dapg", 2, Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), rounds))
+    told = {
+        "begun": [{"step": 1, "flight_steps": 900, "elapsed_s": 60.0}, {"step": 2, "flight_steps": 100}],
+        "own": [
+            {"step": 0, "evaluate/success": 0.5},
+            {"step": 9, "episode/success": 0.2, "elapsed_s": 6.0},
+            {"step": 500, "episode/success": 0.5, "elapsed_s": 30.0},
+        ],
+    }
+    for name, rows in told.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "config.yaml").write_text("steps: 500\n")
+        (tmp_path / name / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+    class Folders:
+        def run_of(self, training: Any) -> Path:
+            return tmp_path / ("begun" if training is rounds else "own")
+
+        def minutes(self, trainings: Any) -> float:
+            return sum(trained_s(self.run_of(training)) for training in trainings) / 60
+
+    stages: Any = Folders()
+    assert (arm.flown(stages), arm.minutes(stages)) == (1500, 1.5)
+    practice = Practice(stages, [arm])
+    assert [(row["flown"], row["minutes"]) for row in practice.rounds] == [(1009, 1.1), (1500, 1.5)]
+    assert practice.dips[0]["exploring_dip"] == 0.0, "its own first 2 % end at step 10"
+    alone = Arm("rounds", 2, rounds)
+    assert (alone.flown(stages), alone.minutes(stages)) == (1000, 1.0)
+    clone = Arm("bc", 2, Cloned("bc", source, 2, MlpConfig(), BehaviourCloning()))
+    assert clone.flown(stages) == 0
 
 
 def test_a_dip_counts_once_the_first_steps_are_over() -> None:
@@ -57,8 +94,9 @@ def test_the_dip_of_what_learns_step_by_step_is_that_of_its_flights_on_the_way(
     rates: tuple[float, ...], dip: float | None, tmp_path: Path
 ) -> None:
     """However good practice looked meanwhile; and practice itself is judged where nothing was flown on the way."""
-    source, cloning = Source(robot="z1", task="reach"), BehaviourCloning()
-    training = Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), cloning, watched=3)
+    source = Source(robot="z1", task="reach")
+    clone = Cloned("bc", source, 2, MlpConfig(), BehaviourCloning())
+    training = Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), clone, watched=3)
     (tmp_path / "config.yaml").write_text("steps: 1000\n")
     steps = (0, 10, 500, 1000)
     flown = [{"step": step, "evaluate/success": rate} for step, rate in zip(steps, rates, strict=False)]
