@@ -40,6 +40,7 @@ from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import bootstrap_mean
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.suite import tasks
 
 EXPERT, CLONE, ASKED = "expert", "bc", "bc_ppo"
 MOST_OF_TIME, MOST_LOST = 75.0, 0.0  # % of the expert's time; points of success
@@ -86,6 +87,8 @@ class BeyondTeacher:
         if min(self.demos, self.episodes, self.num_envs) < 1 or not (self.tasks and self.draws):
             raise InvalidValueError("demos, episodes and num_envs start at 1; tasks and draws name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)
+        for task in (*self.tasks, *self.suited):
+            tasks.get(task)
         for task in self.suited:
             self._suited(task)
 

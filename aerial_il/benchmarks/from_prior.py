@@ -42,6 +42,7 @@ from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.suite import tasks
 
 CLONE, BEGINNING, SHOWN_MORE = "bc, first demonstrations", "bc, as practice begins", "bc, many demonstrations"
 BEGUN = "beginning"
@@ -152,6 +153,8 @@ class FromPrior:
     threads: int = 0
 
     def __post_init__(self) -> None:
+        for task in (*self.starts, *self.begun_by, *self.suited, *self.practised_in):
+            tasks.get(task)
         for name in (*self.arms, *self.fewer):
             if name not in self.practising:
                 raise UnknownNameError("arm", name, self.practising)

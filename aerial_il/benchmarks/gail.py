@@ -25,7 +25,7 @@ from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
 from aerial_il.algorithms.dac import DiscriminatorActorCritic
 from aerial_il.algorithms.gail import AdversarialImitation
 from aerial_il.algorithms.rl.imitation import Control, Imitation
-from aerial_il.algorithms.run.folder import REWARD, read_metrics
+from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
@@ -34,7 +34,13 @@ from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.ratios import LIKE, peer_rows, peer_targets, row, targets
 from aerial_il.benchmarks.parts.reporting.report import Report
 from aerial_il.benchmarks.parts.training.demonstrations import SEEDS_PER_DRAW
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, described, judged_once, without_cadence
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    described,
+    judged_once,
+    own_time_s,
+    without_cadence,
+)
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import is_sealed
 from aerial_il.core.contracts import Policy
@@ -389,9 +395,7 @@ def _successes(dataset: Path) -> Iterator[Episode]:
 def _seconds(record: Record, evaluations: Iterable[EvaluationResult], runs: Iterable[Path]) -> float:
     """Return how long training and judging took, whenever it was done."""
     trained = [*runs, *(record.folder / EXPERTS).glob("*")]
-    return sum(read_metrics(run)[-1]["elapsed_s"] for run in trained) + sum(
-        result.provenance["wall_time_s"] for result in evaluations
-    )
+    return sum(own_time_s(run) for run in trained) + sum(result.provenance["wall_time_s"] for result in evaluations)
 
 
 BENCHMARK = Gail

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.expert_iteration import ExpertIteration
@@ -91,6 +92,17 @@ def test_looking_away_finds_what_misled_and_the_learner_no_longer_heeds_it(whole
     first, last = (read_metrics(whole)[number]["starts_solved_first"] for number in (1, 2))
     assert last > first + 0.1
     assert last > read_metrics(alone)[2]["starts_solved_first"] + 0.1, "its own successes taught it as much"
+
+
+def test_fields_are_hidden_from_the_explorer_and_never_from_the_learner(whole: Path) -> None:
+    """A learner that trains without them flies by them as well as it can."""
+
+    def hidden(training: str) -> float:
+        config = yaml.safe_load((whole / "rounds" / "001" / training / "config.yaml").read_text())
+        return config["settings"]["field_dropout"]
+
+    assert (hidden("training"), hidden("explorer")) == (0.0, ExpertIteration().explorer_dropout)
+    assert hidden("explorer") > 0.0
 
 
 def test_metrics_count_every_flight(whole: Path) -> None:

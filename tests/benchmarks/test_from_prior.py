@@ -178,7 +178,15 @@ def test_what_practises_can_go_on_from_the_policy_of_other_practice() -> None:
 def test_practice_goes_on_from_what_practised_in_rounds_alone(wrong: str) -> None:
     with pytest.raises(UnknownNameError, match=r"begun_by.*expert_iteration, filtered_bc"):
         FromPrior(begun_by={"insert_peg": wrong})
-    assert FromPrior(begun_by={"a task that is not flown": wrong})
+    assert FromPrior(begun_by={"hover": wrong}), "which is not flown"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("starts", (10,)), ("begun_by", ITERATED), ("practised_in", "calm"), ("suited", {})]
+)
+def test_a_task_that_is_none_is_refused_wherever_it_is_named(name: str, value: Any) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'pick_place'"):
+        FromPrior(**{name: {"pick_plaice": value}})
 
 
 @pytest.mark.parametrize(("changes", "wanted"), [({"dapg": {"nose": 0.1}}, "noise"), ({"dagp": {}}, "dapg")])

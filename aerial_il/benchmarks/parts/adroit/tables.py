@@ -14,7 +14,7 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.adroit.tasks import TASKS, AdroitTask
 from aerial_il.benchmarks.parts.reporting.report import Row, Target
 from aerial_il.benchmarks.parts.reporting.success import success_target
-from aerial_il.benchmarks.parts.training.stages import steps_of
+from aerial_il.benchmarks.parts.training.stages import own_time_s, steps_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval, bootstrap_mean, newcombe, t_interval, wilson
@@ -123,8 +123,8 @@ def _row(point: Point, found: Flown) -> dict[str, float]:
 
 def single_row(point: Point, found: Flown, learner: Any) -> Row:
     assert found.run is not None
-    seconds = read_metrics(found.run)[-1].get("elapsed_s")
-    training = {"train_steps": steps_of(learner), "train_min": None if seconds is None else round(seconds / 60, 2)}
+    seconds = own_time_s(found.run)
+    training = {"train_steps": steps_of(learner), "train_min": round(seconds / 60, 2) if seconds else None}
     return {**asdict(point), **_numbers(point.task, [found]), **training}
 
 
@@ -187,6 +187,4 @@ def lines(rows: list[Row]) -> list[Row]:
 def total_seconds(evaluations: Iterable[EvaluationResult], trained: Iterable[Flown]) -> float:
     """Return how long training and judging took, whenever it was done."""
     runs = [one.run for one in trained if one.run is not None]
-    return sum(read_metrics(run)[-1].get("elapsed_s", 0.0) for run in runs) + sum(
-        result.provenance["wall_time_s"] for result in evaluations
-    )
+    return sum(own_time_s(run) for run in runs) + sum(result.provenance["wall_time_s"] for result in evaluations)
