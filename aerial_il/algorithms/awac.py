@@ -89,7 +89,7 @@ class AdvantageWeightedAgent(Agent):
 
     def __init__(self, settings: AdvantageWeightedLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
-        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
+        critics = settings.build_critics(sizes[0] + 1 + sizes[1])
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._targets = Target(critics)

@@ -36,7 +36,6 @@ from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
@@ -95,7 +94,7 @@ class DeterministicAgent(Agent):
         self, settings: DeterministicGradientLearning, actor: SquashedGaussian, sizes: tuple[int, int]
     ) -> None:
         self.settings, self.actor = settings, actor
-        critic = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden, count=1)
+        critic = settings.build_critics(sizes[0] + 1 + sizes[1], 1)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critic = TrainState(critic, adam(critic, settings.lr))
         self._actor_target, self._critic_target = Target(actor), Target(critic)

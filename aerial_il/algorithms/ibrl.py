@@ -71,6 +71,7 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
     name: ClassVar[str] = "ibrl"
 
     utd_ratio: float = 2.0
+    critic_norm: bool = True
     prior: str | None = None
     bc_pretrain_steps: int = 5_000
     caution: float = 4.0
@@ -145,7 +146,7 @@ class ProposedAgent(Agent):
 
     def __init__(self, settings: ImitationBootstrapped, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
         self.settings, self.actor, self.sizes = settings, actor, sizes
-        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden, settings.critics, layer_norm=True)
+        critics = settings.build_critics(sizes[0] + 1 + sizes[1], settings.critics)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._actor_target, self._critic_targets = Target(actor), Target(critics)

@@ -36,7 +36,6 @@ from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, ro
 from aerial_il.algorithms.run.checks import require_positive, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
 
 
@@ -94,8 +93,8 @@ class ImplicitAgent(Agent):
 
     def __init__(self, settings: ImplicitQLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
-        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
-        value = Critics(sizes[0] + 1, settings.critic_hidden, count=1)
+        critics = settings.build_critics(sizes[0] + 1 + sizes[1])
+        value = settings.build_critics(sizes[0] + 1, 1)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._value = TrainState(value, adam(value, settings.lr))

@@ -44,7 +44,6 @@ from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, co
 from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
@@ -62,6 +61,7 @@ class PriorDataLearning(DemonstratedReinforcement, SoftOffPolicy):
     utd_ratio: float = 4.0
     actor_every: int = 4
     entropy: float = -0.5
+    critic_norm: bool = True
     critics: int = 10
     subset: int = 2
     bc_weight: float = 0.0
@@ -103,7 +103,7 @@ class EnsembleActorCritic(Agent):
 
     def __init__(self, settings: PriorDataLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
-        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden, settings.critics, layer_norm=True)
+        critics = settings.build_critics(sizes[0] + 1 + sizes[1], settings.critics)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
         self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})

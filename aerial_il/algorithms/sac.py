@@ -38,7 +38,6 @@ from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
@@ -89,7 +88,7 @@ class SoftActorCritic(Agent):
     ) -> None:
         self.settings, self.actor = settings, actor
         self._smoothness = smoothness or Smoothness()
-        critics = Critics(sizes[0] + 1 + sizes[1], settings.critic_hidden)
+        critics = settings.build_critics(sizes[0] + 1 + sizes[1])
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
         self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})

@@ -12,6 +12,7 @@ from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import decode, encode
 from aerial_il.algorithms.run.checks import require_positive, require_share, require_widths
 from aerial_il.algorithms.run.state import Generator
+from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.layout import Interface
 
 
@@ -54,15 +55,23 @@ class OffPolicyActorCritic(OffPolicy):
     Attributes:
         actor_every: how many of the critics' gradient steps for each one of the actor.
         critic_hidden: widths of the critics.
+        critic_norm: standardise each hidden layer of the critics (LayerNorm), which bounds what they make of actions
+            that were never tried (P. Ball et al., "Efficient Online Reinforcement Learning with Offline Data", 2023,
+            section 4.2).
     """
 
     actor_every: int = 2
     critic_hidden: tuple[int, ...] = (256, 256)
+    critic_norm: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "actor_every")
         require_widths(self, "critic_hidden")
+
+    def build_critics(self, inputs: int, count: int = 2) -> Critics:
+        """Return new critics of so many ``inputs``: an observation's, one for the absorbing state, an action's."""
+        return Critics(inputs, self.critic_hidden, count, layer_norm=self.critic_norm)
 
 
 @dataclass(frozen=True, kw_only=True)
