@@ -38,7 +38,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     described,
     judged_once,
-    own_time_s,
+    spent_s,
     without_cadence,
 )
 from aerial_il.collection.collect import collect
@@ -353,8 +353,9 @@ class Gail:
             tables={"Learners, controls and experts": rows, "Single trainings": singles},
             notes=NOTES,
             figures={"reward.svg": reward_lines(rewards)} if rewards else {},
-            wall_time_s=_seconds(
-                record, [*experts.values(), *results.values()], [self.run_of(p, record) for p in results]
+            wall_time_s=spent_s(
+                [*(self.run_of(p, record) for p in results), *(record.folder / EXPERTS).glob("*")],
+                [*experts.values(), *results.values()],
             ),
         )
 
@@ -390,12 +391,6 @@ def _keeps_networks(run: Path) -> bool:
 
 def _successes(dataset: Path) -> Iterator[Episode]:
     return (episode for episode in aerial_il.open_dataset(str(dataset)) if episode.success)
-
-
-def _seconds(record: Record, evaluations: Iterable[EvaluationResult], runs: Iterable[Path]) -> float:
-    """Return how long training and judging took, whenever it was done."""
-    trained = [*runs, *(record.folder / EXPERTS).glob("*")]
-    return sum(own_time_s(run) for run in trained) + sum(result.provenance["wall_time_s"] for result in evaluations)
 
 
 BENCHMARK = Gail

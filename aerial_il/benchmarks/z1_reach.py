@@ -36,6 +36,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     TUNING_SEEDS,
     described,
     own_time_s,
+    spent_s,
     without_cadence,
 )
 from aerial_il.core.errors import InvalidValueError
@@ -261,8 +262,7 @@ class Z1Reach:
             notes=NOTES,
             figures={"z1_reach.svg": success_curves(curves)},
             details={"failed_seeds": {f"{arm.place}/{seed}": failed_seeds(r) for (arm, seed), r in results.items()}},
-            wall_time_s=sum(r.provenance["wall_time_s"] for r in results.values())
-            + sum(own_time_s(self.run_of(arm, seed, record)) for arm, seed in results),
+            wall_time_s=spent_s((self.run_of(arm, seed, record) for arm, seed in results), results.values()),
         )
 
     def _row(self, arm: Arm, record: Record, results: Mapping[tuple[Arm, int], EvaluationResult]) -> Row:

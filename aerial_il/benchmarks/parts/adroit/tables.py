@@ -14,7 +14,7 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.adroit.tasks import TASKS, AdroitTask
 from aerial_il.benchmarks.parts.reporting.report import Row, Target
 from aerial_il.benchmarks.parts.reporting.success import success_target
-from aerial_il.benchmarks.parts.training.stages import own_time_s, steps_of
+from aerial_il.benchmarks.parts.training.stages import own_time_s, spent_s, steps_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval, bootstrap_mean, newcombe, t_interval, wilson
@@ -187,4 +187,4 @@ def lines(rows: list[Row]) -> list[Row]:
 def total_seconds(evaluations: Iterable[EvaluationResult], trained: Iterable[Flown]) -> float:
     """Return how long training and judging took, whenever it was done."""
     runs = [one.run for one in trained if one.run is not None]
-    return sum(own_time_s(run) for run in runs) + sum(result.provenance["wall_time_s"] for result in evaluations)
+    return spent_s(runs, evaluations)

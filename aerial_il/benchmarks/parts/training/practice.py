@@ -37,20 +37,21 @@ class Arm:
         """Its task and the number of demonstrations to begin with."""
         return self.training.source.task, self.demos
 
-    @property
-    def begun_by(self) -> Practised | None:
-        """The practice whose policy it goes on from; None where that is a clone or nothing."""
+    def begun(self, stages: Stages) -> tuple[int, float]:
+        """Return the steps and the minutes of the practice whose policy it goes on from; zero where that is none."""
         prior = self.training.prior if isinstance(self.training, Continued) else None
-        return prior if isinstance(prior, Practised) else None
+        return (
+            (prior.flown(stages.run_of(prior)), stages.minutes([prior])) if isinstance(prior, Practised) else (0, 0.0)
+        )
 
     def flown(self, stages: Stages) -> int:
         """Return the control steps that all practice up to its final policy flew."""
-        practised = [t for t in (self.begun_by, self.training) if not (t is None or isinstance(t, Cloned))]
-        return sum(training.flown(stages.run_of(training)) for training in practised)
+        own = 0 if isinstance(self.training, Cloned) else self.training.flown(stages.run_of(self.training))
+        return self.begun(stages)[0] + own
 
     def minutes(self, stages: Stages) -> float:
         """Return the wall time of its training, and of the practice that it goes on from, min."""
-        return sum(stages.minutes([training]) for training in (self.begun_by, self.training) if training)
+        return self.begun(stages)[1] + stages.minutes([self.training])
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ class Practice:
 
         Steps and minutes go on from those of the practice it began with.
         """
-        flown, minutes = _begun(arm, self.stages)
+        flown, minutes = arm.begun(self.stages)
         rows = [row for row in read_metrics(self.stages.run_of(arm.training)) if "episode/success" in row]
         for number, row in enumerate(rows, start=1):
             solved = round(100 * row["episode/success"], 1)
@@ -142,7 +143,7 @@ class Practice:
     def _dip(self, group: Sequence[Arm]) -> Row:
         told = {arm: self._told[arm] for arm in group}
         by_rounds = [
-            largest_dip(rows, begun=_begun(arm, self.stages)[0])
+            largest_dip(rows, begun=arm.begun(self.stages)[0])
             for arm, rows in told.items()
             if rows and _has_prior(arm) and all(row["first_percent"] is not None for row in rows)
         ]
@@ -189,12 +190,6 @@ def largest_dip(rounds: Sequence[Row], *, begun: int = 0) -> float:
     first, last = rounds[0]["first_percent"], rounds[-1]["flown"]
     judged = [row for row in rounds if row["flown"] - begun >= MAY_DIP * (last - begun)]
     return max(0.0, *(first - row["first_percent"] for row in judged))
-
-
-def _begun(arm: Arm, stages: Stages) -> tuple[int, float]:
-    """Return the steps and the minutes of the practice that an arm goes on from; zero without."""
-    begun_by = arm.begun_by
-    return (begun_by.flown(stages.run_of(begun_by)), stages.minutes([begun_by])) if begun_by else (0, 0.0)
 
 
 def _minutes(row: Mapping[str, float], begun: float = 0.0) -> float | None:

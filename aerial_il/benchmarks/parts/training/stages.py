@@ -297,6 +297,11 @@ def own_time_s(run: Path) -> float:
     return max((row.get("elapsed_s", 0.0) for row in read_metrics(run)), default=0.0)
 
 
+def spent_s(runs: Iterable[Path], evaluations: Iterable[EvaluationResult]) -> float:
+    """Return how long training and judging took, whenever it was done."""
+    return sum(map(own_time_s, runs)) + sum(result.provenance["wall_time_s"] for result in evaluations)
+
+
 def trained_s(run: Path) -> float:
     """Return the wall time of a training, and of what it began with below its folder: flying and learning.
 
