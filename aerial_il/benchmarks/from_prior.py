@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -54,7 +54,14 @@ WANTED: Mapping[tuple[str, int], float] = {  # %, in the own tier
 }
 WANTED_HARDER, METHODS_WANTED, LONGEST_MINUTES = 85.0, 3, 180.0
 FROM_SCRATCH_STEPS = 20_000_000
-SHORTER: Mapping[str, int] = {"pick_place_40": 8_000_000, "insert_peg_40": 8_000_000}
+SHORTER: Mapping[str, int] = {"pick_place_10": 8_000_000, "pick_place_40": 4_000_000, "insert_peg_40": 4_000_000}
+FEWER: Mapping[str, int] = {"residual": 1, "jsrl": 1, "ibrl": 1, "rlpd": 1, "ppo": 1}
+ONLY_FROM: Mapping[str, tuple[str, ...]] = {
+    "jsrl": ("pick_place_40",),
+    "ibrl": ("pick_place_10",),
+    "rlpd": ("pick_place_10",),
+    "ppo": ("pick_place_0",),
+}
 SUITED: Mapping[str, Mapping[str, Any]] = {
     "insert_peg": {  # usual noise lets few flights succeed; at a gamma of 0.995 quick is worth more than sure
         "expert_iteration": {"hidden": 0.3, "explorer_dropout": 0.2},
@@ -85,11 +92,10 @@ NOTES = (
     "expert_iteration is judged at the start of each round on the round's own starts, before anything was learned "
     "from them; so is filtered_bc, whose rounds fly with noise. rlpd and ppo have no prior to fall below.",
     "Exploring dip: of the practice flights themselves, between two rows of the metrics; bc_ppo, residual and dapg "
-    "fly them with exploration noise. The first trainings were measured in this way alone, and bc_ppo fell 14.5 points "
-    "from 40 demonstrations: its first stretch is too good, since the episodes that end first are the quick "
-    "successes (82 % against 75 % in the next ones, which the prior flew as well). That is why "
-    "the flights were added, which count wherever a training has them. Where none has, the exploring dip is judged. "
-    "For jsrl no exploring dip can be given, since a guide begins its episodes.",
+    "fly them with exploration noise. It is judged only where no flights were watched: the episodes that end first are "
+    "the quick successes, so that the first stretch looks too good (once 82 % against 75 % in the next ones, which the "
+    "prior flew as well). "
+    "For jsrl none can be given, since a guide begins its episodes.",
 )
 
 
@@ -112,8 +118,9 @@ class FromPrior:
     Attributes:
         expert: what demonstrates. policy: what is trained. cloning: how clones are made that do not practise.
         beginning: how the clone is made that practice begins with, but for those that make their own.
-        practising: arms by name. arms: which of them; empty for all. fewer: arm -> in how many of the draws it is
-            trained, for those that take long.
+        practising: arms by name. arms: which of them; empty for all.
+        fewer: arm -> in how many of the draws it is trained. only_from: arm -> from which starts (``TASK_DEMOS``).
+            Both are for those that take long.
         robot: what is flown. starts: task -> numbers of demonstrations to begin with.
         shorter: ``TASK_DEMOS``, with how many it begins, -> control steps of practice at most, where those suffice.
         begun_by: task -> arm that the others with a prior go on from there, if not from the clone; its steps and its
@@ -137,7 +144,8 @@ class FromPrior:
     )
     practising: Mapping[str, Practising] = field(default_factory=lambda: _all_practising())
     arms: tuple[str, ...] = ()
-    fewer: Mapping[str, int] = field(default_factory=dict)
+    fewer: Mapping[str, int] = field(default_factory=lambda: dict(FEWER))
+    only_from: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: dict(ONLY_FROM))
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=lambda: dict(SHORTER))
@@ -154,11 +162,16 @@ class FromPrior:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        for task in (*self.starts, *self.begun_by, *self.suited, *self.practised_in):
+        begun = [start.rpartition("_")[0] for start in (*self.shorter, *chain(*self.only_from.values()))]
+        for task in (*self.starts, *self.begun_by, *self.suited, *self.practised_in, *begun):
             tasks.get(task)
-        for name in (*self.arms, *self.fewer):
+        known = (BEGUN, *self.practising, *_all_practising())
+        for name in self.arms:
             if name not in self.practising:
                 raise UnknownNameError("arm", name, self.practising)
+        for name in (*self.fewer, *self.only_from):
+            if name not in known[1:]:
+                raise UnknownNameError("arm", name, known[1:])
         counts = [count for task in self.starts.values() for count in task]
         if min([self.many, self.episodes, self.num_envs, *counts, *self.fewer.values()]) < 1:
             raise InvalidValueError("starts, many, episodes, num_envs and fewer start at 1.")
@@ -169,7 +182,6 @@ class FromPrior:
         for name in (name for task, name in self.begun_by.items() if task in self.starts):
             if name not in in_rounds:
                 raise UnknownNameError("arm whose policy others go on from (begun_by)", name, in_rounds)
-        known = (BEGUN, *self.practising, *_all_practising())
         for task, name in ((task, name) for task, arms in self.suited.items() for name in arms):
             if name not in known:
                 raise UnknownNameError("arm", name, known)
@@ -215,18 +227,22 @@ class FromPrior:
             tier = self._practised_in(task)
             source = Source(robot=self.robot, task=task, tier=tier, noise=self.expert["noise"], draw=draw)
             names = [name for name in self.arms or tuple(self.practising) if draw in self.draws[: self.fewer.get(name)]]
-            scratch = [name for name in names if not self.practising[name].demonstrated]
+            scratch = [name for name in names if not self.practising[name].demonstrated and self._starts(name, task, 0)]
             many = Cloned("bc", source, self.many, self.policy, self.cloning)
             for count in counts:
                 yield Arm(CLONE, count, Cloned("bc", source, count, self.policy, self.cloning))
                 if task not in self.begun_by:
                     yield Arm(BEGINNING, count, self._beginning(source, count))
                 for name in names:
-                    if name not in scratch:
+                    if self.practising[name].demonstrated and self._starts(name, task, count):
                         yield Arm(name, count, self._practised(name, source, count))
                 yield Arm(SHOWN_MORE, count, many)
             for name in scratch:
                 yield Arm(name, 0, self._practised(name, source, 0))
+
+    def _starts(self, name: str, task: str, count: int) -> bool:
+        """Return whether an arm is trained from so many demonstrations of a task."""
+        return f"{task}_{count}" in self.only_from.get(name, (f"{task}_{count}",))
 
     def _practised(self, name: str, source: Source, count: int) -> Practised | Continued:
         algorithm = self._suited(source.task, name)

@@ -100,7 +100,8 @@ def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
 
 
 def test_what_is_shown_nothing_is_trained_once_however_many_demonstrations_others_have() -> None:
-    arms = list(FromPrior(starts={"reach": (2, 4)}, draws=(0,), arms=("bc_ppo", "ppo"))._all_arms())
+    starts: Any = {"starts": {"reach": (2, 4)}, "only_from": {}}
+    arms = list(FromPrior(**starts, draws=(0,), arms=("bc_ppo", "ppo"))._all_arms())
     assert [arm.demos for arm in arms if arm.name == "ppo"] == [0]
     assert [arm.demos for arm in arms if arm.name == "bc_ppo"] == [2, 4]
 
@@ -119,8 +120,20 @@ def test_an_arm_may_be_trained_in_fewer_draws() -> None:
         FromPrior(fewer={"dapg": 0})
 
 
+def test_an_arm_may_be_trained_from_some_of_the_starts_alone() -> None:
+    only_from = {"dapg": ("reach_4",), "ppo": ("pick_place_0",)}
+    study = FromPrior(starts={"reach": (2, 4)}, draws=(0,), arms=("bc_ppo", "dapg", "ppo"), only_from=only_from)
+    arms = [(arm.name, arm.demos) for arm in study._all_arms() if arm.name in study.practising]
+    assert arms == [("bc_ppo", 2), ("bc_ppo", 4), ("dapg", 4)]
+    with pytest.raises(UnknownNameError, match="dapgg"):
+        FromPrior(only_from={"dapgg": ("reach_4",)})
+    with pytest.raises(UnknownNameError, match="reech"):
+        FromPrior(only_from={"dapg": ("reech_4",)})
+
+
 def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
-    study = FromPrior(starts={"reach": (2, 4)}, arms=("bc_ppo", "ibrl"), draws=(0,), shorter={"reach_4": 200_000})
+    shorter = {"shorter": {"reach_4": 200_000}, "only_from": {}}
+    study = FromPrior(starts={"reach": (2, 4)}, arms=("bc_ppo", "ibrl"), draws=(0,), **shorter)
     steps = {
         (arm.name, arm.demos): arm.training.algorithm.steps
         for arm in study._all_arms()
@@ -163,6 +176,7 @@ def test_what_practises_can_go_on_from_the_policy_of_other_practice() -> None:
         arms=(ITERATED, "bc_ppo", "rlpd"),
         draws=(0,),
         begun_by={"pick_place": ITERATED},
+        only_from={},
         suited={"pick_place": {ITERATED: {"rounds": 3}}},
     )
     arms: Any = {(a.name, a.training.source.task): a.training for a in study._all_arms()}
