@@ -139,7 +139,7 @@ def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
         for arm in study._all_arms()
         if isinstance(arm.training, Continued)
     }
-    assert steps == {("bc_ppo", 2): 16_000_000, ("bc_ppo", 4): 200_000, ("ibrl", 2): 100_000, ("ibrl", 4): 100_000}
+    assert steps == {("bc_ppo", 2): 16_000_000, ("bc_ppo", 4): 200_000, ("ibrl", 2): 30_000, ("ibrl", 4): 30_000}
 
 
 def test_a_task_can_be_practised_in_another_tier() -> None:
