@@ -30,7 +30,7 @@ from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.off_policy import RandomActions, collect_step
 from aerial_il.algorithms.rl.offline import OfflineFirst
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -70,7 +70,7 @@ class AdvantageWeightedLearning(OfflineFirst):
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
             step = collect_step(run.collector, run.interface, agent if self.offline_steps or not warming_up else blind)
-            buffer.add(rows_of(*step, absorbing=self.absorbing))
+            buffer.add(step.rows(absorbing=self.absorbing & step.success))
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):

@@ -33,7 +33,7 @@ from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
 from aerial_il.algorithms.run.checks import (
     require_choice,
     require_not_negative,
@@ -104,7 +104,7 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
             warming_up = run.collector.steps < self.warmup
             acts_blindly = warming_up and not cloned
             step = collect_step(run.collector, run.interface, blind if acts_blindly else agent)
-            buffer.add(rows_of(*step, absorbing=self.absorbing))
+            buffer.add(step.rows(absorbing=self.absorbing))
 
             learns = not acts_blindly and len(buffer) >= self.batch_size
             for _ in range(learns * imitates * run.updates_due(self.utd_ratio * self.reward_updates)):

@@ -16,9 +16,10 @@ Metrics: ``actor/approx_kl`` (Kullback-Leibler divergence of the step), ``actor/
 ``elapsed_s``.
 
 Source: A. Rajeswaran et al., "Learning Complex Dexterous Manipulation with Deep Reinforcement Learning and
-Demonstrations", 2018, equations 4 and 5; step, lambdas and discounts are those of its authors' code, mjrl. There an
-action is one step, and cloning takes five passes over a network of 32 by 32; here an action is a chunk, its noise is
-correlated, and the clone is an ordinary one. At most ``shown`` windows of the demonstrations are taken in a turn.
+Demonstrations", 2018, equations 4 and 5; lambdas and discounts are those of its authors' code, mjrl. There an action is
+one step, ``step_size`` is 0.05, and cloning takes five passes over a network of 32 by 32; here an action is a chunk,
+of whose numbers the divergences add up (0.5), its noise is correlated, and the clone is an ordinary one. At most
+``shown`` windows of the demonstrations are taken in a turn.
 """
 
 from __future__ import annotations

@@ -36,7 +36,6 @@ from aerial_il.algorithms.run.checks import require_not_negative, require_positi
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.contracts import Policy
-from aerial_il.core.errors import NoRewardError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -102,7 +101,7 @@ class ExpertIteration(InteractiveAlgorithm):
             metrics: dict[str, float] = {}
             if number:
                 turns = rounds.fly_in_turn(number, self._pilots(rounds, number))
-                self._refuse_silence(rounds)
+                rounds.refuse_silence(self.reward_patience)
                 metrics = _shares(turns, rounds)
             rounds.learn(number)
             rounds.end_round(number, evaluate, metrics)
@@ -129,16 +128,6 @@ class ExpertIteration(InteractiveAlgorithm):
             training=replace(self.training, steps=self.between_steps, field_dropout=self.explorer_dropout),
             weights=rounds.weights,
         )
-
-    def _refuse_silence(self, rounds: Rounds) -> None:
-        """Stop a run in which nothing has ever succeeded.
-
-        Raises:
-            NoRewardError: there is nothing to keep after so many steps.
-        """
-        flown = sum(costs.steps for costs in rounds.costs)
-        if 0 < self.reward_patience <= flown and not any(costs.successes for costs in rounds.costs):
-            raise NoRewardError(flown, 0.0)
 
 
 def _shares(turns: list[FlightCosts], rounds: Rounds) -> dict[str, float]:

@@ -30,7 +30,6 @@ from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.contracts import Observation
-from aerial_il.core.errors import NoRewardError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -76,7 +75,7 @@ class FilteredCloning(InteractiveAlgorithm):
         for number in rounds.left():
             if number:
                 rounds.fly(number, lambda number=number: self._explorer(rounds, number))
-                self._refuse_silence(rounds)
+                rounds.refuse_silence(self.reward_patience)
             rounds.learn(number)
             rounds.end_round(number, evaluate)
         return rounds.finish()
@@ -90,16 +89,6 @@ class FilteredCloning(InteractiveAlgorithm):
         moved = policy.interface.varied & np.isnan(policy.interface.switches.low)
         root = np.diag(self.noise * policy.interface.action.scale * moved)
         return Unlabelled(Disturbed(policy, Noise(root, self.correlation, self.noise)))
-
-    def _refuse_silence(self, rounds: Rounds) -> None:
-        """Stop a run in which nothing has ever succeeded.
-
-        Raises:
-            NoRewardError: there is nothing to keep after so many steps.
-        """
-        flown = sum(costs.steps for costs in rounds.costs)
-        if 0 < self.reward_patience <= flown and not any(costs.successes for costs in rounds.costs):
-            raise NoRewardError(flown, 0.0)
 
 
 class Unlabelled:

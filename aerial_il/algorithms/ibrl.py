@@ -124,7 +124,9 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             step = run.collector.step(decode(interface, actions.astype(np.float32), frames))
             seen = np.concatenate([obs, columns(proposed, np.ones(len(obs), bool))], axis=1)
             led = np.concatenate([encode(interface, step.next_frames), proposals.after(step)], axis=1)
-            buffer.add(rows_of(seen, actions, step.rewards, led, step.terminal, absorbing=self.absorbing))
+            buffer.add(
+                rows_of(seen, actions, step.rewards, led, step.terminal, absorbing=self.absorbing & step.success)
+            )
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(run.updates_due(self.utd_ratio)):
@@ -174,7 +176,8 @@ class ProposedAgent(Agent):
         """Take one step of the critics and, where it is due, of the actor and all targets.
 
         Args:
-            batch: with proposals. improve: whether the actor moves and is listened to; else the prior is valued alone.
+            batch: with proposals. improve: whether the actor moves and is listened to; else the prior is valued alone,
+                but for the step after a cut, where there is no proposal and the actor stands in for it.
         """
         loss, metrics = self.critic_loss(batch, listen=improve)
         self._critics.descend(loss)

@@ -22,7 +22,7 @@ off-policy (IQL) and learns from the guide's steps too; here it is on-policy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -38,8 +38,14 @@ from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
+TOO_FAR = (
+    "The guide would fly {} steps (algorithm.horizon; by default the longest demonstration), and episodes of practice "
+    "are cut after {}: it may fly at most that. Set a smaller algorithm.horizon, or a larger algorithm.patience than "
+    "{:g}."
+)
 NO_GUIDE = "jsrl lets a guide fly first, and there is no expert for {}: say algorithm.guide=RUN."
 
 
@@ -51,6 +57,7 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
         guide: a run or policy of any class; None for the expert.
         schedule, stages, window, tolerance: see :class:`Curriculum`.
         horizon: the guide's steps at first; 0 for the length of the longest demonstration.
+        warmup: environment steps of the learner's own in which only a critic learns; the guide's do not count.
     """
 
     name: ClassVar[str] = "jsrl"
@@ -72,18 +79,17 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
         require_positive(self, "stages", "window")
         require_share(self, "tolerance")
 
-    def inputs(self, spec: EnvSpec, expert: Policy | None) -> Mapping[str, str]:
+    def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
         """Return the digest of a guide that was trained.
 
         Raises:
             InvalidValueError: there is no guide, it cannot fly here, or it would fly on when episodes are over.
         """
-        if self.horizon > spec.max_steps:
-            raise InvalidValueError(
-                f"horizon is {self.horizon}; episodes end after {spec.max_steps} steps: at most that."
-            )
+        horizon, limit = self.curriculum(demos).horizon, min(spec.max_steps, self.longest(demos))
+        if horizon > limit:
+            raise InvalidValueError(TOO_FAR.format(horizon, limit, self.patience))
         if self.guide:
-            return {"guide": digest(Checkpoint(load_prior(self.guide, spec).to_checkpoint().arrays))}
+            return {"guide": digest(Checkpoint(load_prior(self.guide, spec, key="guide").to_checkpoint().arrays))}
         if not isinstance(expert, Policy):
             raise InvalidValueError(NO_GUIDE.format(f"{spec.task} on {spec.robot}"))
         return {}
@@ -92,16 +98,15 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
         run, prior, actor = practice.run, practice.prior, self.actor(practice)
         size = prior.config.history * run.sizes[0]
         agent = AnchoredActorCritic(self, actor, size, smoothness=self.smoothness)
-        guide = load_prior(self.guide, run.collector.env.spec) if self.guide else practice.expert
+        guide = load_prior(self.guide, run.collector.env.spec, key="guide") if self.guide else practice.expert
         assert guide is not None, "checked before the run was opened"
-        pilot = GuidedPilot(
-            ChunkPilot(actor, prior, run.collector), guide, run.collector, self.curriculum(practice), run.rng("guide")
-        )
+        learner, curriculum = ChunkPilot(actor, prior, run.collector), self.curriculum(practice.demos)
+        pilot = GuidedPilot(learner, guide, run.collector, curriculum, run.rng("guide"))
         reward_norm = RewardNorm(run.collector.n, self.gamma)
         run.begin(actor.network, {"agent": agent, "pilot": pilot, "reward_norm": reward_norm})
 
         while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
+            warming_up = pilot.flown < self.warmup
             decisions = collect_decisions(run.collector, pilot, self.rollout)
             rewards = reward_norm.scale(decisions.rewards, decisions.ended)
             paid = float(decisions.rewards.mean())
@@ -114,12 +119,11 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
 
         return run.finish()
 
-    def curriculum(self, practice: Practice) -> Curriculum:
+    def curriculum(self, demos: Sequence[Episode]) -> Curriculum:
         """Return how the guide's part shrinks, from as long as the longest demonstration where nobody says."""
-        longest = max(len(demo) for demo in practice.demos)
         return Curriculum(
             schedule=self.schedule,
-            horizon=self.horizon or longest,
+            horizon=self.horizon or max(map(len, demos)),
             stages=self.stages,
             window=self.window,
             tolerance=self.tolerance,

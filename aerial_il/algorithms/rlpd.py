@@ -11,8 +11,8 @@ with Z target critics drawn anew for each update; the actor minimises ``alpha lo
 at every ``actor_every``-th update, and alpha is moved so that the entropy stays near its target. ``bc_weight`` draws
 the actor to demonstrated actions besides, which the source does not.
 
-An episode that ends goes on in an absorbing state with the reward of its end (``absorbing``): where success ends it,
-being paid for every step would otherwise teach to stop just short of success.
+An episode that ends by success goes on in an absorbing state with the reward of its end (``absorbing``): a reward for
+every step would otherwise teach to stop just short of success. One that ends by a crash is over.
 
 ``control=random_actions`` puts as many transitions of random flights, with their rewards, in the demonstrations' place.
 
@@ -40,7 +40,7 @@ from aerial_il.algorithms.rl.critics import Target, check_ensemble
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
 from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -82,7 +82,7 @@ class PriorDataLearning(DemonstratedReinforcement, SoftOffPolicy):
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
             step = collect_step(run.collector, run.interface, blind if warming_up else agent)
-            buffer.add(rows_of(*step, absorbing=self.absorbing))
+            buffer.add(step.rows(absorbing=self.absorbing & step.success))
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):

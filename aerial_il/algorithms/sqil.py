@@ -23,7 +23,7 @@ import numpy as np
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated, rows_of
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
@@ -47,7 +47,7 @@ class SoftQImitation(Imitation, SoftOffPolicy):
             warming_up = run.collector.steps < self.warmup
             step = collect_step(run.collector, run.interface, blind if warming_up else agent)
             step = step._replace(rewards=np.zeros(run.collector.n))
-            buffer.add(rows_of(*step, absorbing=self.absorbing))
+            buffer.add(step.rows(absorbing=self.absorbing))
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):

@@ -1,13 +1,15 @@
-"""Reinforcement learning from demonstrations on the Adroit hand: where cloning fails, and nothing is learned without.
+"""Reinforcement learning from demonstrations on the Adroit hand, beside cloning them and beside learning without.
 
 DAPG goes on from a clone of few demonstrations, of ``relocate`` by the DAPG expert with the noise it was trained with,
-of ``door`` by people. Beside it stand that clone and, as a control, the same natural policy gradient from random
-weights for as many steps. Every stage is kept by all that decides it: killed at any moment, the same call continues.
+of ``door`` by people. Beside it stand that clone and, as a control, a natural policy gradient from random weights for
+as many steps, with settings of its own. Every stage is kept by all that decides it: killed at any moment, the same call
+continues.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -45,8 +47,8 @@ NOTES = (
     "success.",
     "relocate: 25 flights of DAPG's expert with the noise it was trained with, other seeds for each draw. door: the "
     "same 25 demonstrations by people in all draws; most of them fail the criterion, for they end as the door is open.",
-    "Clone: what dapg begins with, of the demonstrations alone. npg: the same algorithm without demonstrations, from "
-    "random weights, for as many steps. It, and what learns from the sparse reward, are trained less often.",
+    "Clone: what dapg begins with, of the demonstrations alone. npg: a natural policy gradient without demonstrations, "
+    "from random weights, for as many steps. It, and what learns from the sparse reward, are trained less often.",
     "The final policy of each training, on the same fixed seeds. Trainings of an arm differ in their draw. Flights: "
     "Wilson's 95 % interval over the episodes of these very policies. Trainings: Student's 95 % interval with a "
     "training as the unit.",
@@ -137,7 +139,7 @@ class AdroitRl:
             settings=self._plain(),
             targets=tuple(_targets(rows)),
             tables={"Arms": list(rows.values())},
-            notes=NOTES,
+            notes=(*NOTES, self._control_differs()),
             details={
                 "failed_seeds": {
                     f"{arm.task}, {arm.reward}, {arm.name}: {draw}": failed_seeds(result)
@@ -225,9 +227,8 @@ class AdroitRl:
 
     def _row(self, arm: Arm, results: Sequence[EvaluationResult], stages: OutsideStages) -> Row:
         cell, learned = CELLS[arm.task], arm.name != CLONE
-        minutes = (
-            [stages.seconds(self.training(arm, draw, stages)) / 60 for draw in self.draws_of(arm)] if learned else [0.0]
-        )
+        trainings = [self.training(arm, draw, stages) for draw in self.draws_of(arm)] if learned else []
+        minutes = [stages.seconds(training) / 60 for training in trainings]
         shown = cell.demos if arm.name != CONTROL else 0
         return {
             "task": arm.task,
@@ -236,9 +237,24 @@ class AdroitRl:
             "arm": arm.name,
             "reward": arm.reward if learned else None,
             "steps": self.dapg.steps if learned else 0,
-            "minutes": round(sum(minutes) / len(minutes), 1),
+            "minutes": round(sum(minutes) / len(minutes), 1) if minutes else None,
             **pooled_row(results),
         }
+
+    def _control_differs(self) -> str:
+        """Return a note that names all in which the control differs from dapg, besides what is shown."""
+        npg, dapg = self.npg, self.dapg
+        widths = " and ".join("x".join(map(str, algorithm.critic_hidden)) for algorithm in (npg, dapg))
+        return (
+            "npg differs from dapg in more than the demonstrations (npg's first): the step size "
+            f"({npg.step_size:g} and {dapg.step_size:g}), the critic's minibatches ({npg.batch_size} and "
+            f"{dapg.batch_size}) and widths ({widths}), the warm-up (none, and {dapg.warmup} steps in which the clone "
+            f"flies and only the critic learns), and the actor: a squashed Gaussian ({self.scratch.activation} layers) "
+            "on observations standardised by their running moments, whose deviation begins at "
+            f"{math.exp(self.scratch.log_std):.2g} of half the range of an action, and the clone's network "
+            f"({self.policy.name}) with an unsquashed Gaussian on observations standardised by the demonstrations', "
+            f"whose deviation begins at {dapg.noise:g} of that of the demonstrated actions."
+        )
 
     def _plain(self) -> dict[str, Any]:
         """The settings as JSON gives them back."""

@@ -37,7 +37,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.statistics import bootstrap_mean
+from aerial_il.evaluation.statistics import Interval
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.suite import tasks
@@ -46,9 +46,11 @@ EXPERT, CLONE, ASKED = "expert", "bc", "bc_ppo"
 MOST_OF_TIME, MOST_LOST = 75.0, 0.0  # % of the expert's time; points of success
 PRECISE: Mapping[str, Any] = {"noise": 0.1, "execute": 5, "gamma": 0.98}
 NEVER = 1_000.0  # %, in place of the time of those that never succeed
+RESAMPLES = 2_000  # of the bootstrap
 NOTES = (
     "Time: until success. Of the expert's: ratio of the mean times over the seeds that both solved, so that nobody "
-    "gains by failing where it takes long; its interval is a bootstrap over these seeds, of all trainings together.",
+    "gains by failing where it takes long. Its 95 % interval is a cluster bootstrap over these seeds, each with the "
+    "times of the expert and of all trainings, so that it holds for these very policies.",
     "The reward is sparse, 1 for success, discounted by 1 - gamma in each step; nothing else asks for haste. Judged is "
     "the final policy. Trainings differ in their draw: demonstrations and flights (other seeds), weights and "
     "minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % "
@@ -163,7 +165,7 @@ class BeyondTeacher:
                 "arm": name,
                 "demos": 0 if name == EXPERT else self.demos,
                 "flown": round(float(np.mean(practised))) if practised else 0,
-                "minutes": stages.minutes(trained) if trained else 0.0,
+                "minutes": stages.minutes(trained) if trained else None,
                 **pooled_row(results),
                 **_times(results, teacher),
             }
@@ -171,26 +173,42 @@ class BeyondTeacher:
 
 def _times(results: Sequence[EvaluationResult], teacher: EvaluationResult) -> Row:
     """Return the mean time to success, and its share of the teacher's on the seeds that both solved, in percent."""
-    theirs = {e.seed: e.time_to_success_s for e in teacher.episodes if e.success}
-    pairs = np.array(
-        [
-            (episode.time_to_success_s, theirs[episode.seed])
-            for result in results
-            for episode in result.episodes
-            if episode.success and episode.seed in theirs
-        ],
-        float,
-    ).reshape(-1, 2)
-    if not len(pairs):
+    theirs = _solved(teacher)
+    pairs = [(seed, s, theirs[seed]) for result in results for seed, s in _solved(result).items() if seed in theirs]
+    if not pairs:
         return {"time_s": None, "of_expert": None, "of_expert_low": None, "of_expert_high": None}
-    mean, theirs_mean = pairs.mean(axis=0)
-    spread = bootstrap_mean(100.0 * pairs[:, 0] / theirs_mean, rng=named_rng(0, "benchmarks", "beyond_teacher"))
+    seeds, *times = np.array(pairs).T
+    cluster = np.unique(seeds, return_inverse=True)[1]
+    ours, expected = (np.bincount(cluster, column) for column in times)
+    low, high = _ratio_of_sums(ours, expected)
     return {
-        "time_s": round(float(mean), 2),
-        "of_expert": round(float(100.0 * mean / theirs_mean), 1),
-        "of_expert_low": round(spread.lo, 1),
-        "of_expert_high": round(spread.hi, 1),
+        "time_s": round(float(ours.sum()) / len(pairs), 2),
+        "of_expert": round(float(100.0 * ours.sum() / expected.sum()), 1),
+        "of_expert_low": round(100.0 * low, 1),
+        "of_expert_high": round(100.0 * high, 1),
     }
+
+
+def _solved(result: EvaluationResult) -> dict[int, float]:
+    """Return seed -> time to success, s, of the episodes that succeeded."""
+    return {e.seed: e.time_to_success_s for e in result.episodes if e.time_to_success_s is not None}
+
+
+def _ratio_of_sums(ours: np.ndarray, theirs: np.ndarray) -> Interval:
+    """Return the 95 % percentile bootstrap interval of the ratio of two sums over the same clusters.
+
+    Args:
+        ours, theirs: (N,) what each cluster, here a seed, adds to either sum. Clusters are resampled whole, so that
+            both sums vary together and observations within a cluster may depend on each other.
+
+    Source:
+        A. C. Davison and D. V. Hinkley, "Bootstrap methods and their application", 1997, section 3.8 (hierarchical
+        data).
+    """
+    rng = named_rng(0, "benchmarks", "beyond_teacher")
+    drawn = rng.integers(len(ours), size=(RESAMPLES, len(ours)))
+    low, high = np.quantile(ours[drawn].sum(axis=1) / theirs[drawn].sum(axis=1), [0.025, 0.975])
+    return Interval(float(low), float(high))
 
 
 def _targets(rows: Sequence[Row]) -> Iterator[Target]:

@@ -47,7 +47,7 @@ from aerial_il.suite import tasks
 CLONE, BEGINNING, SHOWN_MORE = "bc, first demonstrations", "bc, as practice begins", "bc, many demonstrations"
 BEGUN = "beginning"
 BASELINES = ("filtered_bc", "ppo")  # flown beside the methods, and not judged
-WANTED: Mapping[tuple[str, int], float] = {  # %, in the own tier
+WANTED: Mapping[tuple[str, int], float] = {  # %, in ``tier``, wherever it was practised
     ("pick_place", 10): 90.0,
     ("pick_place", 40): 98.0,
     ("insert_peg", 40): 90.0,
@@ -83,9 +83,9 @@ NOTES = (
     "bc, as practice begins: a clone of the same demonstrations, trained with fields of the observation hidden at "
     "random. expert_iteration and filtered_bc make their own.",
     "ppo is shown nothing and begins with random weights; it stands for learning from scratch. rlpd is shown the "
-    "demonstrations and begins with random weights. Of rlpd and ibrl a step takes some hundred times as long as of the "
-    "others: they stop at 30,000. What takes long is trained once (settings.fewer), from some of the starts "
-    "(settings.only_from).",
+    "demonstrations and begins with random weights. Of rlpd and ibrl a step takes some five hundred to a thousand "
+    "times as long as of bc_ppo: they stop at 30,000. What takes long is trained once (settings.fewer), from some of "
+    "the starts (settings.only_from).",
     f"Round by round: of a training with more than {LISTED} rounds so many, evenly spread, the first and the last "
     "among them. Dips and figures are of all.",
     "Dip: how far success fell below that of the initial policy after the first 2 % of the steps; the largest over "

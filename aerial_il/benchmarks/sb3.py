@@ -1,7 +1,8 @@
 """Reinforcement learning beside Stable-Baselines3: same tasks, networks, steps, worlds and published settings.
 
-Both sides train one after the other in one process on one core, ours and theirs in turn, so that a busy machine slows
-both. Every training is kept by all that decides it: killed at any moment, the same call continues.
+Both sides train in turn, so that a busy machine slows both: in one process with one thread, but for the other side on
+``reach``, each of whose worlds has a process of its own. Every training is kept by all that decides it: killed at any
+moment, the same call continues.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ NOTES = (
     " training as the unit.",
     "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread; on `reach` its worlds "
     "have a process each (SubprocVecEnv), ours are a batch. On CartPole `dqn` has another learning rate, other targets "
-    "and another loss on our side, chosen on other seeds.",
+    "and another loss on our side, chosen on other seeds; there the clip range of `ppo` is constant on our side and "
+    "falls linearly to zero on theirs, as published.",
     "Sooner: seconds until the mean return of the last hundred episodes first reaches the lower of the two sides' "
     "highest, theirs over ours, by pairs of trainings; median.",
     "Steps per second: environment steps of the whole training over its time, learning included.",

@@ -89,17 +89,15 @@ class NoRewardError(AerialError, RuntimeError):
     """A training in which every step and every episode was paid alike, so that there was nothing to learn.
 
     Args:
-        steps: environment steps flown. paid: what each was paid.
+        steps: environment steps flown. reward: what each brought. advice: what the algorithm can do about it.
     """
 
-    def __init__(self, steps: int, paid: float) -> None:
-        self.steps, self.paid = steps, paid
+    def __init__(self, steps: int, reward: float, advice: str) -> None:
+        self.steps, self.reward, self.advice = steps, reward, advice
         super().__init__(
-            f"In {steps} environment steps no reward but {paid:g} has come, and no episode was worth more than any "
-            "other: there is nothing to learn from. The last checkpoint is intact. Begin with demonstrations, pay "
-            "densely (algorithm.reward=environment), give hindsight where the task tells a goal "
-            "(algorithm.hindsight.goals=4), or wait longer: the same command with a larger algorithm.reward_patience "
-            "goes on from here."
+            f"In {steps} environment steps no reward but {reward:g} has come, and no episode returned more than any "
+            f"other: there is nothing to learn from. The last checkpoint is intact. {advice} Or wait longer: the same "
+            "command with a larger algorithm.reward_patience goes on from here."
         )
 
 

@@ -111,7 +111,7 @@ def test_a_prior_that_is_missing_or_acts_otherwise_is_refused_before_anything_fl
         trained(tmp_path / "run", prior=str(tmp_path / "nowhere"))
     prior = load_policy(trained(tmp_path / "prior", rounds=1))
     action = replace(SPEC.action, level="force", labels=("x",), units=("N",))
-    with pytest.raises(InvalidValueError, match=r"cannot fly here.*force actions: prior=RUN"):
+    with pytest.raises(InvalidValueError, match=r"cannot fly here.*force actions: algorithm.prior=RUN"):
         load_prior(str(tmp_path / "prior"), replace(prior.spec, action=action))
     assert not (tmp_path / "run" / "rounds").exists()
 

@@ -16,8 +16,11 @@ from aerial_il.benchmarks.parts.adroit.people import flown_by_people
 from aerial_il.benchmarks.parts.adroit.tasks import TASKS, PublishedRewards
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.outside import OutsideStages
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MlpConfig
+from tests.benchmarks.results import result_with
 
 DATA = Path("../shared/data/adroit")
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
@@ -62,6 +65,18 @@ def test_a_small_study_has_its_control_and_goes_on_where_it_stopped(tmp_path: Pa
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
     AdroitRl(**SMALL).run(tmp_path, progress=False)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == before
+
+
+def test_a_clone_was_not_trained_for_itself_and_has_no_minutes(tmp_path: Path) -> None:
+    stages = OutsideStages(record=Record(tmp_path))
+    row = AdroitRl()._row(Arm("door", CLONE, "environment"), [result_with(4, 1)], stages)
+    assert (row["minutes"], row["steps"], row["percent"]) == (None, 0, 25.0)
+
+
+def test_the_page_names_what_sets_the_control_apart() -> None:
+    said = build(groups.read_option("bench", "adroit_rl"))._control_differs()
+    for words in ("step size (0.05 and 0.1)", "(64 and 1024)", "(64x64 and 128x128)", "50000 steps", "begins at 0.3"):
+        assert words in said
 
 
 @needs_data

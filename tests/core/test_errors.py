@@ -18,7 +18,7 @@ EXAMPLES: list[AerialError] = [
     errors.CheckpointError("a.pt", "it is cut.", "Train it again."),
     errors.NonFiniteActionError("network output", [3, 1]),
     errors.TrainingDivergedError("loss", step=9),
-    errors.NoRewardError(200_000, 0.0),
+    errors.NoRewardError(200_000, 0.0, "Show more demonstrations."),
     errors.DemoError("a.mcap", "it is cut.", topic="obs", step=3, expected=4, got=5),
     errors.StorageError("a.mcap", OSError(28, "No space left on device")),
 ]

@@ -49,3 +49,9 @@ def test_arrays_bring_them_back(fitted: Switches) -> None:
     np.testing.assert_array_equal([again.low, again.high], [fitted.low, fitted.high])
     actions = np.random.default_rng(1).normal(size=(5, 3))
     np.testing.assert_array_equal(Switches.none(3).snap(actions), actions)
+
+
+def test_elements_can_be_held_at_a_constant(fitted: Switches) -> None:
+    held = fitted.holding(np.array([True, False, False]), np.array([0.7, 0.0, 0.0], np.float32))
+    snapped = held.snap(np.array([[9.0, 0.3, 4.0], [-9.0, 0.9, 5.0]]))
+    np.testing.assert_allclose(snapped, [[0.7, 0.2, 4.0], [0.7, 1.0, 5.0]], rtol=1e-6)

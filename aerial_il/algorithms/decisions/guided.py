@@ -49,6 +49,9 @@ class GuidedPilot:
         learner: decides where the guide does not fly. guide: any policy, such as an expert; it is attached and reset.
         collector: whose worlds these are. curriculum: for how long the guide flies. rng: draws it where it is random.
 
+    Attributes:
+        stage: how many times the guide's part has shrunk. flown: environment steps that the learner flew.
+
     Source: I. Uchendu et al., "Jump-Start Reinforcement Learning", 2023, algorithm 1.
     """
 
@@ -57,7 +60,7 @@ class GuidedPilot:
     ) -> None:
         self._learner, self._guide, self._collector = learner, guide, collector
         self._curriculum, self._rng = curriculum, rng
-        self.stage, self._best, self._returns = 0, -np.inf, list[float]()
+        self.stage, self.flown, self._best, self._returns = 0, 0, -np.inf, list[float]()
         n = collector.n
         self._left, self._begun, self._paid = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
         attach(guide, uncut(collector.env))
@@ -76,6 +79,7 @@ class GuidedPilot:
     def act(self) -> Acted:
         self._learner.look()
         guided = self._left > 0
+        self.flown += int((~guided).sum())
         acted = self._learner.decide(~guided)
         if not guided.any():
             return acted
@@ -120,7 +124,7 @@ class GuidedPilot:
         arrays = {"left": self._left.copy(), "begun": self._begun.copy(), "paid": self._paid.copy()}
         learner = {f"learner.{name}": array for name, array in self._learner.snapshot().arrays.items()}
         best = None if np.isinf(self._best) else self._best
-        values = {"stage": self.stage, "best": best, "returns": list(self._returns)}
+        values = {"stage": self.stage, "flown": self.flown, "best": best, "returns": list(self._returns)}
         return Snapshot({**arrays, **learner}, {**values, "rng": self._rng.bit_generator.state})
 
     def restore(self, saved: Snapshot) -> None:
@@ -129,7 +133,7 @@ class GuidedPilot:
         self._left, self._begun, self._paid = (arrays[name].copy() for name in ("left", "begun", "paid"))
         learner = {name.removeprefix("learner."): a for name, a in arrays.items() if name.startswith("learner.")}
         self._learner.restore(Snapshot(learner))
-        self.stage, self._returns = values["stage"], list(values["returns"])
+        self.stage, self.flown, self._returns = values["stage"], values["flown"], list(values["returns"])
         self._best = -np.inf if values["best"] is None else values["best"]
         self._rng.bit_generator.state = values["rng"]
         self._remind()

@@ -99,9 +99,9 @@ class PractisedPolicy(Reinforcement):
             InvalidValueError: also for a prior that cannot fly here or be trained, and demonstrations longer than
                 episodes.
         """
-        inputs = self.inputs(env.spec, expert)
         begun = load_prior(self.prior, env.spec) if self.prior else None
         demos = shown(dataset or (), begun.config if begun else policy, env)
+        inputs = self.inputs(env.spec, expert, demos)
         if begun is None:
             options = {"seed": seed, "resume": resume, "progress": progress}
             begun = self.cloning.train(demos, policy, run=Path(run) / PRIOR, **options)
@@ -110,7 +110,7 @@ class PractisedPolicy(Reinforcement):
             self.name,
             seed,
             prior.config,
-            cut_short(env, math.ceil(self.patience * max(map(len, demos)))),
+            cut_short(env, self.longest(demos)),
             prior.interface,
             dataset=described(demos, prior),
             scheme=self.scheme,
@@ -136,7 +136,11 @@ class PractisedPolicy(Reinforcement):
         """Return the prior as practice flies it."""
         return prior
 
-    def inputs(self, spec: EnvSpec, expert: Policy | None) -> Mapping[str, str]:
+    def longest(self, demos: Sequence[Episode]) -> int:
+        """Return after how many steps an episode of practice is cut."""
+        return math.ceil(self.patience * max(map(len, demos)))
+
+    def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
         """Return digests of whatever else it learns from, by name; refuse what cannot be learned from."""
         return {}
 
@@ -222,7 +226,7 @@ def shown(dataset: Iterable[Episode], policy: PolicyConfig, env: BatchEnv) -> li
     """
     layout, demos = read_demos(dataset, policy)
     check_same(layout.spec, env.spec)
-    check_lengths(demos, env.spec.max_steps)
+    check_lengths(demos, env.spec)
     return demos
 
 

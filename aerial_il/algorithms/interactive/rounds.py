@@ -31,7 +31,7 @@ from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import Policy
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.core.provenance import provenance
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -119,6 +119,16 @@ class Rounds:
         costs = self._flights.in_turn(number, pilots)
         self._take_in(number)
         return costs
+
+    def refuse_silence(self, patience: int) -> None:
+        """Stop a run in which no flight has succeeded in ``patience`` environment steps; 0 for never.
+
+        Raises:
+            NoRewardError: there is nothing to keep after so many steps.
+        """
+        flown = sum(costs.steps for costs in self.costs)
+        if 0 < patience <= flown and not any(costs.successes for costs in self.costs):
+            raise NoRewardError(flown, 0.0, "Ways out: more demonstrations, or a better prior (algorithm.prior=RUN).")
 
     def alone(self, number: int, episodes: int) -> list[Episode]:
         """Return the flights that learners made alone in all rounds up to this one, having this round's made."""

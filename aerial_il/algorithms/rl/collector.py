@@ -32,11 +32,13 @@ class RewardScheme:
         sparse: 1 for success in place of what the environment pays.
         smoothness: what rough actions cost.
         patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
+        advice: what can be done about that, in a sentence.
     """
 
     sparse: bool = False
     smoothness: Smoothness = field(default_factory=Smoothness)
     patience: int = 0
+    advice: str = ""
 
 
 class Transition(NamedTuple):
@@ -108,7 +110,7 @@ class Collector:
             self._check(error.what, ~np.isin(np.arange(self.n), error.worlds))
             raise
         success = np.asarray(result.info.get("success", np.zeros(self.n)), bool)
-        terminal = result.terminated | (success & ~result.truncated & self._ends_at_success)
+        terminal = result.terminated | (success & self._ends_at_success)
         paid, penalties = success.astype(float) if self.scheme.sparse else result.reward, self._penalties()
         cut = result.truncated & ~terminal
         transition = Transition(self.frames, actions, paid - penalties, after, terminal, cut, success, penalties)

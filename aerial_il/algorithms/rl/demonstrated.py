@@ -20,12 +20,21 @@ from aerial_il.algorithms.rl.reinforcement import Reinforcement
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.network import PolicyConfig
 
 UNPAID = (
     "The demonstrations carry no reward: in none of their {} steps was anything paid. Pay for success alone "
     "(algorithm.reward=sparse), or record them again with what the environment pays."
+)
+UNSOLVED = (
+    "None of the {} demonstrations succeeds, so that a sparse reward is nowhere in them. Set "
+    "algorithm.reward=environment, or add some that succeed."
+)
+MEANT = (
+    "labels=expert pairs what the demonstrator meant with the rewards of what was executed, so that critics would "
+    "learn values of actions that nobody took: set algorithm.labels=executed."
 )
 NO_MOMENT = (
     "Success does not end an episode here, so that a demonstration does not tell at which of its steps it was solved, "
@@ -37,7 +46,7 @@ FLOWN_ON = (
 )
 TOO_LONG = (
     "The shortest demonstration takes {} steps, and episodes end after {}: nothing could be repeated in that time. "
-    "Train with a longer time limit: max_steps={} at least."
+    "Train with a longer time limit: {}={} at least."
 )
 
 
@@ -49,6 +58,7 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
 
     Attributes:
         failures: learn from failed episodes of the dataset too; rewards tell them from the others.
+        absorbing: whether success that ends an episode leads to an absorbing state with its reward; a crash never does.
     """
 
     rewarded: ClassVar[bool] = True
@@ -59,10 +69,16 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
         super().__post_init__()
         if self.control == "constant_reward":
             raise InvalidValueError(f"{self.name} learns from a reward: control is none or random_actions.")
+        if self.labels == "expert":
+            raise InvalidValueError(MEANT)
 
     @property
     def learns_from_failures(self) -> bool:
         return self.failures
+
+    @property
+    def forfeits_by_success(self) -> bool:
+        return super().forfeits_by_success and not self.absorbing
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations and pay them as the learner is paid.
@@ -71,23 +87,26 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
             InvalidValueError: they carry no reward that could be learned from, or are longer than episodes here.
         """
         episodes = list(dataset or ())
-        check_lengths(episodes, env.spec.max_steps)
-        if self.control == "none" and self.reward == "environment":
-            check_paid(episodes)
+        check_lengths(episodes, env.spec)
+        if self.control == "none":
+            check_paid(episodes, sparse=self.reward == "sparse")
         return super().problem([with_rewards(e, self.scheme, env) for e in episodes], policy, env, seed)
 
 
-def check_paid(episodes: Sequence[Episode]) -> None:
-    """Raise :class:`InvalidValueError` where episodes were recorded without rewards."""
-    if episodes and not any(episode.rewards.any() for episode in episodes):
+def check_paid(episodes: Sequence[Episode], *, sparse: bool) -> None:
+    """Raise :class:`InvalidValueError` where episodes were recorded without rewards, or none brings a sparse one."""
+    if sparse and episodes and not any(episode.success for episode in episodes):
+        raise InvalidValueError(UNSOLVED.format(len(episodes)))
+    if episodes and not sparse and not any(episode.rewards.any() for episode in episodes):
         raise InvalidValueError(UNPAID.format(sum(map(len, episodes))))
 
 
-def check_lengths(episodes: Sequence[Episode], max_steps: int) -> None:
-    """Raise :class:`InvalidValueError` where no demonstration fits into an episode of ``max_steps``."""
+def check_lengths(episodes: Sequence[Episode], spec: EnvSpec) -> None:
+    """Raise :class:`InvalidValueError` where no demonstration fits into an episode of ``spec.max_steps``."""
     shortest = min(map(len, episodes), default=0)
-    if shortest > max_steps:
-        raise InvalidValueError(TOO_LONG.format(shortest, max_steps, shortest))
+    if shortest > spec.max_steps:
+        key = "max_steps" if spec.is_outside else "horizon"
+        raise InvalidValueError(TOO_LONG.format(shortest, spec.max_steps, key, shortest))
 
 
 def with_rewards(episode: Episode, scheme: RewardScheme, env: BatchEnv) -> Episode:

@@ -22,7 +22,8 @@ class ExplorationNoise:
     Motion", 1930, sampled at the control steps; T. Lillicrap et al., 2016, section 7, explore with rho = 0.85.
 
     Args:
-        deviation: sigma, in actions normalised to [-1, 1]. correlation: rho, from 0 to below 1.
+        deviation: sigma, in actions normalised to [-1, 1].
+        correlation: rho, from 0 to below 1; the noise of a world runs on into its next episode.
     """
 
     def __init__(self, deviation: float, correlation: float = 0.0) -> None:

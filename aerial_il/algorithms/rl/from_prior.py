@@ -13,6 +13,7 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import PolicyConfig
 
 
@@ -43,7 +44,19 @@ class BegunFromPrior(OffPolicyReinforcement):
                 "A prior brings its own normalisation of observations: set algorithm.obs_norm=false."
             )
         inputs = {"prior": digest(begun.to_checkpoint())}
-        return replace(plain, interface=begun.interface, initial=begun.network.state_dict(), inputs=inputs)
+        interface = explored(begun.interface, plain.interface)
+        return replace(plain, interface=interface, initial=begun.network.state_dict(), inputs=inputs)
+
+
+def explored(interface: Interface, plain: Interface) -> Interface:
+    """Return a prior's interface with the action elements held that its demonstrations never varied.
+
+    They have no spread that exploration could be measured in: ±1 would be a metre or a radian. Where ±1 stands for the
+    environment's bounds, as in the ``plain`` interface, it may well be.
+    """
+    own, bounds = interface.action, plain.action
+    constant = (own.scale == 1.0) & ((own.scale != bounds.scale) | (own.centre != bounds.centre))
+    return replace(interface, switches=interface.switches.holding(constant, own.centre))
 
 
 def check_weights(prior: ChunkPolicy, policy: PolicyConfig, source: str) -> None:

@@ -54,7 +54,7 @@ def plain_interface(layout: Layout, policy: PolicyConfig) -> Interface:
     if isinstance(policy, CategoricalConfig) and policy.choices == "one_hot" and ((low != 0) | (high != 1)).any():
         raise InvalidValueError(NO_SCORES.format(layout.spec.task))
     _refuse_anchor(layout, ANCHORED)
-    obs = Normaliser(np.zeros(layout.size, np.float32), np.ones(layout.size, np.float32))
+    obs = Normaliser.none(layout.size)
     return Interface(layout, obs, _between(low, high), policy.obs_clip, Switches.none(len(low)))
 
 
@@ -86,8 +86,9 @@ def encode(interface: Interface, frames: np.ndarray) -> np.ndarray:
 
 
 def decode(interface: Interface, actions: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Return actions (N, Da) in the environment's units for normalised ones."""
-    return interface.decode_actions(actions[:, None], frames[:, None])[:, 0].astype(np.float64)
+    """Return actions (N, Da) in the environment's units for normalised ones, switches at one of their values."""
+    decoded = interface.decode_actions(actions[:, None], frames[:, None])[:, 0]
+    return interface.switches.snap(decoded).astype(np.float64)
 
 
 def encode_actions(interface: Interface, actions: np.ndarray, frames: np.ndarray) -> np.ndarray:

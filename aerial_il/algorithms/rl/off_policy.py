@@ -10,6 +10,7 @@ import numpy as np
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import decode, encode
+from aerial_il.algorithms.rl.replay.replay_buffer import rows_of
 from aerial_il.algorithms.run.checks import require_positive, require_share, require_widths
 from aerial_il.algorithms.run.state import Generator
 from aerial_il.policies.parts.critics import Critics
@@ -92,13 +93,13 @@ class SoftOffPolicy(OffPolicyActorCritic):
 
 
 class Collected(NamedTuple):
-    """One step of n worlds, in the order that :func:`aerial_il.algorithms.rl.replay.replay_buffer.rows_of` takes.
+    """One step of n worlds.
 
     Attributes:
         obs, next_obs: (n, Do) encoded; ``next_obs`` was seen before any reset.
         actions: (n, Da) normalised.
         rewards: (n,) of the environment.
-        terminal: (n,) bool, the episode ended because of what happened.
+        terminal: (n,) bool, the episode ended because of what happened. success: (n,) bool, the task is done.
     """
 
     obs: np.ndarray
@@ -106,6 +107,11 @@ class Collected(NamedTuple):
     rewards: np.ndarray
     next_obs: np.ndarray
     terminal: np.ndarray
+    success: np.ndarray
+
+    def rows(self, *, absorbing: bool | np.ndarray) -> np.ndarray:
+        """Return them as rows of a replay buffer; see :func:`rows_of`."""
+        return rows_of(*self[:-1], absorbing=absorbing)
 
 
 class Explorer(Protocol):
@@ -134,4 +140,4 @@ def collect_step(collector: Collector, interface: Interface, explorer: Explorer)
     obs = encode(interface, collector.frames)
     actions = explorer.explore(obs)
     step = collector.step(decode(interface, np.asarray(actions, np.float32), collector.frames))
-    return Collected(obs, actions, step.rewards, encode(interface, step.next_frames), step.terminal)
+    return Collected(obs, actions, step.rewards, encode(interface, step.next_frames), step.terminal, step.success)

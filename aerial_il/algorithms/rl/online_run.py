@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -31,6 +32,12 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 
+log = logging.getLogger(__name__)
+
+NOTHING_LEARNED = (
+    "In all {} environment steps no reward but {:g} has come: the policy has learned nothing. {} Or train for longer: "
+    "algorithm.steps."
+)
 HINT = "Lower the learning rate; the last checkpoint is intact."
 
 
@@ -252,6 +259,9 @@ class OnlineRun:
         self._bar.close()
         policy = self.policy()
         self.folder.finish(policy)
+        if self._problem.scheme.patience and not self.collector.informed:
+            steps, reward, advice = self.collector.steps, self.collector.first_reward, self._problem.scheme.advice
+            log.warning(NOTHING_LEARNED.format(steps, reward, advice))
         return policy
 
     def _refuse_silence(self) -> None:
@@ -259,7 +269,7 @@ class OnlineRun:
         step, patience = self.collector.steps, self._problem.scheme.patience
         if patience and step >= patience and not self.collector.informed and not self._done:
             self.folder.save(step, pack(self._parts, self.policy()), keep=self._settings.keep_checkpoints)
-            raise NoRewardError(step, self.collector.first_reward)
+            raise NoRewardError(step, self.collector.first_reward, self._problem.scheme.advice)
 
     @property
     def _done(self) -> bool:

@@ -70,5 +70,5 @@ def demonstrated_rows(demos: Transitions, interface: Interface, *, absorbing: bo
         demos.rewards,
         np.concatenate([encode(interface, demos.next_frames), following], axis=1),
         demos.terminal,
-        absorbing=absorbing,
+        absorbing=absorbing & demos.success,
     )

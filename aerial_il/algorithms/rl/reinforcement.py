@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -36,7 +37,22 @@ class Reinforcement(OnlineAlgorithm):
     @property
     def scheme(self) -> RewardScheme:
         sparse = self.reward == "sparse"
-        return RewardScheme(sparse=sparse, smoothness=self.smoothness, patience=self.reward_patience)
+        advice = f"Ways out: {'; '.join(self.ways_to_reward())}."
+        return RewardScheme(sparse=sparse, smoothness=self.smoothness, patience=self.reward_patience, advice=advice)
+
+    @property
+    def forfeits_by_success(self) -> bool:
+        """Whether an episode that success ends forfeits the environment's reward for the steps it might have had."""
+        return self.reward == "environment"
+
+    def ways_to_reward(self) -> Iterator[str]:
+        """Yield what can be done where no reward has come."""
+        if self.demonstrated:
+            yield "more demonstrations, or a better prior"
+        else:
+            yield "an algorithm that begins with demonstrations (algorithm=bc_ppo dataset=PATH)"
+        if self.reward == "sparse":
+            yield "a dense reward (algorithm.reward=environment)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,3 +66,12 @@ class OffPolicyReinforcement(Reinforcement):
 
     hindsight: Hindsight = field(default_factory=Hindsight)
     obs_norm: bool = False
+
+    @property
+    def forfeits_by_success(self) -> bool:
+        return super().forfeits_by_success and not self.hindsight.goals  # with it critics bootstrap beyond success
+
+    def ways_to_reward(self) -> Iterator[str]:
+        yield from super().ways_to_reward()
+        if not self.hindsight.goals:
+            yield "hindsight, where the task exposes a goal (algorithm.hindsight.goals=4)"

@@ -8,11 +8,12 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
-def load_prior(source: str, spec: EnvSpec) -> ChunkPolicy:
+def load_prior(source: str, spec: EnvSpec, *, key: str = "prior") -> ChunkPolicy:
     """Return a policy of any class that can fly in ``spec``; it decides by itself how often it plans.
 
     Args:
         source: folder of a run, a saved policy or one checkpoint. spec: of the environment it is to fly in.
+        key: setting of the algorithm that named it.
 
     Raises:
         CheckpointError: there is none, or what there is has been cut or altered.
@@ -23,5 +24,7 @@ def load_prior(source: str, spec: EnvSpec) -> ChunkPolicy:
         policy.check(spec)
     except InvalidValueError as error:
         needed = f"one for {spec.task} on {spec.robot} with {spec.action.level} actions"
-        raise InvalidValueError(f"The prior {source} cannot fly here. {error} Give {needed}: prior=RUN.") from error
+        raise InvalidValueError(
+            f"The {key} {source} cannot fly here. {error} Give {needed}: algorithm.{key}=RUN."
+        ) from error
     return policy

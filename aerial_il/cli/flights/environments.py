@@ -44,6 +44,8 @@ class EnvironmentReference:
     image_size: tuple[int, int] = IMAGE_SIZE
 
     def __post_init__(self) -> None:
+        if self.env and self.horizon is not None:
+            raise InvalidValueError(f"horizon= is for the suite: with env={self.env} set max_steps={self.horizon}.")
         if self.env and (own := self._ours()):
             said = " ".join(f"{name}={value}" for name, value in own.items())
             raise InvalidValueError(f"env={self.env} names an external environment: leave out {said}.")
@@ -62,7 +64,7 @@ class EnvironmentReference:
     @property
     def overrides(self) -> list[str]:
         """What was said, as it is typed."""
-        given = {"env": self.env, **self.options, **self._ours()}
+        given = {"env": self.env, **self.options, **self._ours(), "horizon": self.horizon}
         return [f"{name}={value}" for name, value in given.items() if value is not None]
 
     def load(self, *, num_envs: int, threads: int, tier: str | None = None, controller: str | None = None) -> Any:

@@ -5,6 +5,7 @@ The environment is that of its demonstrations; an algorithm that needs none flie
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,14 @@ if TYPE_CHECKING:
     from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.core.contracts import Algorithm, Policy
     from aerial_il.core.specs import EnvSpec
+
+log = logging.getLogger(__name__)
+
+FORFEITED = (
+    "Success ends an episode here, and with it the environment's reward for every further step: to hover beside the "
+    "goal may return more than to succeed. Train with episodes of a fixed length (horizon=N steps of 20 ms), or with "
+    "algorithm.reward=sparse."
+)
 
 
 @contextmanager
@@ -50,6 +59,7 @@ def training_resources(
     if not needs:
         yield {}
         return
+    from aerial_il.algorithms.rl.reinforcement import Reinforcement
     from aerial_il.cli.flights.page import OPERATORS, operator
     from aerial_il.collection.collect import collect
 
@@ -58,6 +68,8 @@ def training_resources(
     where, asked = _place(dataset, reference, images, expert, scripted=scripted)
     worlds = 1 if by_hand else num_envs or algorithm.worlds
     env = where.load(num_envs=worlds, threads=1 if by_hand else threads, tier=tier)
+    if isinstance(algorithm, Reinforcement) and algorithm.forfeits_by_success and env.ends_at_success:
+        log.warning(FORFEITED)
     try:
         with operator(expert, env, port=port) if by_hand else nullcontext(asked) as teacher:
             handed = {"env": env, "expert": teacher, "collect": collect}

@@ -201,7 +201,7 @@ class Interface:
         layout: what goes in and comes out.
         obs: normaliser of related frames (Do,).
         action: normaliser of actions (Da,), anchored ones as offsets from the anchor, relative ones as such.
-        obs_clip: limit of normalised observations.
+        obs_clip: limit of normalised observations; there is none where they are left as they are.
         switches: action elements with a few values only.
     """
 
@@ -219,7 +219,13 @@ class Interface:
 
     def encode_obs(self, history: np.ndarray) -> np.ndarray:
         """Return the network's input, float32, for frames (B, To, Do) in the world."""
-        normalised = self.obs.normalise(self.layout.relate(history))
+        return self.normalise_obs(self.layout.relate(history))
+
+    def normalise_obs(self, related: np.ndarray) -> np.ndarray:
+        """Return related frames (..., Do) as the network sees them, float32."""
+        normalised = self.obs.normalise(related)
+        if self.obs.is_identity:
+            return normalised
         return np.clip(normalised, -self.obs_clip, self.obs_clip, out=normalised)
 
     def encode_actions(self, actions: np.ndarray, history: np.ndarray) -> np.ndarray:

@@ -33,6 +33,16 @@ class Normaliser:
             raise InvalidValueError("A normaliser's centre must be finite, its scale finite and positive.")
 
     @staticmethod
+    def none(size: int) -> Normaliser:
+        """Leave ``size`` elements as they are."""
+        return Normaliser(np.zeros(size, np.float32), np.ones(size, np.float32))
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether everything stays as it is."""
+        return bool((self.centre == 0).all() and (self.scale == 1).all())
+
+    @staticmethod
     def fit(data: np.ndarray, scaling: Scaling = "standard") -> Normaliser:
         """Fit to ``data`` (N, D).
 

@@ -55,6 +55,10 @@ class Switches:
         nearer = np.where(actions - self.low < self.high - actions, self.low, self.high)
         return np.where(np.isnan(self.low), actions, nearer)
 
+    def holding(self, constant: np.ndarray, centre: np.ndarray) -> Switches:
+        """Return the same with the elements where ``constant`` (Da,) bool held at ``centre`` (Da,)."""
+        return Switches(np.where(constant, centre, self.low), np.where(constant, centre, self.high))
+
     def arrays(self) -> dict[str, np.ndarray]:
         """Return both arrays by name, to be saved with the policy."""
         return {"switches.low": self.low, "switches.high": self.high}

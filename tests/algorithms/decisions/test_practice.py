@@ -12,6 +12,7 @@ import pytest
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.decisions.practice import PractisedChunks, PractisedPolicy
+from aerial_il.algorithms.jsrl import JumpStart
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError, NoRewardError
@@ -122,7 +123,7 @@ def test_a_prior_that_acts_or_sees_otherwise_is_refused(tmp_path: Path, name: st
 def test_demonstrations_longer_than_episodes_are_refused(tmp_path: Path, name: str) -> None:
     env = Drift(8)
     env.spec = replace(SPEC, max_steps=5)
-    with pytest.raises(InvalidValueError, match=r"takes 12 steps, and episodes end after 5.*max_steps=12"):
+    with pytest.raises(InvalidValueError, match=r"takes 12 steps, and episodes end after 5.*horizon=12"):
         train(name, tmp_path / "run", env=env)
 
 
@@ -179,5 +180,26 @@ def test_another_policy_can_guide(tmp_path: Path, prior: Path) -> None:
 
 
 def test_a_guide_that_flies_longer_than_episodes_is_refused(tmp_path: Path, prior: Path) -> None:
-    with pytest.raises(InvalidValueError, match="horizon is 13; episodes end after 12 steps"):
+    with pytest.raises(InvalidValueError, match=r"would fly 13 steps .*cut after 12.*algorithm.patience"):
         train("jsrl", tmp_path, prior=str(prior), horizon=13)
+
+
+def test_a_guide_that_flies_until_practice_is_cut_is_refused(tmp_path: Path, prior: Path) -> None:
+    """By default it flies as long as the longest demonstration, 12 steps."""
+    with pytest.raises(InvalidValueError, match=r"would fly 12 steps .*cut after 6: .*algorithm.patience than 0.5"):
+        train("jsrl", tmp_path, prior=str(prior), patience=0.5)
+
+
+def test_steps_of_the_guide_do_not_count_as_the_learners_warm_up(tmp_path: Path, prior: Path) -> None:
+    """It flies ten of every twelve steps."""
+    guided = {"prior": str(prior), "horizon": 10, "window": 10_000, "warmup": 100}
+    alone, obs = load_policy(prior), Drift(20).reset(0)
+    early, late = (train("jsrl", tmp_path / str(steps), steps=steps, **guided) for steps in (512, 1_280))
+    np.testing.assert_array_equal(early.act(obs), alone.act(obs))
+    assert not np.array_equal(late.fresh().act(obs), alone.fresh().act(obs))
+
+
+def test_a_guide_from_elsewhere_is_called_a_guide(prior: Path) -> None:
+    spec = replace(SPEC, action=replace(SPEC.action, level="force"))
+    with pytest.raises(InvalidValueError, match=r"The guide .*cannot fly here.*algorithm.guide=RUN"):
+        JumpStart(guide=str(prior)).inputs(spec, None, demonstrations(2))

@@ -13,6 +13,8 @@ import torch
 from aerial_il import algorithms
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement, with_rewards
+from aerial_il.algorithms.rl.interface import plain_interface
+from aerial_il.algorithms.rl.replay.demonstrations import read_transitions
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, rows_of
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.rlpd import EnsembleActorCritic, PriorDataLearning
@@ -75,7 +77,7 @@ def test_a_reward_that_is_no_number_is_refused(tmp_path: Path, name: str) -> Non
 def test_demonstrations_longer_than_episodes_are_refused(tmp_path: Path, name: str) -> None:
     env = Drift(8)
     env.spec = replace(SPEC, max_steps=5)
-    with pytest.raises(InvalidValueError, match=r"takes 12 steps, and episodes end after 5.*max_steps=12"):
+    with pytest.raises(InvalidValueError, match=r"takes 12 steps, and episodes end after 5.*horizon=12"):
         train(short(name), tmp_path, demonstrations(4), env)
 
 
@@ -202,3 +204,36 @@ def test_rows_of_demonstrations_keep_their_rewards() -> None:
         absorbing=True,
     )
     np.testing.assert_allclose(rows[:, -2], [0.5, 2.0, 2.0])
+
+
+@each
+def test_what_an_expert_meant_is_not_paired_with_the_rewards_of_what_was_executed(name: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"labels=expert.*labels=executed"):
+        short(name, labels="expert")
+
+
+@each
+def test_failures_alone_are_refused_where_success_alone_is_rewarded(tmp_path: Path, name: str) -> None:
+    failed = [replace(d, success=False) for d in demonstrations(4, ends_at_success=True)]
+    with pytest.raises(InvalidValueError, match=r"None of the 4 demonstrations succeeds.*reward=environment"):
+        train(short(name, reward="sparse", failures=True), tmp_path, failed, Drift(8, ends_at_success=True))
+
+
+def test_a_crash_is_not_absorbed_where_rewards_teach() -> None:
+    """Or what it brought last would be paid for ever."""
+    demos = demonstrations(4, ends_at_success=True)
+    crash = replace(demos[0], success=False, terminated=np.append(np.zeros(len(demos[0]) - 1, bool), True))
+    _, found, _ = read_transitions([crash, *demos[1:]], POLICY, trajectories=None, subsample=1, failures=True, seed=0)
+    assert found.terminal.sum() == 4
+    assert found.success.sum() == 3
+    interface = plain_interface(Layout(SPEC, ("position", "goal")), POLICY)
+    for reward, ends in ((None, 3), (0.0, 4)):
+        rows = found.encoded(interface, absorbing=True, reward=reward)
+        assert len(rows) == len(found.frames) + ends, "one more row for each absorbing state"
+        assert (rows[:, -1] == 0).sum() == 4 - ends, "nothing follows a crash"
+
+
+def test_advice_names_what_the_algorithm_has() -> None:
+    assert "algorithm.reward=environment" in short("iql", reward="sparse").scheme.advice
+    assert "algorithm.reward=environment" not in short("iql").scheme.advice
+    assert "hindsight" not in short("iql", reward="sparse").scheme.advice

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,19 @@ import pytest
 
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.rl.from_prior import BegunFromPrior
+from aerial_il.algorithms.rl.from_prior import BegunFromPrior, explored
+from aerial_il.algorithms.rl.interface import decode
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import ActionSpec
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
-from tests.algorithms.drift import Drift, demonstrations, mean_reward
+from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
 
 NAMES = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), BegunFromPrior)]
 each = pytest.mark.parametrize("name", NAMES)
@@ -83,3 +89,26 @@ def test_another_prior_in_the_same_place_is_another_run(tmp_path: Path, prior: P
     train("td3", tmp_path / "run", prior=str(prior), checkpoint_every=80)
     with pytest.raises(InvalidValueError, match="holds another run"):
         train("td3", tmp_path / "run", checkpoint_every=80)
+
+
+def test_a_switch_is_flown_as_the_prior_flies_it_and_what_never_varied_is_held() -> None:
+    """Three actions: one that varied, a gripper that only opens and closes, and one that stayed at 0.3."""
+    rng = np.random.default_rng(0)
+    shown = np.stack([rng.normal(size=99), rng.choice([0.2, 1.0], 99), np.full(99, 0.3)], 1).astype(np.float32)
+    action = ActionSpec("velocity", tuple("xyz"), ("m/s",) * 3, (-5.0,) * 3, (5.0,) * 3)
+    layout = Layout(replace(SPEC, action=action), ("position",))
+    obs = Normaliser.none(layout.size)
+    own = Interface(layout, obs, Normaliser.fit(shown), 10.0, Switches.fit(shown))
+    bounds = Interface(layout, obs, Normaliser(np.zeros(3), np.full(3, 5.0)), 10.0, Switches.none(3))
+    drawn = rng.uniform(-1, 1, (50, 3)).astype(np.float32)
+    flown = decode(explored(own, bounds), drawn, np.zeros((50, layout.size)))
+    assert np.ptp(flown[:, 0]) > 1.0
+    assert set(flown[:, 1].round(5)) == {0.2, 1.0}, "never between them"
+    np.testing.assert_allclose(flown[:, 2], 0.3, rtol=1e-6)
+
+
+def test_bounds_of_one_unit_are_not_taken_for_what_never_varied() -> None:
+    layout = Layout(SPEC, ("position",))
+    whole = Normaliser(np.zeros(1, np.float32), np.ones(1, np.float32))
+    interface = Interface(layout, Normaliser.none(layout.size), whole, 10.0, Switches.none(1))
+    assert np.isnan(explored(interface, interface).switches.low).all()

@@ -15,10 +15,11 @@ from aerial_il import algorithms
 from aerial_il.algorithms.dqn import DeepQAgent, DeepQLearning, HeldChoices
 from aerial_il.algorithms.npg import NaturalGradientAgent, NaturalGradientLearning, conjugate_gradients, flat_gradient
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
-from aerial_il.algorithms.rl.interface import check_policy, plain_interface
+from aerial_il.algorithms.rl.interface import check_policy, encode, plain_interface, standardised
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight, Relabeller
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
+from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.folder import CONFIG, read_metrics
 from aerial_il.core.contracts import StepResult
@@ -423,3 +424,39 @@ def test_with_a_hold_of_one_step_choices_are_those_of_epsilon_greedy_and_a_hold_
     goes_on = held.instead_of(best, 0.0)
     assert 0.3 < (goes_on != 7).double().mean() < 0.45, "all but those of a single step, 1 / 1.625"
     assert torch.equal(other.instead_of(best, 0.0), goes_on)
+
+
+def test_plain_observations_are_not_clipped_and_standardised_ones_are() -> None:
+    interface = plain_interface(Layout(SPEC, ("position", "goal")), POLICY)
+    far = np.array([[25.0, -300.0]])
+    np.testing.assert_array_equal(encode(interface, far), far)
+    moments = RunningMoments(2)
+    moments.add(np.random.default_rng(0).normal(size=(100, 2)))
+    np.testing.assert_allclose(encode(standardised(interface, moments), far), [[10.0, -10.0]])
+
+
+@pytest.mark.parametrize("name", ["ppo", "sac"])
+def test_a_short_run_in_which_no_reward_came_says_so_at_its_end(
+    tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    train(short(name, steps=160), tmp_path / "run", Silent(8))
+    assert "In all 160 environment steps no reward but 0 has come: the policy has learned nothing." in caplog.text
+    assert "algorithm=bc_ppo dataset=PATH" in caplog.text
+    assert ("algorithm.hindsight.goals=4" in caplog.text) == (name == "sac"), "which has it"
+    caplog.clear()
+    train(short(name, steps=160), tmp_path / "rewarded", Drift(8))
+    train(short(name, steps=160, reward_patience=0), tmp_path / "unasked", Silent(8))
+    assert not caplog.text
+
+
+def test_success_in_the_last_step_is_an_end_where_success_ends_an_episode() -> None:
+    class Arriving(Drift):
+        def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+            result, yes = super().step(actions, mask), np.ones(self.num_envs, bool)
+            return replace(result, truncated=yes, info={**result.info, "success": yes})
+
+    for ends in (True, False):
+        collector = Collector(Arriving(4, ends_at_success=ends), Layout(SPEC, ("position", "goal")), seed=0)
+        step = collector.step(np.zeros((4, 1)))
+        assert (step.terminal == ends).all()
+        assert (step.truncated != ends).all()

@@ -29,7 +29,7 @@ class Transitions(NamedTuple):
 
     Attributes:
         frames, next_frames: (T, Do). actions: (T, Da). terminal: (T,) bool; see :class:`Transition`.
-        rewards: (T,) what the environment paid.
+        rewards: (T,) what the environment paid. success: (T,) bool, the task was done by the action.
     """
 
     frames: np.ndarray
@@ -37,6 +37,7 @@ class Transitions(NamedTuple):
     next_frames: np.ndarray
     terminal: np.ndarray
     rewards: np.ndarray
+    success: np.ndarray
 
     def buffer(
         self, interface: Interface, rng: np.random.Generator, *, absorbing: bool, reward: float | None = 0.0
@@ -48,20 +49,23 @@ class Transitions(NamedTuple):
         return found
 
     def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
-        """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None."""
+        """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None.
+
+        In the latter case only success leads to an absorbing state: what a crash brought last is not paid for ever.
+        """
         return rows_of(
             encode(interface, self.frames),
             encode_actions(interface, self.actions, self.frames),
             self.rewards if reward is None else np.full(len(self.frames), reward),
             encode(interface, self.next_frames),
             self.terminal,
-            absorbing=absorbing,
+            absorbing=absorbing & self.success if reward is None else absorbing,
         )
 
     def digest(self, *, rewarded: bool) -> str:
         """Return the SHA-256 of all that is learned from: rewards too, where the algorithm is ``rewarded``."""
         seal = hashlib.sha256()
-        for array in self if rewarded else self[:-1]:
+        for array in (*self[:-2], self.rewards) if rewarded else self[:-2]:
             seal.update(np.ascontiguousarray(array).tobytes())
         return seal.hexdigest()
 
@@ -129,7 +133,7 @@ def _transitions_of(episode: Episode, layout: Layout, labels: Labels) -> Transit
     terminal = np.asarray(episode.terminated, bool).copy()
     terminal[-1] |= episode.success and not episode.truncated[-1]
     actions = episode.labels if labels == "expert" else episode.executed_actions
-    return Transitions(frames[:-1], actions, frames[1:], terminal, episode.rewards)
+    return Transitions(frames[:-1], actions, frames[1:], terminal, episode.rewards, terminal & bool(episode.success))
 
 
 def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitions:

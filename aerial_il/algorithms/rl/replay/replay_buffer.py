@@ -45,7 +45,7 @@ def rows_of(
     next_obs: np.ndarray,
     terminal: np.ndarray,
     *,
-    absorbing: bool,
+    absorbing: bool | np.ndarray,
 ) -> np.ndarray:
     """Lay transitions out as rows ``obs, 0, actions, next_obs, absorbed, reward, continues``.
 
@@ -54,18 +54,18 @@ def rows_of(
         terminal: (T,) bool, ended because of what happened; truncated episodes do not count.
         absorbing: whether a terminal action leads to an absorbing state (``next_obs`` and a one), which leads to itself
             with an action of zeros and the same reward; that transition is one more row for each of them. Otherwise
-            the future of a terminal action is worth nothing.
+            the future of a terminal action is worth nothing. One for all, or (T,) bool.
 
     Returns:
         (T + number of ends, 2 Do + Da + 4) float32.
     """
     flags = np.zeros((len(obs), 1), np.float32)
-    absorbed = terminal[:, None] & absorbing
-    continues = np.where(terminal & (not absorbing), 0.0, 1.0)[:, None]
-    rows = np.concatenate([obs, flags, actions, next_obs, absorbed, rewards[:, None], continues], axis=1)
-    if not absorbing or not terminal.any():
+    absorbed = terminal & absorbing
+    continues = np.where(terminal & ~absorbed, 0.0, 1.0)[:, None]
+    rows = np.concatenate([obs, flags, actions, next_obs, absorbed[:, None], rewards[:, None], continues], axis=1)
+    if not absorbed.any():
         return rows.astype(np.float32)
-    width, ends = obs.shape[1] + 1, rows[terminal]
+    width, ends = obs.shape[1] + 1, rows[absorbed]
     after = ends[:, -width - 2 : -2]  # the end's observation and its mark
     loop = np.concatenate([after, np.zeros((len(ends), actions.shape[1])), ends[:, -width - 2 :]], axis=1)
     return np.concatenate([rows, loop]).astype(np.float32)
@@ -105,8 +105,7 @@ class ReplayBuffer:
         """Let rows that were kept with plain observations be as if ``interface`` had standardised them."""
         obs, _, next_obs, _, _ = self._rows[: self._size].split(self._widths, dim=1)
         for seen in (obs[:, :-1], next_obs[:, :-1]):
-            normalised = interface.obs.normalise(seen.numpy()).clip(-interface.obs_clip, interface.obs_clip)
-            seen.copy_(torch.from_numpy(normalised))
+            seen.copy_(torch.from_numpy(interface.normalise_obs(seen.numpy())))
 
     def snapshot(self) -> Snapshot:
         values = {"at": self._at, "rng": self._rng.bit_generator.state}

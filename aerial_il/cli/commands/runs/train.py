@@ -19,6 +19,7 @@ Example: aerial-il train algorithm=dagger dataset=datasets/pick run=runs/pick_da
 Example: aerial-il train algorithm=dagger expert=my_pilot:make dataset=datasets/mine run=runs/asked
 Example: aerial-il train algorithm=hg_dagger expert=human dataset=datasets/by_hand run=runs/rescued
 Example: aerial-il train algorithm=sac policy=squashed_gaussian env=gymnasium:Hopper-v5 run=runs/hopper
+Example: aerial-il train algorithm=ppo policy=squashed_gaussian robot=z1 task=reach horizon=200 run=runs/z1_ppo
 """
 
 from __future__ import annotations
@@ -79,6 +80,10 @@ class Config:
     max_steps: int | None = key(None, "time limit there (null: its own)")
     tier: MaybeTier = tier("how rough the air is where robot= and task= are (null: calm, or any dataset's)")
     action: str | None = key(None, "action level there (null: ee_pose, or any dataset's)")
+    horizon: int | None = key(
+        None,
+        "steps of 20 ms of an episode there, which success does not end (null: up to success, or as in any dataset)",
+    )
     seed: int = key(0, "seed of the initial weights, validation split and minibatches")
     evaluate_every: int | None = key(None, "steps between two evaluations by rollouts (null: as the algorithm says)")
     evaluate_episodes: int = key(20, "number of episodes each time")
@@ -113,6 +118,7 @@ class Config:
             task=self.task.name if self.task else None,
             tier=self.tier.name,
             action=self.action,
+            horizon=self.horizon,
         )
 
 
@@ -160,10 +166,8 @@ def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterab
 
     path, reference = config.dataset.path, config.reference
     if path is not None:
-        if reference.options:
-            raise InvalidValueError(
-                f"{path} already defines its environment: leave out {', '.join(reference.options)}."
-            )
+        if said := [*reference.options, *(["horizon"] if reference.horizon else [])]:
+            raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
         demonstrations.check_origin(path, reference.expected)
         demonstrations.warn_of_changes(path)
         return demonstrations.open_demonstrations(

@@ -104,7 +104,10 @@ def test_who_learns_from_reward_needs_no_demonstrations(tmp_path: Path, monkeypa
             ["algorithm=sac", "policy=squashed_gaussian", "max_steps=9"],
             "max_steps=9 is for an external environment",
         ),
+        (["algorithm=sac", "policy=squashed_gaussian", *PENDULUM, "horizon=9"], "horizon= is for the suite: with env="),
+        (["algorithm=sac", "policy=squashed_gaussian", "robot=z1", "task=reach", "horizon=-1"], "horizon is -1"),
         (["dataset=demos", *PENDULUM], "leave out max_steps"),
+        (["dataset=demos", "horizon=50"], "already defines its environment: leave out horizon"),
         (["dataset=demos", "env=gymnasium:Pendulum-v1"], "robot=ua_quad_arm4; robot=gymnasium was asked for"),
         (["dataset=demos", "robot=quad"], "recorded with robot=ua_quad_arm4; robot=quad was asked for"),
         (["dataset=demos", "task=hover"], "recorded with task=reach; task=hover was asked for"),
@@ -137,3 +140,19 @@ def test_what_a_dataset_is_of_may_be_said(home: Path, monkeypatch: pytest.Monkey
 def test_a_set_of_values_that_does_not_fit_is_refused(word: str, said: str) -> None:
     with pytest.raises(InvalidValueError, match=said):
         prepare(commands.find("train"), ["experiment=quick", word])
+
+
+def test_where_success_forfeits_the_dense_reward_a_line_says_so(
+    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(home)
+    short = ["algorithm=ppo", "policy=squashed_gaussian", "algorithm.steps=64", "algorithm.rollout=64", "num_envs=4"]
+    words = ["train", *short, "robot=z1", "task=reach", "action=velocity", QUIET]
+    for run, said, warned in (
+        ("dense", [], True),
+        ("fixed", ["horizon=20"], False),
+        ("sparse", ["algorithm.reward=sparse"], False),
+    ):
+        assert main([*words, *said, f"run={run}"]) == 0
+        assert ("horizon=N" in capsys.readouterr().err) == warned, run
+    assert " horizon=20 " in json.loads((home / "fixed" / "command.json").read_text())["command"]
