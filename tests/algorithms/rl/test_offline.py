@@ -13,7 +13,6 @@ import pytest
 import torch
 
 from aerial_il import algorithms
-from aerial_il.algorithms.awac import AdvantageWeightedAgent, AdvantageWeightedLearning
 from aerial_il.algorithms.iql import ImplicitAgent, ImplicitQLearning, expectile_loss
 from aerial_il.algorithms.rl.offline import OfflineFirst
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
@@ -124,14 +123,6 @@ def batch(size: int = 16) -> Batch:
     torch.manual_seed(0)
     obs = torch.cat([torch.randn(size, 2), torch.zeros(size, 1)], 1)
     return Batch(obs, torch.rand(size, 1) * 2 - 1, obs.flip(0), torch.randn(size), torch.ones(size))
-
-
-def test_weights_follow_advantages_and_no_further_than_their_limit() -> None:
-    settings = AdvantageWeightedLearning(temperature=0.01, weight_limit=3.0, critic_hidden=(8,))
-    agent = AdvantageWeightedAgent(settings, POLICY.build(2, 1), (2, 1))
-    weights, advantages = agent.weights(batch())
-    assert torch.allclose(weights, (advantages / 0.01).exp().clamp(max=3.0))
-    assert {True, False} == {bool(w == 3.0) for w in weights}, "some are limited and some are not"
 
 
 def test_iql_never_asks_what_another_action_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
