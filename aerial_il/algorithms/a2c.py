@@ -1,18 +1,18 @@
 """Advantage actor-critic (A2C): a few steps of every world, one step of actor and critic, and on.
 
 Each turn collects ``rollout`` steps, estimates generalised advantages A (with ``gae_lambda`` 1 the discounted rewards
-to the rollout's end and the critic's estimate there, less the estimate at the step), and takes one step against
+to the rollout's end and the critic's estimate there, less the estimate at the step), and takes one step to minimise
 
     ``-E[A log pi(a | s)] - entropy * H(pi)``    and    ``E[(V(s) - R)^2]``.
 
-Observations are standardised by their running moments, rewards divided by the running deviation of returns; an episode
-that was only cut by its time limit goes on in the critic's estimate.
+Observations are standardised by their running moments, rewards divided by the running standard deviation of returns;
+where an episode was only cut by its time limit, its return bootstraps from the critic.
 
 Metrics: ``actor/loss``, ``actor/entropy``, ``critic/loss``, ``critic/value``; ``episode/return``, ``episode/length``,
 ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
 
-Source: V. Mnih et al., "Asynchronous Methods for Deep Reinforcement Learning", 2016, algorithm S3, its workers in step
-and its optimiser Adam.
+Source: V. Mnih et al., "Asynchronous Methods for Deep Reinforcement Learning", 2016, algorithm S3, its workers
+synchronous and its optimiser Adam.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class AdvantageActorCritic(Reinforcement, OnPolicy):
 
 
 class AdvantageAgent:
-    """An actor, and the critic that tells advantages; both take one step for each rollout.
+    """An actor, and the critic that estimates advantages; both take one step for each rollout.
 
     Args:
         settings: of the algorithm.
@@ -93,12 +93,12 @@ class AdvantageAgent:
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw actions (n, Da), what makes them (n, R) and log densities (n,) for observations (n, Do)."""
+        """Sample actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
         drawn = self.actor.sample(tensor(obs)[:, None])
         return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
 
     def update(self, rollout: Rollout, rewards: np.ndarray, *, left: float) -> dict[str, float]:
-        """Take one step by a rollout and what its steps are paid, (T, n), when the share ``left`` is left."""
+        """Take one step by a rollout and its scaled rewards (T, n), when the share ``left`` of the training is left."""
         settings = self.settings
         for part in (self._actor, self._baseline):
             part.set_lr(settings.lr * left)

@@ -1,12 +1,12 @@
 """Advantage-weighted actor-critic (AWAC): imitate what was better than usual, from a dataset first, then from flights.
 
-Two critics learn ``Q(s, a) = r + gamma * min Q'(s', a')`` with a' drawn from the actor. The actor never climbs them,
-which would lead it to actions that nobody has tried; it raises the likelihood of actions in the minibatch,
+Two critics learn ``Q(s, a) = r + gamma * min Q'(s', a')`` with a' sampled from the actor. The actor never maximises
+them, which would lead it to actions that were never tried; it raises the likelihood of actions in the minibatch,
 
     ``max E log pi(a | s) * min(exp(A(s, a) / temperature), weight_limit)``,    A(s, a) = min Q(s, a) - min Q(s, a'),
 
-a' again its own. After ``offline_steps`` gradient steps on the dataset it flies, and learns from both in the same way.
-With a temperature without end it is behavioural cloning. ``failures=true`` shows it failed episodes too.
+a' again sampled from it. After ``offline_steps`` gradient steps on the dataset it flies, and learns from both in the
+same way. With an infinite temperature it is behavioural cloning. ``failures=true`` adds failed episodes.
 
 Metrics, with negative steps before the first flight: ``critic/loss``, ``critic/value``, ``actor/loss``,
 ``actor/advantage``, ``actor/weight``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring
@@ -81,7 +81,7 @@ class AdvantageWeightedLearning(OfflineFirst):
 
 
 class AdvantageWeightedAgent(Agent):
-    """Actor and two critics with slowly following targets.
+    """Actor and two critics with slowly following target networks.
 
     Args:
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
@@ -96,7 +96,7 @@ class AdvantageWeightedAgent(Agent):
         super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Draw actions (n, Da) for encoded observations (n, Do)."""
+        """Sample actions (n, Da) for encoded observations (n, Do)."""
         return sampled(self.actor, obs)
 
     def update(self, batch: Batch) -> dict[str, float]:
@@ -133,13 +133,13 @@ class AdvantageWeightedAgent(Agent):
 
     @torch.no_grad()
     def weights(self, batch: Batch) -> tuple[Tensor, Tensor]:
-        """Return how much each action of a minibatch is imitated, and its advantage, (B,) each."""
+        """Return the weight of each action of a minibatch, and its advantage, (B,) each."""
         usual = self._worth(self._critics.network, batch.obs)
         advantages = self._critics.network(batch.obs, batch.actions).min(0).values - usual
         weights = (advantages / self.settings.temperature).exp().clamp(max=self.settings.weight_limit)
         return weights, advantages
 
     def _worth(self, critics: Critics, obs: Tensor) -> Tensor:
-        """Return what the smaller of the ``critics`` says of an action drawn by the actor, (B,)."""
+        """Return the minimum of the ``critics`` for an action sampled from the actor, (B,)."""
         actions, _, _ = self.actor.sample(obs[:, None, :-1])
         return critics(obs, (1.0 - obs[:, -1:]) * actions).min(0).values

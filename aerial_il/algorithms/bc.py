@@ -55,10 +55,11 @@ class BehaviourCloning(SupervisedAlgorithm):
         weight_decay: AdamW's decay of matrices.
         ema: decay of the averaged weights.
         clip_norm: largest gradient norm.
-        obs_noise: deviation of the Gaussian noise added to normalised state fields while training.
-        field_dropout: largest chance with which each state field of a window is hidden while training, as its mean; the
-            chance itself is drawn anew for each window, from 0 on. A network that has learned to do without any field
-            can be flown with some of them hidden (P. de Haan et al., "Causal Confusion in Imitation Learning", 2019).
+        obs_noise: standard deviation of the Gaussian noise added to normalised state fields while training.
+        field_dropout: largest probability with which each state field of a window is hidden while training, as its
+            mean; the probability itself is sampled anew for each window, from 0 on. A network that has learned to do
+            without any field can be flown with some of them hidden (P. de Haan et al., "Causal Confusion in Imitation
+            Learning", 2019).
         selection: which demonstrations are learned from, and how much each counts.
         waypoints: how the actions of flights by hand are relabelled before they are learned from.
     """
@@ -175,7 +176,7 @@ def with_noise(obs: Tensor, size: int, deviation: float) -> Tensor:
 
 
 def with_dropout(obs: Tensor, layout: Layout, most: float) -> Tensor:
-    """Return ``obs`` (B, To, Do, pixels behind them) with fields hidden, each at its window's chance up to ``most``."""
+    """Return ``obs`` (B, To, Do, pixels behind them) with fields hidden, each at its window's rate up to ``most``."""
     chance = most * torch.rand(len(obs), 1)
     shown = columns_of(layout, torch.rand(len(obs), len(layout.names)) >= chance)
     state, pixels = obs[..., : layout.size], obs[..., layout.size :]

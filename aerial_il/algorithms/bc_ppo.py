@@ -1,12 +1,12 @@
-"""Proximal policy optimisation that begins with a clone (BC-PPO), chunk by chunk, and does not fall below it.
+"""Proximal policy optimisation initialised from a clone (BC-PPO), chunk by chunk, and kept from falling below it.
 
-The clone's own network goes on learning, whatever its class, as the mean of the chunks that are drawn; a chunk is one
-action for PPO, worth all that is paid until the next. Four things keep what the clone could:
+The clone's own network goes on learning, whatever its class, as the mean of the sampled chunks; a chunk is one action
+for PPO, credited with all rewards until the next. Four things keep what the clone could do:
 
-- up to ``warmup`` it flies alone, and a new critic learns what it is worth;
-- the loss is raised by ``kl`` times the divergence from the clone, less and less over the training;
-- a rollout's updates stop where the chunks have moved too far, ``target_kl``;
-- where the episodes of a rollout are worth less than the clone's, by more than ``gate`` standard errors, the actor goes
+- up to ``warmup`` it flies alone, and a new critic learns its value;
+- the loss is raised by ``kl`` times the KL divergence from the clone, less and less over the training;
+- a rollout's updates of the actor stop where they exceed the KL limit, ``target_kl``;
+- where the episodes of a rollout return less than the clone's, by more than ``gate`` standard errors, the actor goes
   back to the last weights that were not worse.
 
 Metrics: ``actor/loss``, ``actor/approx_kl``, ``actor/clip_fraction``, ``actor/divergence`` (from the clone),
@@ -71,10 +71,10 @@ class ClonedProximalOptimisation(PractisedChunks, AnchoredOnPolicy):
 
 
 class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
-    """Actor and critic, the actor held near what it was at first.
+    """Actor and critic, the actor held near the policy that it starts from.
 
     Args:
-        settings: of the algorithm. actor: what explores, as it begins. obs_size: elements that a decision sees.
+        settings: of the algorithm. actor: what explores, as it starts. obs_size: elements that a decision sees.
         smoothness: how the actor is held back from rough actions.
     """
 
@@ -89,7 +89,7 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
 
         Args:
             left: share of the training that is left; the actor's learning rate and the pull back follow it.
-            improve: whether the actor moves at all.
+            improve: whether the actor is updated.
         """
         self._pull = self._anchored.kl * left
         self._actor.set_lr(self._anchored.lr * left)
@@ -99,11 +99,11 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
             return {**metrics, "actor/divergence": self._away(data.obs).mean().item()}
 
     def actor_loss(self, part: Advantages, old_log_prob: Tensor) -> tuple[Tensor, float, float]:
-        """Return PPO's loss with the pull to the clone, the divergence from who acted, and the share clipped."""
+        """Return PPO's loss and the pull to the clone, the divergence from the acting policy, and the share clipped."""
         loss, approx_kl, clipped = super().actor_loss(part, old_log_prob)
         return loss + self._pull * self._away(part.obs).mean(), approx_kl, clipped
 
     def _away(self, obs: Tensor) -> Tensor:
-        """Return the divergence (B,) from the beginning for what decisions saw (B, Do)."""
+        """Return the KL divergence (B,) from the initial policy for what decisions saw (B, Do)."""
         seen = obs[:, None]
         return self.actor.divergence(self.actor.distribution(seen), self._begun.distribution(seen))

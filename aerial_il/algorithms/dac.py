@@ -4,13 +4,13 @@ A discriminator D tells the demonstrator's transitions from the agent's, half of
 
     ``-log D(s, a)`` of the demonstrator's ``- log(1 - D(s, a))`` of the agent's  ``+ lambda (|grad| - 1)^2``,
 
-held back by that gradient penalty, spectral normalisation or dropout. Its opinion is the reward of a soft actor-critic
-(:mod:`aerial_il.algorithms.sac`), recomputed for each minibatch, so that old transitions are paid by the newest reward.
+held back by that gradient penalty, spectral normalisation or dropout. Its output is the reward of a soft actor-critic
+(:mod:`aerial_il.algorithms.sac`), recomputed for each minibatch, so that old transitions have the newest reward.
 Terminal steps lead to an absorbing state with a reward of its own
 (:mod:`aerial_il.algorithms.rl.replay.replay_buffer`).
 
 ``control`` runs the same without a demonstration: ``random_actions`` puts flights of random actions in their place,
-``constant_reward`` pays 1 for every step before an end and nothing is told apart. Whatever such a run reaches,
+``constant_reward`` rewards every step before an end with 1, without a discriminator. Whatever such a run reaches,
 demonstrations did not cause.
 
 Metrics: those of ``sac``; ``reward/loss``, ``reward/acc_expert``, ``reward/acc_agent`` (accuracies),
@@ -18,8 +18,8 @@ Metrics: those of ``sac``; ``reward/loss``, ``reward/acc_expert``, ``reward/acc_
 
 Source: I. Kostrikov et al., "Discriminator-Actor-Critic: Addressing Sample Inefficiency and Reward Bias in Adversarial
 Imitation Learning", 2019; the discriminator's defaults after M. Orsini et al., "What Matters for Adversarial Imitation
-Learning?", 2021. That it begins with a clone, stays near it and slows down to nothing is ours: ``docs/adversarial.md``
-says what each is worth.
+Learning?", 2021. That it starts from a clone, stays near it and learns at a falling rate is ours:
+``docs/adversarial.md`` says what each contributes.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
     Attributes:
         bc_pretrain_steps: minibatches of behavioural cloning before the first flight; the clone then acts in place of
             random actions, and until ``warmup`` critics and discriminator alone learn from it.
-        bc_weight: weight of the actor's squared distance from demonstrated actions beside what the critics think.
-        expert_share: share of demonstrated transitions in the agent's minibatches, paid like all others.
-        action_noise: show the discriminator demonstrated actions with the noise that the agent explores with; see
+        bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
+        expert_share: share of demonstrated transitions in the agent's minibatches, rewarded like all others.
+        action_noise: give the discriminator demonstrated actions with the noise that the agent explores with; see
             ``gail``.
-        reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
+        reward: form of the discriminator's reward, ``gail``, ``airl`` or ``exit``.
         reward_hidden: its widths. reward_lr: its learning rate. reward_updates: its steps for each of the agent's.
         gradient_penalty: weight of that penalty, 0 for none. spectral_norm: normalise its matrices.
         dropout: of its inputs and hidden units.
@@ -126,7 +126,7 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
         return run.finish()
 
     def _minibatch(self, expert_buffer: ReplayBuffer, buffer: ReplayBuffer, reward_net: RewardNet) -> Batch:
-        """Return what the agent learns from, paid by the newest reward, or for being alive."""
+        """Return what the agent learns from, with the newest reward, or a constant one for being alive."""
         shown = round(self.expert_share * self.batch_size)
         batch = buffer.sample(self.batch_size - shown)
         batch = concatenated(expert_buffer.sample(shown), batch) if shown else batch

@@ -1,4 +1,4 @@
-"""Demonstration augmented policy gradient (DAPG): natural steps up what was flown and what was shown, less and less.
+"""Demonstration augmented policy gradient (DAPG): natural gradient steps, on demonstrations too, less and less.
 
 A clone of the demonstrations goes on learning, chunk by chunk. Each turn collects ``rollout`` steps and moves the
 clone's own network once, as ``npg`` does, along the gradient
@@ -6,9 +6,9 @@ clone's own network once, as ``npg`` does, along the gradient
     ``g = 1/N (sum over N decisions of A grad log pi(a | s)``
     ``+ lambda_0 lambda_1^k max A sum over the demonstrations of grad log pi(a* | s*))``
 
-with the advantages A of the chunks a that were drawn, the chunks a* that were shown, and k turns so far: what was
-shown keeps the clone where exploring tells little, and goes as that tells more. Up to ``warmup`` the clone flies alone,
-and a critic learns what it is worth.
+with the advantages A of the sampled chunks a, the demonstrated chunks a*, and k turns so far: the demonstrations keep
+the clone where exploration teaches little, and their weight falls as it teaches more. Up to ``warmup`` the clone flies
+alone, and a critic learns its value.
 
 Metrics: ``actor/approx_kl`` (Kullback-Leibler divergence of the step), ``actor/step_length``, ``actor/surrogate``,
 ``actor/demonstrations`` (weight of each of them), ``critic/loss``, ``critic/value``; ``episode/return``,
@@ -92,10 +92,10 @@ class DemonstrationAugmented(PractisedChunks, NaturalGradientLearning):
 
 
 class Demonstrated(Generator):
-    """Chunks that were shown, as decisions that the actor might have made.
+    """Demonstrated chunks, as decisions that the actor might have made.
 
     Args:
-        demos: the demonstrations. prior: how they are seen and normalised. actor: whose decisions. rng: draws them.
+        demos: the demonstrations. prior: how they are seen and normalised. actor: whose decisions. rng: samples them.
     """
 
     def __init__(
@@ -108,13 +108,13 @@ class Demonstrated(Generator):
         self._obs, self._drawn = obs[whole].flatten(1), actor.drawn_of(actions[whole])
 
     def draw(self, count: int) -> tuple[Tensor, Tensor]:
-        """Return at most ``count`` of them: what was seen (B, To * Do) and what was drawn then, (B, R)."""
+        """Return at most ``count`` of them: what was observed (B, To * Do) and the samples of the actions (B, R)."""
         chosen = torch.from_numpy(self.rng.permutation(len(self._obs))[:count])
         return self._obs[chosen], self._drawn[chosen]
 
 
 class AugmentedAgent(NaturalGradientAgent):
-    """An actor that takes natural steps up advantages and demonstrations, and the critic that tells advantages.
+    """An actor that takes natural gradient steps on flights and demonstrations, and the critic of its advantages.
 
     Args:
         settings: of the algorithm. actor: the clone, exploring. obs_size: To * Do. shown: the demonstrations.
@@ -125,11 +125,11 @@ class AugmentedAgent(NaturalGradientAgent):
         self._augmented, self._shown, self._turns = settings, shown, 0
 
     def values(self, obs: np.ndarray) -> np.ndarray:
-        """Return what the critic expects (...) from what decisions see (..., To * Do)."""
+        """Return the critic's values (...) of what decisions see (..., To * Do)."""
         return self._baseline.values(obs)
 
     def learn(self, found: Judged, *, improve: bool) -> dict[str, float]:
-        """Learn from one rollout's decisions; ``improve`` says whether the actor moves at all."""
+        """Learn from one rollout's decisions; ``improve`` says whether the actor is updated."""
         data, metrics = found.data, {}
         if improve:
             weight = self._weight
@@ -141,7 +141,7 @@ class AugmentedAgent(NaturalGradientAgent):
         return {**metrics, "critic/loss": fitted, "critic/value": found.value}
 
     def gain(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> Tensor:
-        """Return what a step climbs: the advantages of what was drawn, and the likelihood of what was shown."""
+        """Return the objective that a step ascends: advantages of samples, and the likelihood of demonstrations."""
         seen, drawn = self._shown.draw(self._augmented.shown)
         likelihood = self.actor.judge(seen[:, None], drawn)[0].sum() / len(obs)
         return super().gain(obs, next_obs, raw, advantages) + self._weight * advantages.max() * likelihood

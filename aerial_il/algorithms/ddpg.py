@@ -1,12 +1,13 @@
-"""Deep deterministic policy gradient (DDPG): a critic of actions, and an actor without chance that climbs it.
+"""Deep deterministic policy gradient (DDPG): an action-value critic, and a deterministic actor that ascends it.
 
-Each turn takes one step in every world with the actor's action and Gaussian noise on it, keeps it, and takes
+Each turn takes one step in every world with the actor's action and Gaussian noise on it, stores it, and takes
 ``utd_ratio`` gradient steps for each environment step on minibatches of the buffer:
 
     critic  ``Q(s, a) = r + gamma * Q'(s', mu'(s'))``,        actor  ``max Q(s, mu(s))``,
 
-Q' and mu' following slowly. The critic's errors are climbed as readily as its insights, which ``td3`` mends. The actor
-is the centre of a ``squashed_gaussian``, whose spread is not used.
+with slowly following target networks Q' and mu'. The actor exploits the critic's errors too, so that values are
+overestimated, which ``td3`` mends. The actor is the mean action of a ``squashed_gaussian``, whose standard deviation is
+not used.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success``
 of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
@@ -82,7 +83,7 @@ class DeterministicGradientLearning(BegunFromPrior, OffPolicyActorCritic):
 
 
 class DeterministicAgent(Agent):
-    """Actor and critic, with slowly following targets of both.
+    """Actor and critic, with slowly following target networks of both.
 
     Args:
         settings: of the algorithm.
@@ -133,7 +134,7 @@ class DeterministicAgent(Agent):
         return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
 
     def actor_loss(self, batch: Batch) -> Tensor:
-        """Return ``-Q(s, mu(s))``, and what rough actions cost."""
+        """Return ``-Q(s, mu(s))``, plus the smoothness loss."""
         obs = batch.obs[:, :-1]
         worth = self._critic.network(batch.obs, self.actor(obs[:, None])[:, 0])[0]
         return -worth.mean() + self.settings.smoothness.loss(self.actor, obs, batch.next_obs[:, :-1])

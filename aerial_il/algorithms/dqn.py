@@ -1,19 +1,20 @@
-"""Deep Q-network (DQN): the worth of each of a few choices, learned from a replay buffer; the best one is taken.
+"""Deep Q-network (DQN): the values of discrete actions, learned from a replay buffer; the greedy action is taken.
 
-Each turn takes one step in every world, with probability epsilon a random choice, else the one of the highest value,
-and keeps it. A random choice may be held for some steps (``longest_hold``), so that it leads away from where the best
-choices stay. Every ``update_every`` environment steps it takes ``utd_ratio`` gradient steps for each of them towards
+Each turn takes one step in every world, with probability epsilon a random action, else the greedy one, and stores it. A
+random action may be held for some steps (``longest_hold``), so that it leads away from where greedy actions stay. Every
+``update_every`` environment steps it takes ``utd_ratio`` gradient steps for each of them towards
 
     ``Q(s, a) = r + gamma * Q'(s', argmax Q(s', .))``,
 
-Q' following Q every ``target_every`` updates by the share ``tau``. Where ``double`` is off, Q' itself chooses, and
-overrates. Values are the scores of a ``categorical``; ``policy.dueling=true`` learns the worth of states apart.
+with a target network Q', which follows Q every ``target_every`` updates by the share ``tau``. Where ``double`` is off,
+Q' itself selects the action, and overestimates. Values are the scores of a ``categorical``; ``policy.dueling=true``
+learns the value of states separately.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/epsilon``; ``episode/return``, ``episode/length``,
 ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
 
 Source: V. Mnih et al., "Human-level Control through Deep Reinforcement Learning", 2015; H. van Hasselt et al., "Deep
-Reinforcement Learning with Double Q-learning", 2016, equation 4; for random choices that are held, W. Dabney,
+Reinforcement Learning with Double Q-learning", 2016, equation 4; for random actions that are held, W. Dabney,
 G. Ostrovski, A. Barreto, "Temporally-Extended epsilon-Greedy Exploration", 2021, appendix B.
 """
 
@@ -48,16 +49,16 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
     """Settings of a run, beside those of :class:`OffPolicyReinforcement` and :class:`OffPolicy`.
 
     Attributes:
-        double: let Q choose what Q' judges.
-        epsilon: probability of a random choice, once it has fallen; it begins at 1.
-        longest_hold: steps that a random choice is held for, at most; n of them with a probability that falls as
-            1 / n^2. At 1 each step is drawn by itself.
-        exploration: share of all steps over which it falls, evenly.
-        update_every: environment steps from one bout of updates to the next. In between the policy stays as it is, so
-            that it presses on in one direction even where all choices seem to be worth the same.
+        double: let Q select the action that Q' evaluates.
+        epsilon: probability of a random action, once it has fallen; it starts at 1.
+        longest_hold: steps that a random action is held for, at most; n of them with a probability that falls as
+            1 / n^2. At 1 each step is sampled by itself.
+        exploration: share of all steps over which it falls, linearly.
+        update_every: environment steps from one block of updates to the next. In between the policy stays as it is, so
+            that it presses on in one direction even where all actions seem to have the same value.
         target_every: updates between two at which Q' follows. clip_norm: largest gradient norm.
         huber: error beyond which the loss grows linearly. Where it is small against the values, a rare end that
-            costs all that was still to come hardly teaches more than any other step.
+            forfeits all future rewards hardly teaches more than any other step.
     """
 
     name: ClassVar[str] = "dqn"
@@ -80,7 +81,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
         require_positive(self, "longest_hold", "update_every", "target_every", "clip_norm", "huber")
 
     def epsilon_at(self, left: float) -> float:
-        """Return the probability of a random choice when the share ``left`` of the training is left."""
+        """Return the probability of a random action when the share ``left`` of the training is left."""
         fallen = min(1.0, (1.0 - left) / self.exploration) if self.exploration else 1.0
         return 1.0 + fallen * (self.epsilon - 1.0)
 
@@ -110,14 +111,14 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
 
 
 class DeepQAgent(Agent):
-    """The values of all choices, and their target.
+    """The values of all actions, and their target network.
 
     Args:
         settings: of the algorithm.
         network: the policy's.
 
     Attributes:
-        epsilon: probability of a random choice.
+        epsilon: probability of a random action.
     """
 
     def __init__(self, settings: DeepQLearning, network: Categorical) -> None:
@@ -128,12 +129,12 @@ class DeepQAgent(Agent):
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Return normalised actions (n, Da) for encoded observations (n, Do): the best choices, or random ones."""
+        """Return normalised actions (n, Da) for encoded observations (n, Do): the greedy ones, or random ones."""
         best = self.network.scores(tensor(obs)[:, None])[:, 0].argmax(-1)
         return self.network.table[self._held.instead_of(best, self.epsilon)].numpy()
 
     def update(self, batch: Batch) -> dict[str, float]:
-        """Take one step of the values, and let the target follow where it is due."""
+        """Take one step of the values, and let the target network follow where it is due."""
         chosen = self.network.nearest(batch.actions)
         values = self.network.scores(batch.obs[:, None, :-1])[:, 0].gather(-1, chosen[:, None])[:, 0]
         loss = huber_loss(values, self.bellman_targets(batch), delta=self.settings.huber)
@@ -145,7 +146,7 @@ class DeepQAgent(Agent):
 
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
-        """Return ``r + gamma * Q'(s', a')`` (B,), a' the best choice by Q, or by Q' itself."""
+        """Return ``r + gamma * Q'(s', a')`` (B,), a' the greedy action by Q, or by Q' itself."""
         after = batch.next_obs[:, None, :-1]
         values = self._target.network.scores(after)[:, 0]
         choosing = self.network.scores(after)[:, 0] if self.settings.double else values
@@ -154,10 +155,10 @@ class DeepQAgent(Agent):
 
 
 class HeldChoices:
-    """Random choices taken now and then in each world, each held for some steps.
+    """Random actions taken now and then in each world, each held for some steps.
 
     Args:
-        choices: how many there are. longest: steps that one is held for, at most.
+        choices: number of discrete actions. longest: steps that one is held for, at most.
     """
 
     def __init__(self, choices: int, longest: int) -> None:
@@ -165,7 +166,7 @@ class HeldChoices:
         self._chosen = self._left = torch.zeros(0, dtype=torch.long)
 
     def instead_of(self, best: Tensor, epsilon: float) -> Tensor:
-        """Return the choices (n,): the ``best`` (n,), where none is held and none drawn, with chance ``epsilon``."""
+        """Return actions (n,): ``best`` (n,), unless a random one is held or, with probability ``epsilon``, sampled."""
         if len(self._left) == 0:
             self._chosen = self._left = torch.zeros_like(best)
         drawn = (self._left == 0) & (torch.rand(best.shape) < epsilon)

@@ -56,8 +56,8 @@ class ExpertIteration(InteractiveAlgorithm):
         prior: a run or policy of any class that flies first in the first round; None for the clone of the
             demonstrations.
         attempts: at each start, at most.
-        hidden: largest chance with which a field is hidden from the explorer; the chance itself is drawn with the
-            fields, from 0 on.
+        hidden: largest probability with which a field is hidden from the explorer; the probability itself is
+            sampled with the fields, from 0 on.
         hold: mean number of steps before others are hidden.
         reward_patience: flown steps after which a run stops that no flight has solved yet; 0 for never.
     """
@@ -108,7 +108,7 @@ class ExpertIteration(InteractiveAlgorithm):
         return rounds.finish()
 
     def _pilots(self, rounds: Rounds, number: int) -> Iterator[Policy]:
-        """Yield who flies in a round, attempt by attempt; the explorer is trained where there is a second one."""
+        """Yield the pilots of a round, attempt by attempt; the explorer is trained where there is a second one."""
         learner, spec = rounds.learner, rounds.problem.env.spec
         assert learner is not None
         yield load_prior(self.prior, spec) if self.prior and number == 1 else learner

@@ -3,8 +3,8 @@
 Round 0 clones the demonstrations; that clone, or another policy, is the prior. In each round the newest clone flies
 ``episodes`` worlds, each action shifted by noise that is correlated from step to step, and the next clone learns from
 the demonstrations and all successes so far, the noise included: what was flown is imitated, not what was meant, so that
-shifts which help are kept. It needs no critic and no advantage, and is what every reinforcement learning from a prior
-has to beat.
+shifts which help are kept. It needs no critic and no advantage, and is the baseline that every reinforcement learning
+from a prior has to beat.
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``; the totals of
 all rounds; ``evaluate/<name>`` of the clone alone. What is returned is the clone of the last round.
@@ -42,7 +42,8 @@ class FilteredCloning(InteractiveAlgorithm):
     Attributes:
         training: behaviour cloning of the dataset so far; its loss is the policy network's.
         prior: a run or policy of any class that flies the first round; None for the clone of the demonstrations.
-        noise: its deviation, in those of the demonstrated actions; elements that never varied, and switches, have none.
+        noise: its standard deviation, in those of the demonstrated actions; elements that never varied, and switches,
+            have none.
         correlation: of the noise from one step to the next.
         reward_patience: flown steps after which a run stops that no flight has solved yet; 0 for never.
     """

@@ -1,4 +1,4 @@
-"""Generative adversarial imitation: a discriminator's opinion is the reward of proximal policy optimisation.
+"""Generative adversarial imitation: a discriminator's output is the reward of proximal policy optimisation.
 
 Each turn collects one rollout, lets a discriminator D learn to tell it from the demonstrations in ``reward_updates``
 minibatches, half of either, by the loss
@@ -6,8 +6,8 @@ minibatches, half of either, by the loss
     ``-log D(s, a)`` of the demonstrator's ``- log(1 - D(s, a))`` of the agent's  ``+ lambda (|grad| - 1)^2``,
 
 and moves the policy (:mod:`aerial_il.algorithms.ppo`) towards what the discriminator takes for demonstrated. The reward
-is ``-log(1 - D)``, standardised by its running moments, and so are the discriminator's inputs. A terminal step is worth
-what staying in the absorbing state for ever would be paid, learned like any other reward.
+is ``-log(1 - D)``, standardised by its running moments, and so are the discriminator's inputs. The value after a
+terminal step is that of staying in the absorbing state for ever, whose reward is learned like any other.
 
 ``control`` runs the same without a demonstration, see :mod:`aerial_il.algorithms.dac`.
 
@@ -53,11 +53,11 @@ class AdversarialImitation(Imitation, ProximalOnPolicy):
     Attributes:
         bc_pretrain_steps: minibatches of behavioural cloning before the first flight. warmup: environment steps in
             which the clone acts as it is, and critic and discriminator alone learn.
-        action_noise: show the discriminator demonstrated actions with the noise that the agent explores with. Else that
-            noise is what it tells the agent by, long before it sees where the agent errs.
-        reward: what the discriminator pays, ``gail``, ``airl`` or ``exit``.
+        action_noise: give the discriminator demonstrated actions with the noise that the agent explores with. Else that
+            noise is what it recognises the agent by, long before it sees where the agent errs.
+        reward: form of the discriminator's reward, ``gail``, ``airl`` or ``exit``.
         reward_hidden: its widths. reward_lr: its learning rate. reward_batch: its minibatch.
-        reward_updates: its steps for each rollout. buffer_size: newest transitions of the agent that it is shown.
+        reward_updates: its steps for each rollout. buffer_size: newest transitions of the agent that it is given.
         gradient_penalty: weight of that penalty, 0 for none. spectral_norm: normalise its matrices.
         dropout: of its inputs and hidden units.
     """
@@ -118,7 +118,7 @@ class AdversarialImitation(Imitation, ProximalOnPolicy):
     def _rewards(
         self, rollout: Rollout, reward_net: RewardNet, reward_norm: RunningMoments
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return standardised rewards (T, n), and what all that follows each step is worth where it is terminal."""
+        """Return standardised rewards (T, n), and the value after each step (T, n) where it is terminal."""
         if self.control == "constant_reward":
             return np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
         obs = tensor(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))

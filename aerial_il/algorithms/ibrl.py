@@ -5,14 +5,14 @@ changes. In flight, and in what the critics learn,
 
     ``Q(s, a) = r + gamma * (min over Z of Q'(s', a'))``,    a' the better of the prior's and the actor's action in s',
 
-the better action is taken: learning starts from what the prior is worth, and leaves it where more is promised. Better
-is the actor's own action whose worth exceeds the prior's, on average over the ensemble, by ``caution`` deviations of
-the critics about that difference; the source compares the least of two critics, which is near to no caution, and with
-little caution a prior was lost here (``docs/reinforcement.md``). The actor
-climbs the mean of the critics, as in TD3 with noise on its actions and on the target's. Up to ``warmup`` the prior
-flies alone, and critics learn what it is worth.
+the better action is taken: learning starts from the value of the prior, and leaves it where a higher one is estimated.
+Better is the actor's own action whose value exceeds the prior's, on average over the ensemble, by ``caution`` standard
+deviations of that difference over the critics; the source compares the minimum of two critics, which is near to no
+caution, and with little caution a prior was lost here (``docs/reinforcement.md``). The actor ascends the mean of the
+critics, as in TD3 with noise on its actions and on the target's. Up to ``warmup`` the prior flies alone, and critics
+learn its value.
 
-What is judged and saved at the end is what flew: actor, prior and critics in one policy.
+What is evaluated and saved at the end is what flew: actor, prior and critics in one policy.
 
 Metrics: ``critic/loss``, ``critic/value``, ``critic/spread``, ``critic/own`` (share of decisions for the actor in what
 critics learn), ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
@@ -63,8 +63,8 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
     Attributes:
         prior: a run or policy of any class; None for a clone of the demonstrations by a network like the actor's.
         bc_pretrain_steps: minibatches of which that clone is made.
-        caution: deviations of the critics by which the actor's action must be better than the prior's.
-        critics: ensemble size. subset: how many of its targets Z the backup takes the least of.
+        caution: standard deviations over the critics by which the actor's action must be better than the prior's.
+        critics: ensemble size. subset: how many of its targets Z the backup takes the minimum of.
         noise, target_noise, noise_clip: as in ``td3``. demos_share: share of demonstrations in each minibatch.
     """
 
@@ -111,7 +111,7 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
         run.wrap = lambda own: (
             GatedPolicy(own, prior.fresh(), agent.critics, hidden=self.critic_hidden, caution=self.caution)
             if run.collector.steps
-            else prior.fresh()  # before anything is flown, it is the prior that is judged
+            else prior.fresh()  # before anything is flown, it is the prior that is evaluated
         )
         parts = {"agent": agent, "clone": cloned, "proposals": proposals}
         run.begin(agent.actor, {**parts, "demonstrations": demos, "replay_buffer": buffer})
@@ -138,7 +138,7 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
 
 
 class ProposedAgent(Agent):
-    """Actor and an ensemble of critics, with slowly following targets of both.
+    """Actor and an ensemble of critics, with slowly following target networks of both.
 
     Its observations carry the prior's proposal, (B, Do + Da + 1 + 1); see :mod:`aerial_il.algorithms.rl.proposals`.
 
@@ -159,7 +159,7 @@ class ProposedAgent(Agent):
 
     @property
     def critics(self) -> Critics:
-        """What chooses: the slowly following critics."""
+        """What chooses: the target critics."""
         return self._critic_targets.network
 
     @torch.no_grad()
@@ -176,8 +176,8 @@ class ProposedAgent(Agent):
         """Take one step of the critics and, where it is due, of the actor and all targets.
 
         Args:
-            batch: with proposals. improve: whether the actor moves and is listened to; else the prior is valued alone,
-                but for the step after a cut, where there is no proposal and the actor stands in for it.
+            batch: with proposals. improve: whether the actor is updated and may be chosen; else the prior alone is
+                evaluated, but for the step after a cut, where there is no proposal and the actor stands in for it.
         """
         loss, metrics = self.critic_loss(batch, listen=improve)
         self._critics.descend(loss)
@@ -214,7 +214,7 @@ class ProposedAgent(Agent):
         return batch.rewards + self.settings.gamma * batch.continues * worth, better.float().mean().item()
 
     def actor_loss(self, batch: Batch) -> Tensor:
-        """Return ``-mean Q(s, mu(s))`` without the absorbing state, and what rough actions cost."""
+        """Return ``-mean Q(s, mu(s))`` without the absorbing state, plus the smoothness loss."""
         (obs, _, _), (next_obs, _, _) = self._apart(batch.obs), self._apart(batch.next_obs)
         alive = 1.0 - obs[:, -1]
         worth = self._critics.network(obs, self.actor(obs[:, None, :-1])[:, 0]).mean(0)

@@ -1,4 +1,4 @@
-"""Implicit Q-learning (IQL): learn what the best of the tried actions are worth, never asking about others.
+"""Implicit Q-learning (IQL): learn the value of the best of the tried actions, never evaluating others.
 
 Three losses, each on transitions as they are in the minibatch:
 
@@ -6,9 +6,10 @@ Three losses, each on transitions as they are in the minibatch:
     critic  ``Q(s, a) = r + gamma * V(s')``,
     actor   ``max E log pi(a | s) * min(exp(beta u), weight_limit)``.
 
-The first is an expectile: with ``expectile`` tau near 1, V is what the best of the actions tried in s is worth, and no
-action that was never tried is ever valued. Q' follows both critics slowly. After ``offline_steps`` gradient steps on
-the dataset it flies, and learns from both in the same way. ``failures=true`` shows it failed episodes too.
+The first is an expectile: with ``expectile`` tau near 1, V is the value of the best of the actions tried in s, and no
+action that was never tried is ever evaluated. Q' are the slowly following target networks of both critics. After
+``offline_steps`` gradient steps on the dataset it flies, and learns from both in the same way. ``failures=true`` adds
+failed episodes.
 
 Metrics, with negative steps before the first flight: ``critic/loss``, ``critic/value``, ``value/loss``, ``actor/loss``,
 ``actor/advantage``, ``actor/weight``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring
@@ -85,7 +86,7 @@ class ImplicitQLearning(OfflineFirst):
 
 
 class ImplicitAgent(Agent):
-    """Actor, a critic of states, and two critics of actions with slowly following targets.
+    """Actor, a state-value critic, and two action-value critics with slowly following target networks.
 
     Args:
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
@@ -104,7 +105,7 @@ class ImplicitAgent(Agent):
         )
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Draw actions (n, Da) for encoded observations (n, Do)."""
+        """Sample actions (n, Da) for encoded observations (n, Do)."""
         return sampled(self.actor, obs)
 
     def update(self, batch: Batch) -> dict[str, float]:

@@ -1,19 +1,19 @@
 """Jump-start reinforcement learning (JSRL): a guide flies the first steps of each episode, the learner the rest.
 
 The guide is any policy, ``guide=RUN``, or the task's own expert; it never changes, and what it flies is not learned
-from. So the learner begins near the end, where even a sparse reward is found, and is handed more of the task as it
+from. So the learner starts near the end, where even a sparse reward is found, and is handed more of the task as it
 manages what it has:
 
 - ``schedule=curriculum``: the guide's part is ``horizon`` steps at first and shrinks by one of ``stages`` each time
   the last ``window`` episodes return as much as the best window so far, but for the share ``tolerance``;
-- ``schedule=random``: for each episode it is drawn from 0 to ``horizon`` steps.
+- ``schedule=random``: for each episode it is sampled from 0 to ``horizon`` steps.
 
 The learner is a clone of the demonstrations, or ``prior=RUN``, which goes on by PPO, chunk by chunk, as in ``bc_ppo``,
 with the pull back to the clone; with ``cloning.steps=1`` it is hardly more than a new network. There is no gate: what
 an episode returns is the guide's work, too.
 
 Metrics: those of ``bc_ppo`` without ``actor/fallbacks``; ``guide/steps`` of episodes that begin; ``guide/stage``;
-``rollout/reward`` of a step, whoever flew it;
+``rollout/reward`` of a step, whichever policy acted;
 ``episode/...`` are of guide and learner together, ``evaluate/...`` of the learner alone.
 
 Source: I. Uchendu et al., "Jump-Start Reinforcement Learning", 2023, algorithm 1 and section 4.3. There the learner is
@@ -120,7 +120,7 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
         return run.finish()
 
     def curriculum(self, demos: Sequence[Episode]) -> Curriculum:
-        """Return how the guide's part shrinks, from as long as the longest demonstration where nobody says."""
+        """Return how the guide's part shrinks, from as long as the longest demonstration where none is specified."""
         return Curriculum(
             schedule=self.schedule,
             horizon=self.horizon or max(map(len, demos)),

@@ -1,14 +1,14 @@
-"""Natural policy gradient (NPG): each rollout moves the actor once, equally far as its actions' distribution counts.
+"""Natural policy gradient (NPG): each rollout moves the actor once, by a fixed KL divergence of its actions.
 
 Each turn collects ``rollout`` steps, estimates generalised advantages A, and moves the actor's weights w by
 
     ``w + sqrt(step_size / (g' F^-1 g)) F^-1 g``,    g = E[A grad log pi],    F = E[grad log pi grad log pi'],
 
 where F, the Fisher information, is never written down: conjugate gradients need its products with vectors alone, which
-are second derivatives of the divergence from the policy that acted. A critic learns the returns after each step.
+are second derivatives of the KL divergence from the policy that acted. A critic learns the returns after each step.
 
-Observations are standardised by their running moments, rewards divided by the running deviation of returns; an episode
-that was only cut by its time limit goes on in the critic's estimate.
+Observations are standardised by their running moments, rewards divided by the running standard deviation of returns;
+where an episode was only cut by its time limit, its return bootstraps from the critic.
 
 Metrics: ``actor/approx_kl`` (Kullback-Leibler divergence of the step), ``actor/step_length``, ``actor/surrogate`` (gain
 of the advantages, linear), ``critic/loss``, ``critic/value``; ``episode/return``, ``episode/length``,
@@ -52,7 +52,7 @@ class NaturalGradientLearning(Reinforcement, OnPolicy):
     """Settings of a run, beside those of :class:`Reinforcement` and :class:`OnPolicy`; ``lr`` is the critic's.
 
     Attributes:
-        step_size: twice the divergence that a step of the actor makes, as far as it is quadratic.
+        step_size: twice the KL divergence of a step of the actor, to second order.
         cg_iterations: of conjugate gradients. cg_damping: added to the Fisher information's diagonal.
         epochs: the critic's passes over a rollout. batch_size: transitions in its minibatches.
     """
@@ -93,7 +93,7 @@ class NaturalGradientLearning(Reinforcement, OnPolicy):
 
 
 class NaturalGradientAgent:
-    """An actor that takes natural steps, and the critic that tells advantages.
+    """An actor that takes natural gradient steps, and the critic that estimates advantages.
 
     Args:
         settings: of the algorithm.
@@ -107,12 +107,12 @@ class NaturalGradientAgent:
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw actions (n, Da), what makes them (n, R) and log densities (n,) for observations (n, Do)."""
+        """Sample actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
         drawn = self.actor.sample(tensor(obs)[:, None])
         return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
 
     def update(self, rollout: Rollout, rewards: np.ndarray) -> dict[str, float]:
-        """Learn from one rollout and what its steps are paid, (T, n)."""
+        """Learn from one rollout and its scaled rewards (T, n)."""
         settings = self.settings
         found = self._baseline.advantages(rollout, rewards, gamma=settings.gamma, gae_lambda=settings.gae_lambda)
         advantages = (found.advantages - found.advantages.mean()) / (found.advantages.std() + 1e-8)
@@ -123,7 +123,7 @@ class NaturalGradientAgent:
         return {**metrics, "critic/loss": critic_loss, "critic/value": found.value}
 
     def improve(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> dict[str, float]:
-        """Take one natural step up the advantages (B,) of what was drawn, ``raw`` (B, R), for ``obs`` (B, Do)."""
+        """Take one natural gradient step up the advantages (B,) of samples ``raw`` (B, R) for ``obs`` (B, Do)."""
         weights = [weight for weight in self.actor.parameters() if weight.requires_grad]
         gradient = flat_gradient(self.gain(obs, next_obs, raw, advantages), weights)
         direction = conjugate_gradients(self._fisher(obs, weights), gradient, self.settings.cg_iterations)
@@ -138,7 +138,7 @@ class NaturalGradientAgent:
         return {"actor/approx_kl": moved, "actor/step_length": length, "actor/surrogate": length * slope}
 
     def gain(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> Tensor:
-        """Return what a step climbs, as in :meth:`improve`."""
+        """Return the objective that a step ascends, as in :meth:`improve`."""
         log_prob, _ = self.actor.judge(obs[:, None], raw)
         return (log_prob * advantages).mean() - self.settings.smoothness.loss(self.actor, obs, next_obs)
 
@@ -166,7 +166,7 @@ def flat_gradient(
     """Return the gradient (W,) of a scalar, zero by weights that it does not depend on.
 
     Args:
-        differentiable: whether it is to be derived once more. keep: whether the scalar's graph is needed again.
+        differentiable: whether it is to be differentiated once more. keep: whether the scalar's graph is needed again.
     """
     parts = torch.autograd.grad(
         of, weights, create_graph=differentiable, retain_graph=keep or differentiable, allow_unused=True

@@ -1,12 +1,12 @@
 """Proximal policy optimisation: reinforcement learning from the environment's own reward, one rollout at a time.
 
-Each turn collects ``rollout`` steps, estimates generalised advantages A, and moves actor and critic over them several
-times, the actor never far from where it acted: it maximises
+Each turn collects ``rollout`` steps, estimates generalised advantages A, and updates actor and critic on them in
+several epochs, the actor kept near the policy that acted: it maximises
 
     ``min(rho A, clip(rho, 1 - clip, 1 + clip) A)``,    rho = pi(a | s) / pi_old(a | s).
 
-Observations are standardised by their running moments, rewards divided by the running deviation of returns; an episode
-that was only cut by its time limit goes on in the critic's estimate.
+Observations are standardised by their running moments, rewards divided by the running standard deviation of returns;
+where an episode was only cut by its time limit, its return bootstraps from the critic.
 
 Metrics: ``actor/loss``, ``actor/approx_kl`` (Kullback-Leibler divergence), ``actor/clip_fraction``, ``critic/loss``,
 ``critic/value``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
@@ -78,7 +78,7 @@ class Advantages(NamedTuple):
 
 
 class ProximalActorCritic[Actor: StochasticNetwork]:
-    """Actor and critic, moved by several passes over a rollout.
+    """Actor and critic, updated in several passes over a rollout.
 
     Args:
         settings: of the algorithm.
@@ -99,17 +99,17 @@ class ProximalActorCritic[Actor: StochasticNetwork]:
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw actions (n, Da), what makes them (n, R) and log densities (n,) for observations (n, Do)."""
+        """Sample actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
         drawn = self.actor.sample(tensor(obs)[:, None])
         return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
 
     @torch.no_grad()
     def values(self, obs: np.ndarray) -> np.ndarray:
-        """Return what the critic expects (...) from encoded observations (..., Do)."""
+        """Return the critic's values (...) of encoded observations (..., Do)."""
         return self._critic.network(tensor(obs)).numpy()
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
-        """Move the actor's centre towards demonstrated actions in ``steps`` minibatches."""
+        """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""
         bc_pretrain(self._actor, self.actor, demos, steps=steps, batch_size=self.settings.batch_size)
 
     def update(
@@ -124,10 +124,10 @@ class ProximalActorCritic[Actor: StochasticNetwork]:
         """Learn from one rollout.
 
         Args:
-            rewards: (T, n) what each step is paid.
+            rewards: (T, n) of each step, normalised.
             left: share of the training that is left; the learning rate follows it.
-            end_values: (T, n) what all that follows is worth where a step was terminal; elsewhere of no effect.
-            improve: whether the actor moves at all; the critic alone learns what it is worth.
+            end_values: (T, n) the value after each terminal step; elsewhere of no effect.
+            improve: whether the actor is updated; otherwise the critic alone learns its value.
         """
         values, next_values = self.values(rollout.obs), self.values(rollout.next_obs)
         next_values = np.where(rollout.terminal, end_values, next_values)
@@ -141,7 +141,7 @@ class ProximalActorCritic[Actor: StochasticNetwork]:
         return {**self._passes(data, improve=improve), "critic/value": float(values.mean())}
 
     def _passes(self, data: Advantages, *, improve: bool) -> dict[str, float]:
-        """Go over a rollout several times; a pass that moved the actor too far, ``1.5 target_kl``, is its last."""
+        """Go over a rollout several times; a pass that exceeds the KL limit, ``1.5 target_kl``, is the actor's last."""
         with torch.no_grad():
             old_log_prob, _ = self.actor.judge(data.obs[:, None], data.raw)
         passes: list[np.ndarray] = []
@@ -165,7 +165,7 @@ class ProximalActorCritic[Actor: StochasticNetwork]:
         return ((self._critic.network(obs) - targets) ** 2).mean()
 
     def actor_loss(self, part: Advantages, old_log_prob: Tensor) -> tuple[Tensor, float, float]:
-        """Return the clipped objective's loss, the divergence from the acting policy, and the share clipped."""
+        """Return the clipped objective's loss, the KL divergence from the acting policy, and the share clipped."""
         clip = self.settings.clip
         log_prob, entropy = self.actor.judge(part.obs[:, None], part.raw)
         log_ratio = log_prob - old_log_prob

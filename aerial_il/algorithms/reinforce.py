@@ -1,14 +1,15 @@
-"""REINFORCE with a baseline: what an episode has brought makes all that was done in it likelier, or less likely.
+"""REINFORCE with a baseline: the return that follows an action makes it more likely, or less likely.
 
-Each turn flies whole episodes, ``rollout`` steps of them or a few more, and takes one step up
+Each turn collects ``rollout`` steps or a few more, cutting episodes that are in progress, and takes one step up
 
     ``E[(G_t - V(s_t)) grad log pi(a_t | s_t)]``,    G_t = sum over k of gamma^k r_{t+k} to the episode's end,
 
-where the baseline V, learned after the step, changes no mean and takes away variance. An episode that was only cut, by
-its time limit or by the rollout's end, is worth what the baseline expects of the rest.
+where the baseline V, learned after the step, adds no bias and reduces the variance. Where an episode was only cut, by
+its time limit or by the rollout's end, G_t bootstraps from the baseline there; what the rollout's end cut goes on in
+the next turn.
 
-Observations are standardised by their running moments, rewards divided by the running deviation of returns, and what an
-action brought by its deviation over the rollout.
+Observations are standardised by their running moments, rewards divided by the running standard deviation of returns,
+and advantages standardised over the rollout.
 
 Metrics: ``actor/loss``, ``actor/entropy``, ``critic/loss``, ``critic/value``; ``episode/return``, ``episode/length``,
 ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
@@ -53,7 +54,7 @@ class Reinforce(Reinforcement, OnPolicy):
     trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig, CategoricalConfig)
 
     lr: float = 3e-3
-    gae_lambda: float = 1.0  # nothing but what was paid, and the baseline where an episode was cut
+    gae_lambda: float = 1.0  # Monte Carlo returns, and the baseline where an episode was cut
     epochs: int = 5
     batch_size: int = 64
 
@@ -94,12 +95,12 @@ class ReinforceAgent:
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw actions (n, Da), what makes them (n, R) and log densities (n,) for observations (n, Do)."""
+        """Sample actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
         drawn = self.actor.sample(tensor(obs)[:, None])
         return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
 
     def update(self, rollout: Rollout, rewards: np.ndarray, *, left: float) -> dict[str, float]:
-        """Take one step by a rollout and what its steps are paid, (T, n), when the share ``left`` is left."""
+        """Take one step by a rollout and its scaled rewards (T, n), when the share ``left`` of the training is left."""
         settings = self.settings
         self._actor.set_lr(settings.lr * left)
         found = self._baseline.advantages(rollout, rewards, gamma=settings.gamma, gae_lambda=settings.gae_lambda)

@@ -1,12 +1,12 @@
-"""Residual reinforcement learning: a small network shifts the actions of a policy that stays as it is.
+"""Residual reinforcement learning: a small network shifts the actions of a frozen policy.
 
 The base is a policy of any class (``prior=RUN``), chunked ones and those with noise of their own too, or a clone of the
 demonstrations. It flies as it would alone; its action, normalised, is shifted by at most ``reach``, by what a network
-makes of the observation and of that action. The network's last layer begins at zero, and so does the shift: before
+makes of the observation and of that action. The network's last layer starts at zero, and so does the shift: before
 anything is learned the policy is its base. A shift is held for ``hold`` steps, so that noise moves the vehicle and is
-not averaged out, and one decision is one action of PPO, worth all that is paid until the next.
+not averaged out, and one decision is one action of PPO, credited with all rewards until the next.
 
-Up to ``warmup`` a critic alone learns what the base is worth; afterwards the pull to no shift, ``kl``, and the gate of
+Up to ``warmup`` a critic alone learns the value of the base; afterwards the pull to no shift, ``kl``, and the gate of
 ``bc_ppo`` keep it.
 
 Metrics: those of ``bc_ppo``; ``actor/divergence`` is that from no shift.
@@ -41,9 +41,9 @@ class ResidualLearning(PractisedPolicy, AnchoredOnPolicy):
 
     Attributes:
         hidden: widths of the network that shifts.
-        reach: the largest shift, in deviations of the demonstrated actions.
+        reach: the largest shift, in standard deviations of the demonstrated actions.
         hold: steps that a shift lasts.
-        noise: deviation of what is drawn, before the tanh that bounds it; it is learned from there on.
+        noise: standard deviation of the pre-tanh samples at first; it is learned from there on.
     """
 
     name: ClassVar[str] = "residual"

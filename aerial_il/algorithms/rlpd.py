@@ -1,22 +1,22 @@
 """Reinforcement learning with prior data (RLPD): a soft actor-critic on demonstrations and its own flights alike.
 
-Nothing is cloned and nothing is learned beforehand. One half of each minibatch are demonstrations, paid as the agent
-is, and one half is what the agent flew (symmetric sampling). What makes that stable is in the critics: an ensemble of
-E with LayerNorm, which bounds the values of actions that were never tried. It allows several updates for each
-step. Each critic learns
+Nothing is cloned and nothing is learned beforehand. One half of each minibatch are demonstrations, rewarded as the
+agent is, and one half is what the agent flew (symmetric sampling). What makes that stable is in the critics: an
+ensemble of E with LayerNorm, which bounds the values of actions that were never tried. It allows several updates for
+each step. Each critic learns
 
     ``Q(s, a) = r + gamma * (min over Z of Q'(s', a') - alpha log pi(a' | s'))``,    a' ~ pi(. | s'),
 
-with Z target critics drawn anew for each update; the actor minimises ``alpha log pi(a | s) - mean over E of Q(s, a)``
-at every ``actor_every``-th update, and alpha is moved so that the entropy stays near its target. ``bc_weight`` draws
-the actor to demonstrated actions besides, which the source does not.
+with Z target critics sampled anew for each update; the actor minimises ``alpha log pi(a | s) - mean over E of Q(s, a)``
+at every ``actor_every``-th update, and alpha is adjusted so that the entropy stays near its target. ``bc_weight``
+pulls the actor to demonstrated actions besides, which the source does not.
 
 An episode that ends by success goes on in an absorbing state with the reward of its end (``absorbing``): a reward for
-every step would otherwise teach to stop just short of success. One that ends by a crash is over.
+every step would otherwise teach to stop just short of success. One that ends by a crash is terminal.
 
 ``control=random_actions`` puts as many transitions of random flights, with their rewards, in the demonstrations' place.
 
-Metrics: ``critic/loss``, ``critic/value``, ``critic/spread`` (deviation over the ensemble), ``actor/loss``,
+Metrics: ``critic/loss``, ``critic/value``, ``critic/spread`` (standard deviation over the ensemble), ``actor/loss``,
 ``actor/entropy``, ``actor/alpha``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
 ``evaluate/<name>``; ``elapsed_s``.
 
@@ -52,8 +52,8 @@ class PriorDataLearning(DemonstratedReinforcement, SoftOffPolicy):
     """Settings of a run; see :class:`DemonstratedReinforcement` and :class:`SoftOffPolicy`.
 
     Attributes:
-        critics: ensemble size E. subset: how many of its targets Z the backup takes the least of.
-        bc_weight: weight of the actor's squared distance from demonstrated actions beside what the critics think.
+        critics: ensemble size E. subset: how many of its targets Z the backup takes the minimum of.
+        bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
     """
 
     name: ClassVar[str] = "rlpd"
@@ -95,7 +95,7 @@ class PriorDataLearning(DemonstratedReinforcement, SoftOffPolicy):
 
 
 class EnsembleActorCritic(Agent):
-    """Actor, an ensemble of critics, slowly following targets and the temperature alpha.
+    """Actor, an ensemble of critics, slowly following target networks and the temperature alpha.
 
     Args:
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
@@ -113,7 +113,7 @@ class EnsembleActorCritic(Agent):
         super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Draw actions (n, Da) for encoded observations (n, Do)."""
+        """Sample actions (n, Da) for encoded observations (n, Do)."""
         return sampled(self.actor, obs)
 
     def update(self, batch: Batch, demos: Batch) -> dict[str, float]:
@@ -165,6 +165,6 @@ class EnsembleActorCritic(Agent):
         return actor_loss + alpha_loss, found
 
     def _pull(self, batch: Batch, demos: Batch) -> Tensor | float:
-        """Return what draws the actor to demonstrated actions and holds it back from rough ones."""
+        """Return the loss that pulls the actor to demonstrated actions and holds it back from rough ones."""
         near = self.settings.bc_weight * bc_loss(self.actor, demos) if self.settings.bc_weight else 0.0
         return near + self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])

@@ -1,13 +1,13 @@
 """Soft actor-critic: reinforcement learning from the environment's own reward, with a replay buffer.
 
-Each turn of the loop takes one step in every world, keeps it, and takes ``utd_ratio`` gradient steps for each
+Each turn of the loop takes one step in every world, stores it, and takes ``utd_ratio`` gradient steps for each
 environment step on minibatches of the buffer. Two critics learn
 
     ``Q(s, a) = r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))``,    a' ~ pi(. | s'),
 
-Q' following them slowly; the actor minimises ``alpha log pi(a | s) - min Q(s, a)``, and alpha is moved so that the
-entropy stays near its target. Actor and alpha move at every ``actor_every``-th step, which saves a third of the time.
-The mean action is what flies in the end. In the absorbing state of imitators
+with slowly following target networks Q'; the actor minimises ``alpha log pi(a | s) - min Q(s, a)``, and alpha is
+adjusted so that the entropy stays near its target. Actor and alpha are updated at every ``actor_every``-th step, which
+saves a third of the time. The final policy is deterministic: the mean action. In the absorbing state of imitators
 (:mod:`aerial_il.algorithms.rl.replay.replay_buffer`) there is one action, zero, and no entropy.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``, ``actor/entropy``, ``actor/alpha``; ``episode/return``,
@@ -69,7 +69,7 @@ class SoftActorCriticLearning(BegunFromPrior, SoftOffPolicy):
 
 
 class SoftActorCritic(Agent):
-    """Actor, critics, slowly following targets and the temperature alpha.
+    """Actor, critics, slowly following target networks and the temperature alpha.
 
     Args:
         settings: of the algorithm.
@@ -98,11 +98,11 @@ class SoftActorCritic(Agent):
         super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Draw actions (n, Da) for encoded observations (n, Do)."""
+        """Sample actions (n, Da) for encoded observations (n, Do)."""
         return sampled(self.actor, obs)
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
-        """Move the actor's centre towards demonstrated actions in ``steps`` minibatches."""
+        """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""
         bc_pretrain(self._actor_state, self.actor, demos, steps=steps, batch_size=self.settings.batch_size)
 
     def update(
@@ -112,8 +112,8 @@ class SoftActorCritic(Agent):
 
         Args:
             batch: what all of them learn from.
-            demos: demonstrations that the actor is drawn to as well, with weight ``bc_weight``.
-            improve: whether the actor moves at all; critics alone learn what a policy is worth.
+            demos: demonstrations that the actor is pulled to as well, with weight ``bc_weight``.
+            improve: whether the actor is updated; otherwise the critics alone learn the value of the policy.
         """
         critic_loss, metrics = self.critic_loss(batch)
         self._critics.descend(critic_loss)

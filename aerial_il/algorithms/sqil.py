@@ -1,12 +1,12 @@
-"""Soft Q imitation learning: the demonstrator's transitions are worth 1, the agent's 0, and nothing else is learned.
+"""Soft Q imitation learning: the demonstrator's transitions have reward 1, the agent's 0; no reward is learned.
 
 A soft actor-critic (:mod:`aerial_il.algorithms.sac`, whose losses these are) on minibatches of which one half are
-demonstrations. To be paid, the agent must go where demonstrations go and return there when it has strayed. Nothing
-adversarial, hence hard to break and quick; yet what it is paid never changes, so an agent that imitates well is still
-paid 0, and long training can drift away again.
+demonstrations. To be rewarded, the agent must go where demonstrations go and return there when it has strayed. Nothing
+adversarial, hence hard to break and quick; yet the rewards never change, so an agent that imitates well still receives
+0, and long training can drift away again.
 
-``control`` runs the same without a demonstration, see :mod:`aerial_il.algorithms.dac`; ``constant_reward`` pays 1 for
-every step before an end.
+``control`` runs the same without a demonstration, see :mod:`aerial_il.algorithms.dac`; ``constant_reward`` rewards
+every step before an end with 1.
 
 Metrics: those of ``sac``; ``episode/return`` is the environment's own, which the agent never sees.
 
@@ -57,7 +57,7 @@ class SoftQImitation(Imitation, SoftOffPolicy):
         return run.finish()
 
     def _minibatch(self, expert_buffer: ReplayBuffer, buffer: ReplayBuffer) -> Batch:
-        """Return demonstrations and the agent's transitions, half of each; in the control run, paid for living."""
+        """Return demonstrations and the agent's transitions, half of each; in the control run, rewarded for living."""
         if self.control == "constant_reward":
             batch = buffer.sample(self.batch_size)
             return batch._replace(rewards=1.0 - batch.obs[:, -1])

@@ -1,13 +1,14 @@
-"""Twin delayed deep deterministic policy gradient (TD3): an actor without chance, and critics that are not believed.
+"""Twin delayed deep deterministic policy gradient (TD3): a deterministic actor, and two critics against overestimation.
 
-Each turn takes one step in every world with the actor's action and Gaussian noise on it, keeps it, and takes
+Each turn takes one step in every world with the actor's action and Gaussian noise on it, stores it, and takes
 ``utd_ratio`` gradient steps for each environment step on minibatches of the buffer. Two critics learn
 
     ``Q(s, a) = r + gamma * min Q'(s', a')``,    a' = clip(mu'(s') + clip(eps, -c, c), -1, 1),    eps ~ N(0, sigma'),
 
-Q' and mu' following critics and actor slowly: the smaller of two estimates, over actions around the target's, so that
-no narrow peak of an error is climbed. The actor mu climbs the first critic at every ``actor_every``-th step, when the
-critics have settled a little. It is the centre of a ``squashed_gaussian``, whose spread is not used.
+with slowly following target networks Q' and mu': the smaller of two estimates (clipped double Q-learning), for actions
+around the target's, so that no narrow peak of an error is exploited (target policy smoothing). The actor mu ascends the
+first critic at every ``actor_every``-th step, when the critics have settled a little (delayed policy updates). It is
+the mean action of a ``squashed_gaussian``, whose standard deviation is not used.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success``
 of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
@@ -83,7 +84,7 @@ class TwinDelayedLearning(BegunFromPrior, OffPolicyActorCritic):
 
 
 class TwinDelayedAgent(Agent):
-    """Actor and two critics, with slowly following targets of all of them.
+    """Actor and two critics, with slowly following target networks of all of them.
 
     Args:
         settings: of the algorithm.
@@ -131,7 +132,7 @@ class TwinDelayedAgent(Agent):
 
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
-        """Return ``r + gamma * min Q'(s', a')`` (B,), with actions a' drawn around the target's."""
+        """Return ``r + gamma * min Q'(s', a')`` (B,), with actions a' sampled around the target's."""
         actions = self._actor_target.network(batch.next_obs[:, None, :-1])[:, 0]
         noise = self.settings.target_noise * torch.randn_like(actions)
         limit = self.settings.noise_clip
@@ -140,7 +141,7 @@ class TwinDelayedAgent(Agent):
         return batch.rewards + self.settings.gamma * batch.continues * worth
 
     def actor_loss(self, batch: Batch) -> Tensor:
-        """Return ``-Q1(s, mu(s))``, and what rough actions cost."""
+        """Return ``-Q1(s, mu(s))``, plus the smoothness loss."""
         obs = batch.obs[:, :-1]
         worth = self._critics.network(batch.obs, self.actor(obs[:, None])[:, 0])[0]
         return -worth.mean() + self.settings.smoothness.loss(self.actor, obs, batch.next_obs[:, :-1])

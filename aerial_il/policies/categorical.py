@@ -1,10 +1,11 @@
-"""A score for each of a few choices, of which the highest is flown: logits of a distribution, or values of choices.
+"""A score for each discrete action, of which the highest is flown: logits of a distribution, or action values.
 
 Among several actions an environment with discrete actions takes the one with the highest score, an action of as many
-elements (:mod:`aerial_il.suite.outside.gymnasium_world`); the choices are then a 1 in each place among zeros. Where
-actions are vectors, the choices can be the middle of the bounds and each element alone at either of its bounds.
+elements (:mod:`aerial_il.suite.outside.gymnasium_world`); the discrete actions are then one-hot vectors. Where actions
+are vectors, the discrete ones can be the middle of the bounds and each element alone at either of its bounds.
 
-Trained by likelihood it imitates whoever chose; a demonstrated action counts as the choice nearest to it.
+Trained by maximum likelihood it imitates the demonstrator; a demonstrated action counts as the discrete action nearest
+to it.
 
 Source, of ``dueling``: Z. Wang et al., "Dueling Network Architectures for Deep Reinforcement Learning", 2016,
 equation 9.
@@ -34,8 +35,9 @@ class CategoricalConfig(PolicyConfig):
     Attributes:
         hidden: width of each hidden layer.
         activation: between them, ``relu`` or ``tanh``.
-        choices: ``one_hot``, one of the elements; or ``bounds``, the middle or one element at either bound.
-        dueling: scores are the worth of the state plus each choice's advantage over their mean.
+        choices: the discrete actions, ``one_hot``, one of the elements; or ``bounds``, the middle or one element at
+            either bound.
+        dueling: scores are the value of the state plus each action's advantage over their mean.
     """
 
     chunk: int = 1
@@ -59,7 +61,7 @@ class CategoricalConfig(PolicyConfig):
 
 
 class Categorical(StochasticNetwork):
-    """A perceptron to the scores of K choices; what is drawn is the number of a choice."""
+    """A perceptron to the scores of K discrete actions; a sample is the index of one."""
 
     table: Tensor  # (K, Da) normalised actions
 
@@ -74,7 +76,7 @@ class Categorical(StochasticNetwork):
         self.worth = nn.Linear(widths[-1], config.chunk) if config.dueling else None
         self.shape = (config.chunk, len(table))
         with torch.no_grad():
-            self.advantages.weight.mul_(0.1)  # a first policy that chooses nearly evenly
+            self.advantages.weight.mul_(0.1)  # a first policy that is nearly uniform
 
     def scores(self, obs: Tensor) -> Tensor:
         """Return scores (B, Ta, K) for ``obs`` (B, To, Do)."""
@@ -105,7 +107,7 @@ class Categorical(StochasticNetwork):
         return (of[0].exp() * (of[0] - against[0])).sum((-1, -2))
 
     def nearest(self, actions: Tensor) -> Tensor:
-        """Return the numbers (...) of the choices that normalised ``actions`` (..., Da) are nearest to."""
+        """Return the indices (...) of the discrete actions that normalised ``actions`` (..., Da) are nearest to."""
         return ((actions[..., None, :] - self.table) ** 2).sum(-1).argmin(-1)
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:

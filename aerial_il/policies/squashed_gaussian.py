@@ -1,6 +1,7 @@
 """A Gaussian whose samples a tanh squashes into the action's bounds: what reinforcement learning explores with.
 
-Trained by likelihood it is also an imitator with a spread. Flown, it takes its centre, without noise.
+Trained by maximum likelihood it is also a stochastic imitator. Flown, it is deterministic: it takes the mean action,
+the tanh of the Gaussian's mean.
 
 Source: T. Haarnoja et al., "Soft Actor-Critic Algorithms and Applications", 2018, appendix C.
 """
@@ -25,18 +26,19 @@ Activation = Literal["relu", "tanh"]
 Spread = Literal["state", "free"]
 ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "tanh": nn.Tanh}
 LOG_STD_LOW, LOG_STD_HIGH = -5.0, 2.0
-EDGE = 1.0 - 1e-4  # demonstrated actions are pulled this far inside: at the bound itself the Gaussian is at infinity
+EDGE = 1.0 - 1e-4  # demonstrated actions are pulled this far inside: at the bound itself the pre-tanh value is infinite
 
 
 @dataclass(frozen=True, kw_only=True)
 class SquashedGaussianConfig(PolicyConfig):
-    """Sizes of the network and form of its spread.
+    """Sizes of the network and form of its standard deviation.
 
     Attributes:
         hidden: width of each hidden layer.
         activation: between them, ``relu`` or ``tanh``.
-        spread: ``state``: the deviation depends on the observation; ``free``: one number for each action element.
-        log_std: logarithm of the deviation before training, in normalised actions before the tanh.
+        spread: ``state``, a standard deviation that depends on the observation; or ``free``, one number for each action
+            element.
+        log_std: log standard deviation of pre-tanh samples before training, in normalised actions.
     """
 
     chunk: int = 1
@@ -62,7 +64,7 @@ class SquashedGaussianConfig(PolicyConfig):
 
 
 class SquashedGaussian(StochasticNetwork):
-    """A perceptron to the mean and logarithmic deviation of a Gaussian ``u``; the action is ``tanh(u)``."""
+    """A perceptron to the mean and log standard deviation of a Gaussian pre-tanh ``u``; the action is ``tanh(u)``."""
 
     def __init__(self, config: SquashedGaussianConfig, obs_size: int, action_size: int) -> None:
         super().__init__()
@@ -84,7 +86,7 @@ class SquashedGaussian(StochasticNetwork):
         return torch.tanh(self.mean(self.trunk(obs))).unflatten(-1, self.shape)
 
     def gaussian(self, obs: Tensor) -> tuple[Tensor, Tensor]:
-        """Return mean and logarithmic deviation (B, Ta * Da) before the tanh, for ``obs`` (B, To, Do)."""
+        """Return mean and log standard deviation (B, Ta * Da) before the tanh, for ``obs`` (B, To, Do)."""
         hidden = self.trunk(obs)
         mean = self.mean(hidden)
         if self.log_std is not None:
@@ -98,23 +100,22 @@ class SquashedGaussian(StochasticNetwork):
         return self.gaussian(obs)
 
     def sample(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Draw actions, differentiably.
+        """Sample actions, differentiably.
 
         Returns:
-            Actions in (-1, 1) and the Gaussian's samples before the tanh, both (B, Ta * Da), and the logarithm of the
-            actions' density (B,).
+            Actions in (-1, 1) and their pre-tanh samples, both (B, Ta * Da), and the log density of the actions (B,).
         """
         mean, log_std = self.gaussian(obs)
         raw = mean + log_std.exp() * torch.randn_like(mean)
         return torch.tanh(raw), raw, log_density(raw, mean, log_std).sum(-1)
 
     def judge(self, obs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
-        """Return log densities (B,) of samples before the tanh (B, Ta * Da), and the Gaussian's entropies (B,)."""
+        """Return log densities (B,) of actions by their pre-tanh samples (B, Ta * Da), and Gaussian entropies (B,)."""
         mean, log_std = self.gaussian(obs)
         return log_density(drawn, mean, log_std).sum(-1), log_std.sum(-1)
 
     def divergence(self, of: tuple[Tensor, ...], against: tuple[Tensor, ...]) -> Tensor:
-        """Return divergences (B,) of the Gaussians, which the tanh leaves as they are."""
+        """Return KL divergences (B,) of the Gaussians, which the tanh leaves as they are."""
         (mean, log_std), (other, other_log_std) = of, against
         spread = ((2 * log_std).exp() + (mean - other) ** 2) / (2 * (2 * other_log_std).exp())
         return (other_log_std - log_std + spread - 0.5).sum(-1)
@@ -127,12 +128,12 @@ class SquashedGaussian(StochasticNetwork):
 
 
 def unsquashed(actions: Tensor) -> Tensor:
-    """Return what a tanh made ``actions`` (...) of, those at the bounds pulled a little inside."""
+    """Return the pre-tanh values of ``actions`` (...), those at the bounds pulled a little inside."""
     return torch.atanh(actions.clamp(-EDGE, EDGE))
 
 
 def log_density(raw: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
-    """Return the logarithm of the density of ``tanh(raw)``, element by element, for a Gaussian ``raw``.
+    """Return the log density of ``tanh(raw)``, element by element, for a Gaussian pre-tanh sample ``raw``.
 
     The tanh's part, ``log(1 - tanh(u)^2)``, is written as ``2 (log 2 - u - softplus(-2 u))``, which no u overflows.
     """

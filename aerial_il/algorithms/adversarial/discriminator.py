@@ -1,6 +1,6 @@
-"""A network that tells a demonstrator's actions from an agent's, and what keeps it from telling them too well.
+"""A discriminator, which tells a demonstrator's actions from an agent's, and what regularises it.
 
-With D the probability that a transition is the demonstrator's, ``logit = log D - log (1 - D)``. The agent is paid
+With D the probability that a transition is the demonstrator's, ``logit = log D - log (1 - D)``. The agent's reward is
 
 ========= ============================ ==================================================================
 ``gail``  ``-log(1 - D)``  >= 0         rewards staying; from many demonstrations
@@ -36,7 +36,7 @@ LIMIT = 10.0  # of standardised inputs: what was hardly seen, such as a rare end
 
 
 class RunningNorm(nn.Module):
-    """Standardise inputs (B, D) by the moments of all batches that :meth:`add` was shown, saved with the weights."""
+    """Standardise inputs (B, D) by the moments of all batches that :meth:`add` was given, saved with the weights."""
 
     def __init__(self, size: int) -> None:
         super().__init__()

@@ -47,10 +47,10 @@ class Shape(TypedDict):
 
 
 class RewardNet:
-    """A discriminator: its logits, the reward it pays, and its optimiser.
+    """A discriminator: its logits, the reward made of them, and its optimiser.
 
     Args:
-        obs_size, action_size: Do and Da. shape: of the network and of the payment. lr: learning rate.
+        obs_size, action_size: Do and Da. shape: of the network and of the reward. lr: learning rate.
     """
 
     def __init__(self, obs_size: int, action_size: int, shape: Shape, *, lr: float = 3e-4) -> None:
@@ -79,7 +79,7 @@ class RewardNet:
         return of_expert, of_agent
 
     def gradient_penalty(self, expert: Batch, agent: Batch) -> Tensor:
-        """Return how far the network's slope is from 1 at random points between both sides' standardised inputs."""
+        """Return how far the gradient norm is from 1 at random points between both sides' standardised inputs."""
         of_expert, of_agent = (self.network.standardised(side) for side in self._sides(expert, agent))
         return gradient_penalty(self.network.score, of_expert, of_agent, torch.rand(len(of_expert), 1))
 
@@ -88,14 +88,14 @@ class RewardNet:
         self._trained.descend(loss)
 
     def along(self, episode: Episode, interface: Interface) -> np.ndarray:
-        """Return what each step of ``episode`` would be paid, (T,)."""
+        """Return the reward of each step of ``episode``, (T,)."""
         frames = interface.layout.flatten(episode.obs)[:-1]
         obs = np.pad(encode(interface, frames), ((0, 0), (0, 1)))
         actions = encode_actions(interface, episode.executed_actions, frames)
         return self.reward(tensor(obs), tensor(actions)).numpy()
 
     def after(self, ends: np.ndarray) -> np.ndarray:
-        """Return what each step is paid in the absorbing states that ``ends`` (N, Do) lead to, (N,)."""
+        """Return the reward of each step in the absorbing states that ``ends`` (N, Do) lead to, (N,)."""
         marked = torch.cat([tensor(ends), torch.ones(len(ends), 1)], dim=1)
         return self.reward(marked, torch.zeros(len(ends), self._sizes[1])).numpy().astype(float)
 
@@ -145,7 +145,7 @@ def load_reward(run: str | os.PathLike[str]) -> tuple[RewardNet, Interface]:
 
 
 def reward_along(run: str | os.PathLike[str], episode: Episode) -> np.ndarray:
-    """Return what the reward learned by ``run`` pays for each step of ``episode``, (T,).
+    """Return the reward learned by ``run`` for each step of ``episode``, (T,).
 
     Raises:
         CheckpointError: see :func:`load_reward`.
@@ -172,6 +172,6 @@ def _kept(run: str | os.PathLike[str]) -> RewardNet:
 
 
 def shuffled(episode: Episode) -> Episode:
-    """Return ``episode`` with its actions in another order: what a reward should think less of."""
+    """Return ``episode`` with its actions in another order, for which a learned reward should be lower."""
     order = named_rng(0, "shuffled actions").permutation(len(episode))
     return replace(episode, executed_actions=episode.executed_actions[order])

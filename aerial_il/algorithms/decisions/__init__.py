@@ -1,1 +1,1 @@
-"""On-policy learning that begins with a good policy, and whose decisions last several steps."""
+"""On-policy learning that starts from a good policy, and whose decisions last several steps."""

@@ -1,7 +1,7 @@
-"""A clone that explores: its own network is the mean of the chunks that are drawn, and the pilot that flies them.
+"""A clone that explores: its own network is the mean of the sampled chunks, and the pilot that flies them.
 
 Noise that differs from step to step is averaged out by whatever follows the actions. Within a chunk it is therefore
-correlated, as an autoregressive process of first order whose deviation is the same at every step:
+correlated, as a first-order autoregressive process whose standard deviation is the same at every step:
 
     ``e_k = rho e_{k-1} + sqrt(1 - rho^2) sigma eps_k``,    ``e_0 = sigma eps_0``.
 """
@@ -25,14 +25,15 @@ from aerial_il.policies.squashed_gaussian import LOG_STD_HIGH, LOG_STD_LOW
 
 
 class ChunkActor(StochasticNetwork):
-    """A network without chance, and one learned deviation for each action element that is explored.
+    """A deterministic network, and one learned standard deviation for each action element that is explored.
 
-    What is drawn are the first E actions of a chunk, normalised, in the elements that the demonstrations varied:
+    Sampled are the first E actions of a chunk, normalised, in the elements that the demonstrations varied:
     R = E * Dm numbers. Observation histories come flattened, (B, 1, To * Do).
 
     Args:
         network: maps (B, To, Do) to (B, Ta, Da). history: To. execute: E, at most Ta. explored: (Da,) bool.
-        deviation: at the start, in the network's units. correlation: rho, from one step of a chunk to the next.
+        deviation: standard deviation sigma at the start, in the network's units.
+        correlation: rho, from one step of a chunk to the next.
     """
 
     def __init__(
@@ -52,18 +53,18 @@ class ChunkActor(StochasticNetwork):
 
     @property
     def drawn_size(self) -> int:
-        """Numbers R that a decision draws."""
+        """Numbers R that a decision samples."""
         return self.execute * len(self._explored)
 
     def drawn_of(self, actions: Tensor) -> Tensor:
-        """Return what would have been drawn (B, R) to make chunks (B, Ta, Da)."""
+        """Return the samples (B, R) that would have made chunks (B, Ta, Da)."""
         return actions[:, : self.execute, self._explored].flatten(1)
 
     def forward(self, obs: Tensor) -> Tensor:
         return self.network(obs.unflatten(-1, (self._history, -1))[:, 0])
 
     def distribution(self, obs: Tensor) -> tuple[Tensor, ...]:
-        """Return means (B, E, Dm) and logarithmic deviations (Dm,)."""
+        """Return means (B, E, Dm) and log standard deviations (Dm,)."""
         return self(obs)[:, : self.execute, self._explored], self.log_std.clamp(LOG_STD_LOW, LOG_STD_HIGH)
 
     def sample(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -88,14 +89,14 @@ class ChunkActor(StochasticNetwork):
         return self.network.loss(obs, actions, valid)
 
     def _density(self, raw: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
-        """Return the logarithm (B,) of the density of chunks ``raw`` (B, E, Dm)."""
+        """Return the log density (B,) of sampled chunks ``raw`` (B, E, Dm)."""
         white = self._white((raw - mean) / log_std.exp())
         fixed = log_std.sum() + 0.5 * len(log_std) * math.log(2 * math.pi)
         drawn_anew = len(log_std) * 0.5 * math.log(1.0 - self._correlation**2)
         return -0.5 * (white**2).sum((1, 2)) - self.execute * fixed - (self.execute - 1) * drawn_anew
 
     def _coloured(self, white: Tensor) -> Tensor:
-        """Return correlated noise (B, E, Dm) of deviation 1 made of independent noise."""
+        """Return correlated noise (B, E, Dm) of standard deviation 1 made of independent noise."""
         steps, share = [white[:, 0]], math.sqrt(1.0 - self._correlation**2)
         for k in range(1, self.execute):
             steps.append(self._correlation * steps[-1] + share * white[:, k])
@@ -108,10 +109,10 @@ class ChunkActor(StochasticNetwork):
 
 
 class ChunkPilot:
-    """Draws a chunk in each world, flies it, and draws the next.
+    """Samples a chunk in each world, flies it, and samples the next.
 
     Args:
-        actor: draws. policy: whose network that is. collector: whose worlds these are.
+        actor: samples. policy: whose network that is. collector: whose worlds these are.
     """
 
     def __init__(self, actor: ChunkActor, policy: ChunkPolicy, collector: Collector) -> None:

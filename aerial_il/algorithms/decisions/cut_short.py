@@ -1,4 +1,4 @@
-"""Worlds whose episodes are cut sooner than they would be: a flight that is stuck teaches little for its time."""
+"""Worlds whose episodes are truncated sooner than they would be: a flight that is stuck teaches little for its time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from aerial_il.core.contracts import BatchEnv, StepResult
 
 
 class CutShort:
-    """Cuts the episodes of ``env`` after ``longest`` steps; all else is its own."""
+    """Truncates the episodes of ``env`` after ``longest`` steps; all else is its own."""
 
     def __init__(self, env: BatchEnv, longest: int) -> None:
         self._env, self._longest = env, longest
@@ -26,7 +26,7 @@ class CutShort:
         return self._env.reset(seeds, mask)
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
-        """Take a step as ``env`` does; worlds whose time is over are cut."""
+        """Take a step as ``env`` does; worlds whose time is over are truncated."""
         result = self._env.step(actions, mask)
         self._ages += 1 if mask is None else mask
         solved = np.asarray(result.info.get("success", np.zeros(len(self._ages))), bool) & self._env.ends_at_success
@@ -35,7 +35,7 @@ class CutShort:
 
 
 def uncut(env: BatchEnv) -> BatchEnv:
-    """Return the environment itself, for whom reads its simulator."""
+    """Return the environment itself, for code that reads its simulator."""
     return env._env if isinstance(env, CutShort) else env
 
 

@@ -1,4 +1,4 @@
-"""A gate that keeps the return of a prior: weights that fly worse than it are given up for the last that did not."""
+"""A gate that keeps the return of a prior: weights that return less than it are given up for the last that did not."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ FEWEST = 10  # episodes of a rollout, and of the prior, that are compared at all
 class ReturnGate:
     """Compares the mean return of the episodes that ended in a rollout with what the prior's had, both exploring.
 
-    Whatever the weights fly that are still the prior's counts as the prior's: in its first steps those episodes end
-    that succeed soon, and a prior that was judged by them alone would not be let go of.
+    Episodes that are flown with the prior's weights count as the prior's: in its first steps only those end that
+    succeed soon, and a prior that was evaluated on them alone would be overestimated, and never left.
 
     Args:
-        actor: what learns; it begins as the prior. worlds: n.
+        actor: what learns; it starts as the prior. worlds: n.
         errors: standard errors of the difference by which the actor may lie below the prior.
     """
 

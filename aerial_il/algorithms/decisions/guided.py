@@ -22,7 +22,7 @@ class Curriculum:
     """How the guide's part shrinks.
 
     Attributes:
-        schedule: ``curriculum``, stage by stage; or ``random``, a number of steps drawn for each episode.
+        schedule: ``curriculum``, stage by stage; or ``random``, a number of steps sampled for each episode.
         horizon: the guide's steps at first, and at most. stages: in which they shrink to none.
         window: episodes that decide whether a stage is passed. tolerance: share of the best window's return that may
             be missing.
@@ -47,7 +47,7 @@ class GuidedPilot:
 
     Args:
         learner: decides where the guide does not fly. guide: any policy, such as an expert; it is attached and reset.
-        collector: whose worlds these are. curriculum: for how long the guide flies. rng: draws it where it is random.
+        collector: whose worlds these are. curriculum: for how long the guide flies. rng: samples it if random.
 
     Attributes:
         stage: how many times the guide's part has shrunk. flown: environment steps that the learner flew.
@@ -69,7 +69,7 @@ class GuidedPilot:
 
     @property
     def steps(self) -> int:
-        """The guide's steps in episodes that begin now; where they are drawn, at most."""
+        """The guide's steps in episodes that begin now; where they are sampled, at most."""
         chosen = self._curriculum
         return chosen.horizon if chosen.schedule == "random" else chosen.steps(self.stage)
 
@@ -133,7 +133,7 @@ class GuidedPilot:
         self._left, self._begun, self._paid = (arrays[name].copy() for name in ("left", "begun", "paid"))
         learner = {name.removeprefix("learner."): a for name, a in arrays.items() if name.startswith("learner.")}
         self._learner.restore(Snapshot(learner))
-        self.stage, self.flown, self._returns = values["stage"], values["flown"], list(values["returns"])
+        self.stage, self.flown, self._returns = values["stage"], values.get("flown", 0), list(values["returns"])
         self._best = -np.inf if values["best"] is None else values["best"]
         self._rng.bit_generator.state = values["rng"]
         self._remind()

@@ -1,7 +1,7 @@
-"""Settings of on-policy learners that practise what they have been shown: the clone they begin with, and its opening.
+"""Settings of on-policy learners that practise what was demonstrated: the clone they start from, and its opening.
 
-What begins is a clone of the demonstrations, trained in the folder ``prior`` of the run, or a policy that was trained
-before. It is flown chunk by chunk: a mean over overlapping chunks is no chunk that could have been drawn.
+They start from a clone of the demonstrations, trained in the folder ``prior`` of the run, or from a policy that was
+trained before. It is flown chunk by chunk: a mean over overlapping chunks is no chunk that could have been sampled.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ ANY_CLASS = "algorithm=residual takes a prior of any class."
 
 
 class Practice(NamedTuple):
-    """What practice has: the run, the policy that it begins with, demonstrations, and an expert where there is one."""
+    """What practice has: the run, the policy that it starts from, demonstrations, and an expert where there is one."""
 
     run: OnlineRun
     prior: ChunkPolicy
@@ -50,14 +50,14 @@ class Practice(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class PractisedPolicy(Reinforcement):
-    """What they are given; stands before :class:`OnPolicy` among the bases. :meth:`practise` is the algorithm.
+    """Settings of these learners; stands before :class:`OnPolicy` among the bases. :meth:`practise` is the algorithm.
 
     The reward is sparse unless ``reward`` says otherwise.
 
     Attributes:
-        prior: a run or policy to begin with; None for a clone of the demonstrations. cloning: how that is made.
-        warmup: environment steps in which the prior flies alone, and a critic learns what it is worth.
-        patience: episodes of practice are cut at so many times the longest demonstration.
+        prior: a run or policy to start from; None for a clone of the demonstrations. cloning: how that is made.
+        warmup: environment steps in which the prior flies alone, and a critic learns its value.
+        patience: episodes of practice are truncated at so many times the longest demonstration.
     """
 
     demonstrated: ClassVar[bool] = True
@@ -121,7 +121,7 @@ class PractisedPolicy(Reinforcement):
             return self.practise(Practice(opened, prior, demos, expert)) if opened else load_policy(run)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        """Refuse: practice needs something to begin with, which :meth:`train` brings.
+        """Refuse: practice needs something to start from, which :meth:`train` brings.
 
         Raises:
             InvalidValueError: always.
@@ -137,7 +137,7 @@ class PractisedPolicy(Reinforcement):
         return prior
 
     def longest(self, demos: Sequence[Episode]) -> int:
-        """Return after how many steps an episode of practice is cut."""
+        """Return after how many steps an episode of practice is truncated."""
         return math.ceil(self.patience * max(map(len, demos)))
 
     def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
@@ -147,14 +147,14 @@ class PractisedPolicy(Reinforcement):
 
 @dataclass(frozen=True, kw_only=True)
 class AnchoredOnPolicy(ProximalOnPolicy):
-    """Settings of PPO that begins with something good and holds on to it; ``lr`` is the actor's.
+    """Settings of PPO that starts from a good policy and stays near it; ``lr`` is the actor's.
 
     The divergences of all numbers of a chunk add up, and there are tens: ``clip`` and ``target_kl`` are wide.
 
     Attributes:
         critic_lr: the critic's learning rate, which stays.
-        kl: weight of the divergence of a decision from what the beginning would have drawn; it falls linearly to zero.
-        gate: standard errors by which a rollout's episodes may be worth less than the prior's; see
+        kl: weight of a decision's KL divergence from the policy that it starts from; it falls linearly to zero.
+        gate: standard errors by which a rollout's episodes may return less than the prior's; see
             :mod:`aerial_il.algorithms.decisions.gate`. A large number for any.
     """
 
@@ -177,11 +177,11 @@ class AnchoredOnPolicy(ProximalOnPolicy):
 
 @dataclass(frozen=True, kw_only=True)
 class PractisedChunks(PractisedPolicy):
-    """What learners are given that go on with the clone's own network.
+    """Settings of learners that go on with the clone's own network.
 
     Attributes:
-        execute: steps of a chunk that are flown before the next one is drawn, no more than it has.
-        noise: deviation of what is drawn, in those of the demonstrated actions. It is learned from there on.
+        execute: steps of a chunk that are flown before the next one is sampled, no more than it has.
+        noise: standard deviation of the samples at first, in those of the demonstrated actions; it is learned.
         correlation: of that noise from one step of a chunk to the next.
     """
 
@@ -198,7 +198,7 @@ class PractisedChunks(PractisedPolicy):
         """Return the prior as a policy of single chunks.
 
         Raises:
-            InvalidValueError: its network cannot be trained by what its chunks brought.
+            InvalidValueError: its network cannot be trained by policy gradients.
         """
         check_trainable(prior, self.prior)
         execute = min(self.execute, prior.config.chunk)
@@ -237,7 +237,7 @@ def described(demos: Sequence[Episode], prior: ChunkPolicy) -> dict[str, object]
 
 
 def check_trainable(prior: ChunkPolicy, source: str | None) -> None:
-    """Raise :class:`InvalidValueError` unless a gradient can tell the prior's network how to change its chunks."""
+    """Raise :class:`InvalidValueError` unless policy gradients can train the prior's network."""
     name = f"policy={prior.config.name}" if source is None else f"The prior {source} (policy={prior.config.name})"
     if type(prior) is not ChunkPolicy:
         raise InvalidValueError(f"{name} stands beside another one: its weights alone do not fly. {ANY_CLASS}")

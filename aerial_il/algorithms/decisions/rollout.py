@@ -1,7 +1,8 @@
 """Rollouts of decisions that last several steps, such as chunks of actions, and their advantages.
 
-A decision is judged by all that is paid until the next one: for the learner it is one action, after which so many steps
-have passed. Each rollout begins with new decisions in all worlds, so that nothing is half decided between two of them.
+A decision is credited with all rewards until the next one: for the learner it is one action, after which so many steps
+have passed (a semi-Markov decision process). Each rollout begins with new decisions in all worlds, so that nothing is
+half decided between two of them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ class Acted(NamedTuple):
 
     Attributes:
         obs: (n, Do) what decisions see; of meaning where one was made. decided: (n,) bool, a decision begins here.
-        raw: (n, R) what was drawn to make it. actions: (n, Da) in the environment's units.
+        raw: (n, R) the sample behind it. actions: (n, Da) in the environment's units.
     """
 
     obs: np.ndarray
@@ -100,7 +101,7 @@ def judged(
     """Return the decisions with their generalised advantages.
 
     Args:
-        values: of what decisions see, (..., Do) -> (...). rewards: (T, n) what each step is paid.
+        values: of what decisions see, (..., Do) -> (...). rewards: (T, n) of each step.
         gamma: discount of a step. gae_lambda: lambda, counted in decisions.
     """
     worth = values(decisions.obs)
@@ -129,8 +130,8 @@ def advantages(
     """Return generalised advantages (T, n) where decisions were made, and the step (T, n) at which each one closed.
 
     ``A_t = R_t + gamma^k V(s_{t+k}) - V(s_t) + gamma^k lambda A_{t+k}``, where the decision of step t lasted k steps
-    and these were paid ``R_t``, discounted. After a terminal step comes nothing; a decision that is cut by a time
-    limit, or by the end of the rollout, is worth what the critic sees there.
+    with ``R_t`` as the sum of their discounted rewards. The value after a terminal step is zero; a decision that is cut
+    by a time limit, or by the end of the rollout, bootstraps from the critic there.
 
     Args:
         values, after: (T, n) the critic's of ``decisions.obs`` and ``decisions.after``. rewards: (T, n).
@@ -155,7 +156,7 @@ def advantages(
 
 
 class Returns:
-    """What the episodes of n worlds have been paid, across rollouts."""
+    """Returns of the episodes of n worlds, across rollouts."""
 
     def __init__(self, worlds: int) -> None:
         self._running = np.zeros(worlds)

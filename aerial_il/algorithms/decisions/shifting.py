@@ -19,10 +19,11 @@ from aerial_il.policies.squashed_gaussian import LOG_STD_HIGH, LOG_STD_LOW
 
 
 class ShiftActor(StochasticNetwork):
-    """Draws what makes a shift, before the tanh that bounds it, around a network's answer.
+    """Samples shifts, before the tanh that bounds them, around a network's answer.
 
     Args:
-        shift: the network. deviation: of what is drawn, at the start; learned, one for each element.
+        shift: the network. deviation: standard deviation of the pre-tanh samples at the start; learned, one for each
+            element.
     """
 
     def __init__(self, shift: Shift, deviation: float) -> None:
@@ -56,16 +57,16 @@ class ShiftActor(StochasticNetwork):
         return (((self(obs) - actions) ** 2).mean(-1) * valid).sum() / valid.sum().clamp(min=1.0), {}
 
     def _density(self, raw: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
-        """Return the logarithm (B,) of the density of ``raw`` (B, Da) in the elements that are moved."""
+        """Return the log density (B,) of pre-tanh samples ``raw`` (B, Da) in the elements that are moved."""
         each = -0.5 * (((raw - mean) / log_std.exp()) ** 2 + math.log(2 * math.pi)) - log_std
         return (self.shift.moved * each).sum(-1)
 
 
 class ShiftPilot:
-    """Flies a policy that stays as it is, and shifts its actions, each shift for some steps.
+    """Flies a frozen policy and shifts its actions, each shift for some steps.
 
     Args:
-        actor: draws shifts. base: proposes; its memory is taken. hold: steps that a shift lasts.
+        actor: samples shifts. base: proposes; its memory is taken. hold: steps that a shift lasts.
         collector: whose worlds these are.
     """
 

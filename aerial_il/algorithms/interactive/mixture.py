@@ -24,7 +24,7 @@ from aerial_il.core.contracts import (
     phase_of,
 )
 
-IGNORED = 1.0  # distance of action and advice, in deviations of demonstrated actions, that counts as ignoring it
+IGNORED = 1.0  # distance of action and advice, in spreads of demonstrated actions, that counts as ignoring it
 SAME = 0.1  # distance, in the same unit, up to which two pieces of advice are one
 IGNORED_STEPS = 50  # in a row after which the expert is reset
 

@@ -23,7 +23,7 @@ class Supervisor(Protocol):
 
         Args:
             obs: ``name -> (n, ...)``.
-            distance: (n,) how far the learner's action is from the expert's, in deviations of demonstrated actions.
+            distance: (n,) how far the learner's action is from the expert's, in spreads of demonstrated actions.
             flew: (n,) bool, the expert flew in the step before.
         """
         ...

@@ -15,13 +15,13 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 class Agent:
-    """Networks in training and the targets that follow them; what they learn stands in the file of each algorithm.
+    """Networks in training and their target networks; what they learn stands in the file of each algorithm.
 
     Args:
         trained: by the names that their state is kept under. targets: likewise. others: whatever else changes.
 
     Attributes:
-        updates: how often the critics have been improved.
+        updates: gradient steps of the critics so far.
     """
 
     def __init__(
@@ -48,5 +48,5 @@ class Agent:
 
 @torch.no_grad()
 def sampled(actor: SquashedGaussian, obs: np.ndarray) -> np.ndarray:
-    """Draw actions (n, Da) of ``actor`` for encoded observations (n, Do)."""
+    """Sample actions (n, Da) from ``actor`` for encoded observations (n, Do)."""
     return actor.sample(tensor(obs)[:, None])[0].numpy()

@@ -104,5 +104,5 @@ class OnlineAlgorithm(ABC):
 
     @property
     def scheme(self) -> RewardScheme:
-        """What its steps are paid: here what the environment pays."""
+        """How its steps are rewarded: here by the environment alone."""
         return RewardScheme()

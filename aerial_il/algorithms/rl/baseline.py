@@ -1,4 +1,4 @@
-"""A critic of states, whose estimate is the baseline of policy gradients, and the minibatches that it learns from."""
+"""A state-value critic, whose estimate is the baseline of policy gradients, and the minibatches that it learns from."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Estimated(NamedTuple):
 
 
 class Baseline:
-    """A critic of states with its optimiser: it tells the advantages of a rollout, and learns from it.
+    """A state-value critic with its optimiser: it estimates the advantages of a rollout, and learns from it.
 
     Args:
         obs_size: Do. hidden: its widths. lr: its learning rate.
@@ -63,11 +63,11 @@ class Baseline:
 
     @torch.no_grad()
     def values(self, obs: np.ndarray) -> np.ndarray:
-        """Return what is expected (...) from encoded observations (..., Do)."""
+        """Return values V(s) (...) of encoded observations (..., Do)."""
         return self._trained.network(tensor(obs)).numpy()
 
     def advantages(self, rollout: Rollout, rewards: np.ndarray, *, gamma: float, gae_lambda: float) -> Estimated:
-        """Return generalised advantages for what each step is paid, (T, n); after a terminal step comes nothing."""
+        """Return generalised advantage estimates for ``rewards`` (T, n); the value after a terminal step is zero."""
         values = self.values(rollout.obs)
         after = np.where(rollout.terminal, 0.0, self.values(rollout.next_obs))
         found = gae(rewards, values, after, rollout.ended, gamma=gamma, gae_lambda=gae_lambda)
@@ -76,7 +76,7 @@ class Baseline:
         return Estimated(obs, advantages, targets, float(values.mean()))
 
     def fit(self, found: Estimated, *, epochs: int, batch_size: int) -> float:
-        """Learn the targets in several passes; return the mean loss."""
+        """Fit the critic to the targets in several passes; return the mean loss."""
         losses = []
         for _ in range(epochs):
             for i in minibatches(len(found.obs), batch_size):

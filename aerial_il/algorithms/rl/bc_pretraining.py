@@ -12,12 +12,12 @@ from aerial_il.policies.parts.network import ChunkNetwork
 def bc_pretrain[Network: nn.Module](
     trained: TrainState[Network], actor: ChunkNetwork, demos: ReplayBuffer, *, steps: int, batch_size: int
 ) -> None:
-    """Move the centre of ``actor`` towards demonstrated actions in ``steps`` minibatches of ``trained``'s optimiser."""
+    """Move ``actor``'s mean action towards demonstrated ones in ``steps`` minibatches of ``trained``'s optimiser."""
     for _ in range(steps):
         trained.descend(bc_loss(actor, demos.sample(batch_size)))
 
 
 def bc_loss(actor: ChunkNetwork, demos: Batch) -> Tensor:
-    """Return the squared distance of the actor's centre from demonstrated actions, summed over elements."""
+    """Return the squared distance of the actor's mean action from demonstrated actions, summed over elements."""
     distance = ((actor(demos.obs[:, None, :-1])[:, 0] - demos.actions) ** 2).sum(1)
     return ((1.0 - demos.obs[:, -1]) * distance).mean()

@@ -1,7 +1,7 @@
 """A collector with auto-reset: each of its worlds takes the next seed when its episode is over.
 
 An environment is what its seed and the actions since have made of it. A snapshot therefore holds these, and a
-restored collector plays them again: exact wherever equal seeds and actions give equal episodes, whether or not the
+restored collector replays them: exact wherever equal seeds and actions give equal episodes, whether or not the
 environment can save its state.
 """
 
@@ -21,16 +21,16 @@ from aerial_il.policies.parts.layout import Layout
 FIRST_SEED = 1_000_000  # far from the seeds of demonstrations and evaluations, which count from 0 and from 10000
 
 
-RECENT = 4  # actions that a jerk is made of
+RECENT = 4  # actions that a jerk is computed from
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardScheme:
-    """What a step is paid.
+    """How a step is rewarded.
 
     Attributes:
-        sparse: 1 for success in place of what the environment pays.
-        smoothness: what rough actions cost.
+        sparse: 1 for success in place of the environment's reward.
+        smoothness: penalties for rough actions.
         patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
         advice: what can be done about that, in a sentence.
     """
@@ -47,12 +47,12 @@ class Transition(NamedTuple):
     Attributes:
         frames: (n, Do) what was seen.
         actions: (n, Da) what was executed.
-        rewards: (n,) what it was paid, penalties taken off.
+        rewards: (n,) of the step, penalties subtracted.
         next_frames: (n, Do) what was seen afterwards, before any reset.
         terminal: (n,) bool, the episode ended because of what happened: a crash, or success.
         truncated: (n,) bool, it was only cut: the world would have gone on.
         success: (n,) bool, the task is done.
-        penalties: (n,) what rough actions cost.
+        penalties: (n,) for rough actions.
     """
 
     frames: np.ndarray
@@ -72,12 +72,13 @@ class Collector:
         env: a batch environment; it is reset.
         layout: how its observations become frames.
         seed: decides the seeds of its episodes.
-        scheme: what they pay; None for what the environment does.
+        scheme: how their steps are rewarded; None for the environment's reward.
 
     Attributes:
         obs: what the worlds show now, ``name -> (n, ...)``. frames: (n, Do) the same, positions in the world.
         steps: environment steps of all worlds together.
-        informed: whether two steps, or two episodes, have been paid differently: only then is there something to learn.
+        informed: whether two steps have had different rewards, or two episodes different returns: only then is there
+            something to learn.
     """
 
     def __init__(self, env: BatchEnv, layout: Layout, *, seed: int, scheme: RewardScheme | None = None) -> None:
@@ -124,7 +125,7 @@ class Collector:
 
     @property
     def first_reward(self) -> float:
-        """What the first step of all was paid."""
+        """The reward of the first step of all."""
         return self._first["reward"]
 
     def episode_means(self) -> dict[str, float]:
@@ -153,7 +154,7 @@ class Collector:
         return Snapshot(arrays, {"next": self._next, "steps": self.steps, "ended": ended, **rewarded})
 
     def restore(self, saved: Snapshot) -> None:
-        """Play again what was done since the last resets.
+        """Replay the actions since the last resets.
 
         Raises:
             InvalidValueError: the environment now answers otherwise than it did.
@@ -174,7 +175,7 @@ class Collector:
             )
 
     def _penalties(self) -> np.ndarray:
-        """Return what the last action of each world costs for its roughness, (n,)."""
+        """Return the penalty for the roughness of each world's last action, (n,)."""
         smoothness = self.scheme.smoothness
         if not (smoothness.rate_penalty or smoothness.jerk_penalty):
             return np.zeros(self.n)
@@ -184,7 +185,7 @@ class Collector:
         return smoothness.penalties((2.0 * recent - low - high) / (high - low), self._ages)
 
     def _listen(self, what: str, values: np.ndarray) -> None:
-        """Note whether ``values`` (k,) tell apart what was done."""
+        """Note whether any of ``values`` (k,) differs from the first one."""
         if not self.informed and len(values):
             self.informed = bool((values != self._first.setdefault(what, float(values[0]))).any())
 

@@ -1,4 +1,4 @@
-"""The targets that follow networks slowly, and what ensembles of critics have to be."""
+"""Target networks, and what ensembles of critics have to be."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from aerial_il.core.errors import InvalidValueError
 
 
 class Target[Network: nn.Module]:
-    """A copy of a network that follows it slowly.
+    """A target network: a copy of a network that follows it slowly.
 
     Args:
         network: what is followed.
@@ -30,7 +30,7 @@ class Target[Network: nn.Module]:
 
     @torch.no_grad()
     def follow(self, share: float) -> None:
-        """Go that ``share`` of the way to the network as it is now."""
+        """Move that ``share`` of the way to the network as it is now (Polyak averaging)."""
         for copied, followed in self._pairs:
             copied.lerp_(followed, share)
 
@@ -42,7 +42,7 @@ class Target[Network: nn.Module]:
 
 
 class Ensemble(Protocol):
-    """Settings of an ensemble of critics, ``subset`` of which each backup believes."""
+    """Settings of an ensemble of critics, of which each backup uses ``subset``."""
 
     @property
     def critics(self) -> int: ...
@@ -51,7 +51,7 @@ class Ensemble(Protocol):
 
 
 def check_ensemble(settings: Ensemble) -> None:
-    """Raise :class:`InvalidValueError` unless there are critics, and as many as are to be drawn."""
+    """Raise :class:`InvalidValueError` unless there are critics, and as many as are to be sampled."""
     require_positive(settings, "critics", "subset")
     if settings.subset > settings.critics:
         raise InvalidValueError(f"subset is {settings.subset}; it must be at most critics, {settings.critics}.")

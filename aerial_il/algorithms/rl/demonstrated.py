@@ -1,8 +1,8 @@
-"""Settings of learners from a reward that are shown demonstrations, and what these were paid.
+"""Settings of reinforcement learning with demonstrations, and the rewards of these.
 
-A demonstration is paid as the learner itself is: by the environment, as it was recorded; or, where the reward is
-sparse, 1 for the step that solved the task, which is its last where success ends an episode. What rough actions cost is
-taken off in either case.
+A demonstration is rewarded as the learner itself is: by the environment, as it was recorded; or, where the reward is
+sparse, with 1 for the step that solved the task, which is its last where success ends an episode. Penalties for rough
+actions are subtracted in either case.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ TOO_LONG = (
 
 @dataclass(frozen=True, kw_only=True)
 class DemonstratedReinforcement(Reinforcement, Imitation):
-    """What learners from a reward that see demonstrations are given; stands before :class:`OffPolicy` among the bases.
+    """Settings of reinforcement learning with demonstrations; stands before :class:`OffPolicy` among the bases.
 
     Beside those of :class:`Imitation`, of which ``control`` cannot be ``constant_reward`` here:
 
@@ -81,7 +81,7 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
         return super().forfeits_by_success and not self.absorbing
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
-        """Read the demonstrations and pay them as the learner is paid.
+        """Read the demonstrations and reward them as the learner is rewarded.
 
         Raises:
             InvalidValueError: they carry no reward that could be learned from, or are longer than episodes here.
@@ -94,7 +94,7 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
 
 
 def check_paid(episodes: Sequence[Episode], *, sparse: bool) -> None:
-    """Raise :class:`InvalidValueError` where episodes were recorded without rewards, or none brings a sparse one."""
+    """Raise :class:`InvalidValueError` where episodes were recorded without rewards, or none has a sparse one."""
     if sparse and episodes and not any(episode.success for episode in episodes):
         raise InvalidValueError(UNSOLVED.format(len(episodes)))
     if episodes and not sparse and not any(episode.rewards.any() for episode in episodes):
@@ -110,7 +110,7 @@ def check_lengths(episodes: Sequence[Episode], spec: EnvSpec) -> None:
 
 
 def with_rewards(episode: Episode, scheme: RewardScheme, env: BatchEnv) -> Episode:
-    """Return a demonstration paid by ``scheme`` as if it had been flown in ``env``.
+    """Return a demonstration rewarded by ``scheme`` as if it had been flown in ``env``.
 
     Raises:
         InvalidValueError: a reward is not finite, or it is not known which step solved the task.
@@ -138,7 +138,7 @@ def _solved(episode: Episode, env: BatchEnv) -> np.ndarray:
 
 
 def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
-    """Return what the actions of an episode cost for their roughness, (T,)."""
+    """Return the penalties for the roughness of an episode's actions, (T,)."""
     low, high = episode.spec.action.low, episode.spec.action.high
     steps = np.arange(len(episode))
     when = np.maximum(steps[:, None] + 1 - RECENT + np.arange(RECENT), 0)

@@ -1,4 +1,4 @@
-"""Noise on the actions of a policy without chance, independent from step to step or correlated."""
+"""Noise on the actions of a deterministic policy, independent from step to step or correlated."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 class ExplorationNoise:
-    """Gaussian noise of the same deviation in every step, of which a share ``correlation`` stays from step to step:
+    """Gaussian noise, equally large in every step, of which a share ``correlation`` stays from step to step:
 
         ``e_t = rho e_{t-1} + sqrt(1 - rho^2) sigma eps_t``.
 
     Where a single action moves little, as with a car that must rock itself out of a valley, independent noise averages
-    out before anything happens. Correlated noise is that of G. Uhlenbeck, L. Ornstein, "On the Theory of the Brownian
-    Motion", 1930, sampled at the control steps; T. Lillicrap et al., 2016, section 7, explore with rho = 0.85.
+    out before anything happens. Correlated noise is an Ornstein-Uhlenbeck process (G. Uhlenbeck, L. Ornstein, "On the
+    Theory of the Brownian Motion", 1930), sampled at the control steps; T. Lillicrap et al., 2016, section 7, explore
+    with rho = 0.85.
 
     Args:
-        deviation: sigma, in actions normalised to [-1, 1].
+        deviation: the standard deviation sigma, in actions normalised to [-1, 1].
         correlation: rho, from 0 to below 1; the noise of a world runs on into its next episode.
     """
 
@@ -32,7 +33,7 @@ class ExplorationNoise:
 
     @torch.no_grad()
     def explore(self, actor: SquashedGaussian, obs: np.ndarray) -> np.ndarray:
-        """Return the centre of ``actor``'s actions (n, Da) for encoded observations (n, Do), with noise on it."""
+        """Return the mean actions (n, Da) of ``actor`` for encoded observations (n, Do), with noise added."""
         actions = actor(tensor(obs)[:, None])[:, 0]
         return (actions + self._deviation * self._drawn(actions)).clamp(-1, 1).numpy()
 

@@ -1,4 +1,4 @@
-"""Settings of actor-critics that may begin with the weights of a trained policy, whose worth critics learn first."""
+"""Settings of actor-critics whose actor may be initialised from a trained policy; critics learn its value first."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from aerial_il.policies.parts.network import PolicyConfig
 
 @dataclass(frozen=True, kw_only=True)
 class BegunFromPrior(OffPolicyReinforcement):
-    """What they are given.
+    """Settings of these actor-critics.
 
     Attributes:
-        prior: a run or policy of the same class and sizes, whose weights the actor begins with; None for new ones. It
-            flies through the warm-up in place of random actions, while critics alone learn what it is worth.
+        prior: a run or policy of the same class and sizes, from whose weights the actor starts; None for random ones.
+            It flies through the warm-up in place of random actions, while the critics alone learn its value.
     """
 
     prior: str | None = None
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
-        """Return what is learned on; with a prior, seen and acted on as it sees and acts.
+        """Return what is learned on; with a prior, through that policy's interface.
 
         Raises:
             InvalidValueError: the prior cannot fly here, or its weights are none of this policy's.

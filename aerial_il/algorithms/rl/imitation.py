@@ -20,16 +20,16 @@ Control = Literal["none", "random_actions", "constant_reward"]
 
 @dataclass(frozen=True, kw_only=True)
 class Imitation(OnlineAlgorithm):
-    """What imitators are given; stands before :class:`OffPolicy` or :class:`OnPolicy` among the bases.
+    """Settings of imitation; stands before :class:`OffPolicy` or :class:`OnPolicy` among the bases.
 
     Attributes:
         trajectories: how many demonstrations, the first ones; None for all.
         subsample: keep one step of the demonstrations in so many.
         bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
         labels: what counts as the demonstrator's action where it was perturbed: what was ``executed``, or what the
-            ``expert`` meant, which tells how to come back.
+            ``expert`` meant, which shows how to recover.
         control: ``none``, or what stands in for demonstrations: ``random_actions`` or ``constant_reward``.
-        absorbing: whether terminal steps lead to an absorbing state; otherwise they are worth nothing.
+        absorbing: whether terminal steps lead to an absorbing state; otherwise the value after them is zero.
     """
 
     rewarded: ClassVar[bool] = False
@@ -53,11 +53,11 @@ class Imitation(OnlineAlgorithm):
 
     @property
     def learns_from_failures(self) -> bool:
-        """Whether failed episodes are shown too: none is imitated."""
+        """Whether failed episodes are learned from too: none is imitated."""
         return False
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
-        """Read the demonstrations; in the control run ``random_actions`` the environment is flown in their place."""
+        """Read the demonstrations; in the control run ``random_actions``, fly at random in their place."""
         layout, demos, record = read_transitions(
             dataset or (),
             policy,

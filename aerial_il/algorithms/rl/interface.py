@@ -47,8 +47,8 @@ def plain_interface(layout: Layout, policy: PolicyConfig) -> Interface:
     """Return the interface without demonstrations: observations as they are, actions in the environment's bounds.
 
     Raises:
-        InvalidValueError: actions are unbounded, no scores of choices where these are wanted, or anchored: those have
-            no bounds in the environment.
+        InvalidValueError: actions are unbounded, no scores of discrete actions where these are wanted, or anchored:
+            those have no bounds in the environment.
     """
     low, high = action_bounds(layout)
     if isinstance(policy, CategoricalConfig) and policy.choices == "one_hot" and ((low != 0) | (high != 1)).any():

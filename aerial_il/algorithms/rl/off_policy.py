@@ -22,13 +22,13 @@ class OffPolicy(OnlineAlgorithm):
     """Settings of runs that learn from a replay buffer.
 
     Attributes:
-        warmup: environment steps with random actions, before anything is learned.
-        utd_ratio: gradient steps of the critics for each environment step (updates to data).
+        warmup: environment steps with random actions (``dqn``: epsilon-greedy ones), before anything is learned.
+        utd_ratio: gradient steps of the critics for each environment step (update-to-data ratio).
         batch_size: transitions in a minibatch.
         buffer_size: transitions kept.
         lr: learning rate of all that is learned, at the start; it changes linearly.
         lr_floor: what is left of it at the end, as a share; 1 for all. Below that the final policy swings less.
-        tau: share by which targets follow at each update.
+        tau: share by which target networks follow at each update (Polyak averaging).
     """
 
     warmup: int = 5_000
@@ -51,12 +51,12 @@ class OffPolicy(OnlineAlgorithm):
 
 @dataclass(frozen=True, kw_only=True)
 class OffPolicyActorCritic(OffPolicy):
-    """Settings of those that have an actor, which critics of actions improve.
+    """Settings of those that have an actor, which action-value critics improve.
 
     Attributes:
         actor_every: how many of the critics' gradient steps for each one of the actor.
         critic_hidden: widths of the critics.
-        critic_norm: standardise each hidden layer of the critics (LayerNorm), which bounds what they make of actions
+        critic_norm: standardise each hidden layer of the critics (LayerNorm), which bounds their values of actions
             that were never tried (P. Ball et al., "Efficient Online Reinforcement Learning with Offline Data", 2023,
             section 4.2).
     """
@@ -77,10 +77,10 @@ class OffPolicyActorCritic(OffPolicy):
 
 @dataclass(frozen=True, kw_only=True)
 class SoftOffPolicy(OffPolicyActorCritic):
-    """Settings of those whose actor is paid for its entropy as well.
+    """Settings of those whose actor is rewarded for its entropy as well.
 
     Attributes:
-        alpha: temperature at the start: what entropy is paid.
+        alpha: temperature at the start: weight of the entropy beside the reward.
         entropy: target entropy for each action element.
     """
 
@@ -115,16 +115,16 @@ class Collected(NamedTuple):
 
 
 class Explorer(Protocol):
-    """Draws normalised actions (n, Da) for encoded observations (n, Do)."""
+    """Samples normalised actions (n, Da) for encoded observations (n, Do)."""
 
     def explore(self, obs: np.ndarray) -> np.ndarray: ...
 
 
 class RandomActions(Generator):
-    """Draws actions uniformly from [-1, 1], whatever is seen.
+    """Samples actions uniformly from [-1, 1], whatever is observed.
 
     Args:
-        size: elements Da of an action. rng: draws them.
+        size: elements Da of an action. rng: samples them.
     """
 
     def __init__(self, size: int, rng: np.random.Generator) -> None:
@@ -136,7 +136,7 @@ class RandomActions(Generator):
 
 
 def collect_step(collector: Collector, interface: Interface, explorer: Explorer) -> Collected:
-    """Take one step in all worlds with actions drawn by ``explorer``."""
+    """Take one step in all worlds with actions sampled by ``explorer``."""
     obs = encode(interface, collector.frames)
     actions = explorer.explore(obs)
     step = collector.step(decode(interface, np.asarray(actions, np.float32), collector.frames))

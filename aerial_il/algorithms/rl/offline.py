@@ -1,4 +1,4 @@
-"""Settings of algorithms that learn from a dataset first and from their own flights then."""
+"""Settings of offline-to-online algorithms: they learn from a dataset first, then from their own flights."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerial_il.algorithms.run.checks import require_not_negative, require_share
 
 @dataclass(frozen=True, kw_only=True)
 class OfflineFirst(DemonstratedReinforcement, OffPolicyActorCritic):
-    """What they are given; ``warmup`` are the steps that the policy flies before it goes on learning.
+    """Their settings; ``warmup`` are the environment steps that the policy flies before it goes on learning.
 
     Attributes:
         offline_steps: gradient steps on the dataset before the first flight. With 0 the warm-up is flown at random.
@@ -30,5 +30,5 @@ class OfflineFirst(DemonstratedReinforcement, OffPolicyActorCritic):
         require_share(self, "demos_share")
 
     def minibatch(self, demos: ReplayBuffer, flown: ReplayBuffer) -> Batch:
-        """Return transitions of both, in the shares that the settings say."""
+        """Return transitions of both, in the shares that the settings specify."""
         return mixed(demos, flown, self.batch_size, self.demos_share)

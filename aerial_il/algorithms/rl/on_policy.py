@@ -22,7 +22,7 @@ class OnPolicy(OnlineAlgorithm):
     Attributes:
         rollout: environment steps in a rollout, of all worlds together.
         lr: learning rate at the start; it falls linearly to zero.
-        gae_lambda: lambda of the generalised advantages.
+        gae_lambda: lambda of generalised advantage estimation.
         critic_hidden: widths of the critic.
     """
 
@@ -41,13 +41,13 @@ class OnPolicy(OnlineAlgorithm):
 
 @dataclass(frozen=True, kw_only=True)
 class ProximalOnPolicy(OnPolicy):
-    """Settings of those that move over a rollout several times, the actor never far from where it acted.
+    """Settings of those that go over a rollout several times, the actor kept near the policy that acted.
 
     Attributes:
         epochs: passes over a rollout. batch_size: transitions in a minibatch.
-        clip: how far the ratio of probabilities counts.
+        clip: how far from 1 the probability ratio counts.
         entropy: weight of the entropy. clip_norm: largest gradient norm.
-        target_kl: where a rollout's updates of the actor stop; 0 for nowhere.
+        target_kl: a pass of a mean KL divergence above 1.5 times this is the actor's last; 0 for no limit.
     """
 
     epochs: int = 10
@@ -75,8 +75,8 @@ class Rollout(NamedTuple):
 
     Attributes:
         frames: (T, n, Do) in the world. obs, next_obs: (T, n, Do) encoded; ``next_obs`` was seen before any reset.
-        actions: (T, n, Da) normalised. raw: (T, n, R) what was drawn to make them: their forms before the tanh, or
-            the numbers of choices. log_prob: (T, n) logarithm of their density.
+        actions: (T, n, Da) normalised. raw: (T, n, R) the samples behind them: pre-tanh samples, or indices of
+            discrete actions. log_prob: (T, n) their log density.
         rewards: (T, n) of the environment. terminal, truncated: (T, n) bool; see :class:`Transition`.
     """
 
@@ -102,13 +102,13 @@ class Rollout(NamedTuple):
 
 
 class StochasticActor(Protocol):
-    """Draws actions (n, Da), what makes them (n, R) and log densities (n,) for observations (n, Do)."""
+    """Samples actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
 
     def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
 
 
 def collect_rollout(collector: Collector, interface: Interface, actor: StochasticActor, steps: int) -> Rollout:
-    """Take ``steps`` environment steps of all worlds together, or a few more, with actions drawn by ``actor``."""
+    """Take ``steps`` environment steps of all worlds together, or a few more, with actions sampled from ``actor``."""
     rows: list[tuple[np.ndarray, ...]] = []
     for _ in range(-(-steps // collector.n)):
         frames, obs = collector.frames, encode(interface, collector.frames)

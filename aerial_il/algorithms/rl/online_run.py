@@ -67,11 +67,11 @@ class Problem:
     Attributes:
         algorithm: its name. seed: decides all randomness. policy: what is trained. env: a batch environment.
         interface: the way into and out of its network.
-        demos: transitions to imitate, or flown at random in a control run; None where the reward teaches.
+        demos: transitions to imitate, or flown at random in a control run; None where the reward alone teaches.
         dataset: which demonstrations these are, for the run's configuration.
-        scheme: what its steps are paid.
+        scheme: how its steps are rewarded.
         inputs: name -> digest of whatever else it learns from, such as a prior.
-        initial: weights that its network begins with; None for random ones.
+        initial: weights that its network starts from; None for random ones.
     """
 
     algorithm: str
@@ -104,7 +104,7 @@ class OnlineRun:
         collector: the environment with auto-reset.
         interface: the way into and out of the network; an algorithm that learns it replaces it.
         elapsed_s: time spent in the loop, over all calls, evaluations and checkpoints left out.
-        wrap: makes of the trained network's policy the one that is judged and saved; an algorithm may replace it.
+        wrap: makes of the trained network's policy the one that is evaluated and saved; an algorithm may replace it.
     """
 
     def __init__(

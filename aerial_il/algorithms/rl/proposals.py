@@ -1,9 +1,9 @@
 """Actions that a prior proposes for each observation: stored with each transition, so that no backup has to ask again.
 
 A policy that plans in chunks answers by what it saw before, not by an observation alone. It therefore flies along in
-every world, whoever is followed, and its answers are kept as further columns of the observation: the proposed action,
-and whether there is one. There is none after the last step of an episode that was cut. Demonstrations are taken at
-their word: what was done next is what was proposed.
+every world, whichever action is taken, and its answers are kept as further columns of the observation: the proposed
+action, and whether there is one. There is none after the last step of an episode that was cut. In demonstrations the
+demonstrated action counts as the proposed one.
 """
 
 from __future__ import annotations

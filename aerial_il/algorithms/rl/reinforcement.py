@@ -17,12 +17,12 @@ Reward = Literal["environment", "sparse"]
 
 @dataclass(frozen=True, kw_only=True)
 class Reinforcement(OnlineAlgorithm):
-    """What learners from a reward are given; stands before :class:`OffPolicy` or :class:`OnPolicy` among the bases.
+    """Settings of reinforcement learning; stands before :class:`OffPolicy` or :class:`OnPolicy` among the bases.
 
     Attributes:
-        reward: what pays: the ``environment``'s own reward, dense in the suite; or ``sparse``, 1 for success.
+        reward: the ``environment``'s own, dense in the suite; or ``sparse``, 1 for success.
         reward_patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
-        smoothness: what rough actions cost, and how the actor is held back from them.
+        smoothness: penalties for rough actions, and regularisers that hold the actor back from them.
     """
 
     reward: Reward = "environment"
@@ -57,11 +57,11 @@ class Reinforcement(OnlineAlgorithm):
 
 @dataclass(frozen=True, kw_only=True)
 class OffPolicyReinforcement(Reinforcement):
-    """What learners from a replay buffer are given besides.
+    """Further settings of those that learn from a replay buffer.
 
     Attributes:
-        hindsight: what else past episodes are taken for to have pursued.
-        obs_norm: standardise observations by their moments in the warm-up; they stay as they are then.
+        hindsight: the other goals that past episodes are relabelled with.
+        obs_norm: standardise observations by their moments in the warm-up, which are fixed from then on.
     """
 
     hindsight: Hindsight = field(default_factory=Hindsight)
@@ -69,7 +69,7 @@ class OffPolicyReinforcement(Reinforcement):
 
     @property
     def forfeits_by_success(self) -> bool:
-        return super().forfeits_by_success and not self.hindsight.goals  # with it critics bootstrap beyond success
+        return super().forfeits_by_success and not self.hindsight.goals  # with it critics bootstrap through success
 
     def ways_to_reward(self) -> Iterator[str]:
         yield from super().ways_to_reward()

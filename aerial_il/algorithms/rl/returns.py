@@ -24,8 +24,8 @@ def gae(
 
     Args:
         rewards, values: (T, n) ``r_t`` and ``V(s_t)``.
-        next_values: (T, n) ``V(s'_t)``: the critic's where the world goes on or was only cut, so that a time limit
-            does not count as a loss; after an end that matters, what that end is worth.
+        next_values: (T, n) ``V(s'_t)``: the critic's where the episode goes on or was only truncated, so that a time
+            limit does not count as a loss; after a terminal step, the value of that end.
         ended: (T, n) bool, ``s'_t`` was the last of its episode.
         gamma: discount. gae_lambda: lambda.
 
@@ -41,7 +41,7 @@ def gae(
 
 
 class RunningMoments:
-    """Mean and variance of everything shown so far, as if all of it had been kept.
+    """Mean and variance of all samples so far, as if all of it had been kept.
 
     Source: T. Chan, G. Golub, R. LeVeque, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances",
     1979.
@@ -67,7 +67,7 @@ class RunningMoments:
         return np.where(found < MIN_SCALE, 1.0, found)
 
     def normaliser(self) -> Normaliser:
-        """Return the normaliser to mean 0 and deviation 1."""
+        """Return the normaliser to mean 0 and standard deviation 1."""
         return Normaliser(self.mean.astype(np.float32), self.deviation.astype(np.float32))
 
     def snapshot(self) -> Snapshot:
@@ -79,7 +79,7 @@ class RunningMoments:
 
 
 class RewardNorm:
-    """Divide rewards by the running deviation of discounted returns, so that values are of the order of one.
+    """Divide rewards by the running standard deviation of discounted returns, so that values are of the order of one.
 
     Args:
         worlds: n. gamma: discount.

@@ -1,8 +1,8 @@
-"""Smoothness: penalties on how fast actions change, taken from the reward, and regularisers of the actor.
+"""Smoothness: penalties on how fast actions change, subtracted from the reward, and regularisers of the actor.
 
 CAPS pulls the actor's answers to one observation and the next together, and its answers to an observation and to one
-nearby. Penalties are the other way: what changed from action to action costs reward, so that the critic knows. Their
-cause, the actions before, is not observed.
+nearby. Penalties are the other way: changes from action to action cost reward, so that the critic learns of them.
+Their cause, the actions before, is not observed.
 
 Source: S. Mysore et al., "Regularizing Action Policies for Smooth Control with Reinforcement Learning", 2021, equations
 2 to 4. It measures distances between actions by their length; here it is their mean square, smooth at zero.
@@ -26,10 +26,11 @@ class Smoothness:
     """Weights, all 0 by default: nothing is asked. Actions count from -1 to 1 over their bounds.
 
     Attributes:
-        temporal: CAPS, of the squared difference between the actor's centres for an observation and the next.
-        spatial: CAPS, of the one between those for an observation and another drawn near it.
-        radius: standard deviation of that draw, in the network's units.
-        rate_penalty: reward taken for each unit of the squared difference between two actions, mean over elements.
+        temporal: CAPS, of the squared difference between the actor's mean actions for an observation and the next.
+        spatial: CAPS, of the one between those for an observation and another sampled near it.
+        radius: standard deviation of that sample, in the network's units.
+        rate_penalty: subtracted from the reward for each unit of the squared difference between two actions, mean over
+            elements.
         jerk_penalty: the same of the squared third difference of four actions.
     """
 
@@ -43,10 +44,10 @@ class Smoothness:
         require_not_negative(self, "temporal", "spatial", "radius", "rate_penalty", "jerk_penalty")
 
     def loss(self, actor: ChunkNetwork, obs: Tensor, next_obs: Tensor) -> Tensor | float:
-        """Return what the actor's loss is raised by, for encoded observations (B, Do) and the next ones (B, Do).
+        """Return the term of the actor's loss for encoded observations (B, Do) and the next ones (B, Do).
 
         Raises:
-            InvalidValueError: the actor chooses among a few actions, which nothing moves little by little.
+            InvalidValueError: the actor chooses among discrete actions, which have no gradient.
         """
         if not (self.temporal or self.spatial):
             return 0.0
@@ -61,7 +62,7 @@ class Smoothness:
         return found
 
     def penalties(self, recent: np.ndarray, ages: np.ndarray) -> np.ndarray:
-        """Return what the last action of each world costs, (n,).
+        """Return the penalty for the last action of each world, (n,).
 
         Args:
             recent: (n, 4, Da) its last actions from -1 to 1, the newest last. ages: (n,) how many of them there are.

@@ -26,7 +26,7 @@ class BestCheckpoint:
 
     @staticmethod
     def of(rows: Iterable[Mapping[str, float]], name: str) -> BestCheckpoint | None:
-        """Judge by the number called ``name``; None where no row has it."""
+        """Compare by the number called ``name``; None where no row has it."""
         found = [(row[name], int(row["step"])) for row in rows if name in row]
         if not found:
             return None

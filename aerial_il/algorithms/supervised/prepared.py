@@ -26,7 +26,7 @@ class Prepared:
     """What a run of supervised learning is given.
 
     Attributes:
-        policy: what is trained. initial: whose weights it begins with, or None.
+        policy: what is trained. initial: whose weights it starts from, or None.
         layout, interface: the way into and out of its network.
         training: windows to learn from. held_out: windows to validate on, or None.
         order: in which they are visited.

@@ -28,7 +28,7 @@ class Selection:
             ``exp(-sharpness)``, evenly over the ranks.
         operator_weights: who flew -> how much their demonstrations count, where it is not 1.
         failures: how much a flight counts that failed; 0 leaves them out. Those that an expert has labelled, as in
-            DAgger, are worth as much as others.
+            DAgger, count as much as others.
     """
 
     operators: tuple[str, ...] = ()

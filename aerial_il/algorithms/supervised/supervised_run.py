@@ -193,7 +193,7 @@ def open_run(
 def validation_errors(network: ChunkNetwork, held_out: TrainingSet, interface: Interface) -> dict[str, float]:
     """Return the loss on held-out demonstrations and the mean absolute error of each action element in its unit."""
     obs, actions, valid = held_out.gather(held_out.sample())
-    with torch_rng(0, "validation"):  # a loss with chance in it is judged by the same draws each time
+    with torch_rng(0, "validation"):  # a stochastic loss is evaluated with the same samples each time
         loss, _ = network.loss(obs, actions, valid)
     errors = (network(obs) - actions).abs()
     scale, labels = interface.action.scale, interface.layout.spec.action.labels

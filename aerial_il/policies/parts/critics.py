@@ -1,4 +1,4 @@
-"""Critics of actions, several at once: asked by learners from a reward, and by policies that choose between actions."""
+"""Action-value critics, several at once: of reinforcement learning, and of policies that choose between actions."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ GATE, PRIOR, CRITICS = "gate", "prior", "critics"
 def prefers_own(critics: Critics, obs: Tensor, own: Tensor, proposed: Tensor, *, caution: float) -> Tensor:
     """Return where (B,) an actor's own action is to be taken rather than the one that its prior proposed.
 
-    It must be worth more on average over the critics, by ``caution`` of their deviations about how much more.
+    Its value must be higher on average over the critics, by ``caution`` standard deviations of the difference.
 
     Args:
         critics: E of them. obs: (B, Do + 1), the mark of the absorbing state last. own, proposed: (B, Da).
@@ -40,7 +40,7 @@ class GatedPolicy(ChunkPolicy):
 
     Args:
         own: what proposes beside the prior; its interface is the critics' too.
-        prior: a policy of any class, which plans on whoever flies.
+        prior: a policy of any class, which plans on whichever action is taken.
         critics: what chooses. hidden: their widths. caution: see :func:`prefers_own`.
     """
 

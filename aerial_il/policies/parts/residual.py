@@ -1,4 +1,4 @@
-"""A policy that shifts the actions of another one, which stays as it is.
+"""A policy that shifts the actions of another one, which is frozen.
 
 Source: T. Johannink et al., "Residual Reinforcement Learning for Robot Control", 2019, equation 2; L. Ankile et al.,
 "From Imitation to Refinement", 2024, section 4, whose residual sees what the policy below it proposes.
@@ -44,7 +44,7 @@ class Shift(nn.Module):
             self.head.bias.zero_()
 
     def forward(self, seen: Tensor) -> Tensor:
-        """Return what makes the shift, (B, Da), before the tanh that bounds it, for what is seen (B, Do + Da)."""
+        """Return pre-tanh shifts (B, Da) for what is seen (B, Do + Da)."""
         return self.head(self.trunk(seen))
 
     def bounded(self, raw: Tensor) -> Tensor:

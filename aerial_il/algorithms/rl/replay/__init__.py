@@ -1,1 +1,1 @@
-"""Transitions kept to be learned from again: of demonstrations, of own flights, with other goals."""
+"""Experience replay: transitions of demonstrations, of own flights, and relabelled with other goals."""

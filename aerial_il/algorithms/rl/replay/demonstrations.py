@@ -29,7 +29,7 @@ class Transitions(NamedTuple):
 
     Attributes:
         frames, next_frames: (T, Do). actions: (T, Da). terminal: (T,) bool; see :class:`Transition`.
-        rewards: (T,) what the environment paid. success: (T,) bool, the task was done by the action.
+        rewards: (T,) of the environment. success: (T,) bool, the task was done by the action.
     """
 
     frames: np.ndarray
@@ -51,7 +51,7 @@ class Transitions(NamedTuple):
     def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
         """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None.
 
-        In the latter case only success leads to an absorbing state: what a crash brought last is not paid for ever.
+        In the latter case only success leads to an absorbing state: a crash's last reward is not repeated for ever.
         """
         return rows_of(
             encode(interface, self.frames),

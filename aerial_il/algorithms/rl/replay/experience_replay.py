@@ -19,7 +19,7 @@ from aerial_il.core.goals import GoalColumns
 
 
 class ExperienceReplay:
-    """The replay buffer of a run, and all that is done to its flights before they lie in it.
+    """The replay buffer of a run, and all that is done to its flights before they are stored.
 
     Args:
         settings: of the algorithm. run: whose flights these are. buffer_size: transitions kept.
@@ -37,7 +37,7 @@ class ExperienceReplay:
         return {name: part for name, part in found.items() if part is not None}
 
     def step(self, explorer: Explorer) -> None:
-        """Take one step in all worlds with actions drawn by ``explorer``, and add it to the replay buffer."""
+        """Take one step in all worlds with actions sampled by ``explorer``, and add it to the replay buffer."""
         run = self._run
         frames = run.collector.frames
         actions = np.asarray(explorer.explore(encode(run.interface, frames)), np.float32)
@@ -53,7 +53,7 @@ class ExperienceReplay:
             self._keep(*episode)
 
     def sample(self, count: int) -> Batch:
-        """Draw ``count`` transitions with replacement."""
+        """Sample ``count`` transitions with replacement."""
         return self._buffer.sample(count)
 
     def finish_warmup(self) -> None:
@@ -107,7 +107,7 @@ def relabeller(settings: OffPolicyReinforcement, run: OnlineRun) -> Relabeller:
     """Return what relabels episodes with other goals.
 
     Raises:
-        InvalidValueError: the environment tells no goal, or the policy does not see it.
+        InvalidValueError: the environment exposes no goal, or the policy does not see it.
     """
     env, layout = run.collector.env, run.interface.layout
     if env.goal_spec is None:

@@ -1,9 +1,9 @@
-"""Hindsight experience replay: an episode that missed its goal is stored again as one that reached what it did reach.
+"""Hindsight experience replay: an episode that missed its goal is stored again with goals that it did reach.
 
-An environment says which fields of its observations tell the goal, and what another would have paid
-(:mod:`aerial_il.core.goals`). All transitions are paid by that rule, those with the original goal too. An end by
-success is no end for the critic, for what has been reached can be held; every other end is one. Where episodes end in
-crashes a goal must therefore pay 1 when it is reached, not -1 until then: to crash would be the way out.
+An environment specifies which fields of its observations expose the goal, and the reward for any other goal
+(:mod:`aerial_il.core.goals`). All transitions are rewarded by that rule, those with the original goal too. Success is
+not terminal; the critic bootstraps through it. Every other end is terminal. Where episodes end in crashes the reward
+must therefore be 1 when the goal is reached, not -1 until then: to crash would be the way out.
 
 Source: M. Andrychowicz et al., "Hindsight Experience Replay", 2017, section 4.5: strategies ``future`` and ``final``.
 """
@@ -32,8 +32,8 @@ class Hindsight:
         goals: how many other goals each step is stored with; 0 for no hindsight. The source's is 4.
         strategy: where they were achieved: at a random step of the same episode from then on (``future``), or at its
             ``final`` one, which is a single goal.
-        tolerance: share of the goal's own tolerance that is paid. A policy that is paid at its edge comes to rest
-            there, as often outside as inside; one that aims for the middle passes.
+        tolerance: share of the goal's own tolerance that is rewarded. A policy that is rewarded at its edge comes to
+            rest there, as often outside as inside; one that aims for the middle passes.
     """
 
     goals: int = 0
@@ -54,7 +54,7 @@ class Flown(NamedTuple):
 
     Attributes:
         frames, next_frames: (T, Do) in the world. actions: (T, Da) normalised.
-        penalties: (T,) what rough actions cost. lost: (T,) bool, the episode ended otherwise than by success.
+        penalties: (T,) for rough actions. lost: (T,) bool, the episode ended otherwise than by success.
     """
 
     frames: np.ndarray
@@ -65,10 +65,10 @@ class Flown(NamedTuple):
 
 
 class Relabeller:
-    """The episodes that run in n worlds, and what they are once more when they end.
+    """The episodes that run in n worlds, relabelled with other goals when they end.
 
     Args:
-        settings: how often and how. goal: of the environment, in frames. worlds: n. rng: draws the goals.
+        settings: how often and how. goal: of the environment, in frames. worlds: n. rng: samples the goals.
     """
 
     def __init__(self, settings: Hindsight, goal: GoalColumns, worlds: int, rng: np.random.Generator) -> None:
@@ -76,7 +76,7 @@ class Relabeller:
         self._running: list[list[tuple[np.ndarray, ...]]] = [[] for _ in range(worlds)]
 
     def rewards(self, step: Transition) -> np.ndarray:
-        """Return what one step of all worlds is paid for its own goals, (n,)."""
+        """Return the rewards of one step of all worlds for its own goals, (n,)."""
         return self._paid(step.next_frames) - step.penalties
 
     def add(self, step: Transition, actions: np.ndarray) -> list[tuple[np.ndarray, ...]]:
@@ -108,7 +108,7 @@ class Relabeller:
         return frames, episode.actions[steps], rewards, next_frames, episode.lost[steps]
 
     def _paid(self, next_frames: np.ndarray) -> np.ndarray:
-        """Return what steps that led to ``next_frames`` (T, Do) are paid, (T,)."""
+        """Return the rewards (T,) of steps that led to ``next_frames`` (T, Do)."""
         return self.goal.rewards(next_frames, tolerance=self._settings.tolerance)
 
     def snapshot(self) -> Snapshot:

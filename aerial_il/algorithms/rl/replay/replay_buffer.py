@@ -1,10 +1,10 @@
 """A replay buffer of transitions with absorbing states, one transition a row, so that a minibatch is one gather.
 
 An absorbing state stands for everything after an episode's end. It has a reward of its own, learned like any other;
-without it a reward that is always positive pays for staying alive and one that is always negative for dying, whatever
-the demonstrator did. It is the last observation with a mark on it, for ever: were it the same state for all ends, as in
-the source, a crash would lead where the demonstrator's success leads, and an agent that still does badly, whose every
-step is paid worse than that state, would learn to crash.
+without it a reward that is always positive rewards staying alive and one that is always negative rewards dying,
+whatever the demonstrator did. It is the last observation with a mark on it, for ever: were it the same state for all
+ends, as in the source, a crash would lead where the demonstrator's success leads, and an agent that still does badly,
+whose every step has a lower reward than that state, would learn to crash.
 
 Source: I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, section 4.2.
 """
@@ -28,7 +28,7 @@ class Batch(NamedTuple):
         obs, next_obs: (B, Do + 1) encoded observations; the last column is 1 in the absorbing state, else 0.
         actions: (B, Da) normalised.
         rewards: (B,).
-        continues: (B,) 1 where ``next_obs`` has a value, 0 where all ended with the action.
+        continues: (B,) 1 where the target bootstraps from ``next_obs``, 0 where the action was terminal.
     """
 
     obs: Tensor
@@ -54,7 +54,7 @@ def rows_of(
         terminal: (T,) bool, ended because of what happened; truncated episodes do not count.
         absorbing: whether a terminal action leads to an absorbing state (``next_obs`` and a one), which leads to itself
             with an action of zeros and the same reward; that transition is one more row for each of them. Otherwise
-            the future of a terminal action is worth nothing. One for all, or (T,) bool.
+            the value after a terminal action is zero. One for all, or (T,) bool.
 
     Returns:
         (T + number of ends, 2 Do + Da + 4) float32.
@@ -72,7 +72,7 @@ def rows_of(
 
 
 class ReplayBuffer:
-    """The last ``capacity`` rows and the generator that draws from them.
+    """The last ``capacity`` rows and the generator that samples from them.
 
     Args:
         capacity: rows kept.
@@ -97,7 +97,7 @@ class ReplayBuffer:
         self._size = min(capacity, self._size + len(rows))
 
     def sample(self, count: int) -> Batch:
-        """Draw ``count`` transitions with replacement."""
+        """Sample ``count`` transitions with replacement."""
         index = torch.from_numpy(self._rng.integers(0, self._size, count))
         return split(self._rows.index_select(0, index), self._widths)
 
@@ -130,7 +130,7 @@ def concatenated(first: Batch, second: Batch) -> Batch:
 
 
 def mixed(shown: ReplayBuffer, flown: ReplayBuffer, count: int, share: float) -> Batch:
-    """Draw ``count`` transitions, that ``share`` of them shown ones and the others flown ones."""
+    """Sample ``count`` transitions, that ``share`` of them demonstrated ones and the others flown ones."""
     first = round(share * count)
     if first in (0, count):
         return (shown if first else flown).sample(count)

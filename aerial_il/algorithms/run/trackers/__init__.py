@@ -1,6 +1,6 @@
 """Trackers to which the metrics of a run go as well: TensorBoard, Weights & Biases, MLflow; one file each.
 
-Which of them is said once, around a training, since no weight depends on it::
+Which of them is said once, around a training run, since no weight depends on it::
 
     with track_with(["tensorboard", "wandb"]):
         algorithm.train(...)
