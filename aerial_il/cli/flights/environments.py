@@ -44,8 +44,7 @@ class EnvironmentReference:
     image_size: tuple[int, int] = IMAGE_SIZE
 
     def __post_init__(self) -> None:
-        if self.env and self.horizon is not None:
-            raise InvalidValueError(f"horizon= is for the suite: with env={self.env} set max_steps={self.horizon}.")
+        check_horizon(self.env, self.horizon)
         if self.env and (own := self._ours()):
             said = " ".join(f"{name}={value}" for name, value in own.items())
             raise InvalidValueError(f"env={self.env} names an external environment: leave out {said}.")
@@ -99,6 +98,12 @@ class EnvironmentReference:
 
     def _ours(self) -> dict[str, str]:
         return {name: value for name in OURS if (value := getattr(self, name)) is not None}
+
+
+def check_horizon(env: str | None, horizon: int | None) -> None:
+    """Raise :class:`InvalidValueError` where ``horizon``, which is the suite's, was said of ``env`` from outside."""
+    if env and horizon is not None:
+        raise InvalidValueError(f"horizon= is for the suite: with env={env} set max_steps={horizon}.")
 
 
 def key_of(spec: EnvSpec, typed: str | None = None) -> str:

@@ -142,8 +142,7 @@ def record_outside(config: Config) -> None:
     source = config.policy.path
     if config.rerun:
         raise InvalidValueError("rerun=true works in this suite only: leave out env=... or rerun=true.")
-    if config.horizon is not None:
-        raise InvalidValueError(f"horizon= is for the suite: with env={config.env} set max_steps={config.horizon}.")
+    environments.check_horizon(config.env, config.horizon)
     if source is None:
         raise InvalidValueError(f"env={config.env} has no expert of its own: set policy=... too.")
     options = environments.given(success=config.success, max_steps=config.max_steps)
