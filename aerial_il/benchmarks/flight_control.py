@@ -19,7 +19,6 @@ import numpy as np
 
 import aerial_il
 from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
-from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.benchmarks.parts.flight.manoeuvres import (
     NOMINAL,
@@ -45,7 +44,13 @@ from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines, step_lines, success_curves
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
-from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.reporting.success import (
+    failed_seeds,
+    mean_time_s,
+    pooled_row,
+    pooled_target,
+    success_on_the_way,
+)
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     TUNING_SEEDS,
@@ -301,7 +306,7 @@ class FlightControl:
     def _curves(self, record: Record) -> Mapping[tuple[str, str], list[list[tuple[float, float]]]]:
         """Return (task, algorithm) -> the learning curve of each of its trainings."""
         return {
-            (task, by): [_curve(self.run_of(training, record)) for training in self.trainings_of(task, by)]
+            (task, by): [success_on_the_way(self.run_of(training, record)) for training in self.trainings_of(task, by)]
             for task, by in product(TASKS, self.learners)
         }
 
@@ -327,11 +332,6 @@ def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult])
     crashes = sum(result.metrics["ends"]["crash"] for result in found)
     seconds = mean_time_s(found)
     return {"task": task, "tier": tier, "flown_by": name, **pooled_row(found), "time_s": seconds, "crashes": crashes}
-
-
-def _curve(run: Path) -> list[tuple[float, float]]:
-    """Return (steps, success in percent) of a training's evaluations on the way."""
-    return [(r["step"], 100 * r["evaluate/success"]) for r in read_metrics(run) if "evaluate/success" in r]
 
 
 BENCHMARK = FlightControl

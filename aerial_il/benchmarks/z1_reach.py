@@ -21,7 +21,6 @@ import aerial_il
 from aerial_il.algorithms.ddpg import DeterministicGradientLearning
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.algorithms.td3 import TwinDelayedLearning
 from aerial_il.benchmarks.parts.reach.holding import Holding, hold
@@ -30,7 +29,7 @@ from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import success_curves
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
-from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target
+from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row, pooled_target, success_on_the_way
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     TUNING_SEEDS,
@@ -249,7 +248,7 @@ class Z1Reach:
         rows = {arm: self._row(arm, record, results) for arm in self.arms()}
         curves = {
             (f"{arm.action}, {arm.reward}", arm.label): [
-                _curve(self.run_of(arm, seed, record)) for seed in self.seeds_of(arm)
+                success_on_the_way(self.run_of(arm, seed, record)) for seed in self.seeds_of(arm)
             ]
             for arm in self.arms()
         }
@@ -316,11 +315,6 @@ def _jerk(result: EvaluationResult) -> float | None:
 def _mean(values: Sequence[float | None], *, digits: int = 2) -> float | None:
     known = [value for value in values if value is not None]
     return round(sum(known) / len(known), digits) if known else None
-
-
-def _curve(run: Path) -> list[tuple[float, float]]:
-    """Return (steps, success in percent) of a training's evaluations on the way."""
-    return [(r["step"], 100 * r["evaluate/success"]) for r in read_metrics(run) if "evaluate/success" in r]
 
 
 BENCHMARK = Z1Reach

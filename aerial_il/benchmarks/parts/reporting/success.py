@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.reporting.report import Row, Target
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
@@ -117,6 +119,11 @@ def success_target(what: str, percent: float, row: Row) -> Target:
     """Return the target that the success of ``row`` be at least ``percent``."""
     spread = f"95 % interval {row['ci95_low']:g} to {row['ci95_high']:g} %, {row['success']}/{row['episodes']}"
     return Target(what, "at least", percent, row["percent"], "%", spread)
+
+
+def success_on_the_way(run: Path) -> list[tuple[float, float]]:
+    """Return (steps, success in percent) of the evaluations during the training in the folder ``run``."""
+    return [(r["step"], 100 * r["evaluate/success"]) for r in read_metrics(run) if "evaluate/success" in r]
 
 
 def failed_seeds(result: EvaluationResult) -> list[int]:
