@@ -145,7 +145,7 @@ plt.show()
 # ## 8.2 Going on from the clone
 #
 # `bc_ppo` is PPO (notebook 3) whose policy begins as the clone. An action is a whole chunk $c$ of the network $f_\theta$ plus noise. Four things keep what the clone could
-# ([page](../docs/reinforcement.md#from-a-clone-on-policy-chunks-as-actions)):
+# ([page](../docs/from_a_prior.md#from-a-clone-on-policy-chunks-as-actions)):
 #
 # 1. **warm-up**: the critic begins with random numbers, and an actor that follows them forgets within a few rollouts. So until `warmup` the prior flies and only the critic learns;
 # 2. **a pull back** to the clone, a divergence added to the loss (as in Baker et al. 2022), which fades:
@@ -303,7 +303,7 @@ env.close()
 #
 # - Half of these successes are the clone's own: it solved 22 % of the round's 240 starts at its first attempt (`starts_solved_first`, against a tighter limit of time), the explorer another 23 % in up to five more. What is new to the learner are those.
 # - It is one training, and the third try. The first had half of this practice (two rounds of 80 starts, four attempts, 1500 training steps each) and went from 15 to 18 of 60 (McNemar's p = 0.63): nothing. In the second the learner itself was
-#   trained with hidden fields, and went from 13 to 34: with few flights hiding helps the learner, too, with many it harms ([docs](../docs/reinforcement.md)).
+#   trained with hidden fields, and went from 13 to 34: with few flights hiding helps the learner, too, with many it harms ([docs](../docs/from_a_prior.md)).
 #
 # ## 8.4 What the study found
 #
@@ -352,4 +352,4 @@ if calm:
 #
 # **Sources.** Schulman et al., "Proximal policy optimization algorithms", 2017. Baker et al., "Video pretraining (VPT)", *NeurIPS* 2022 (the pull back). Ren et al., "Diffusion policy policy optimization", 2024 (chunks as actions). Dayan & Hinton, "Using
 # expectation-maximization for reinforcement learning", *Neural Computation* 1997. Anthony, Tian & Barber, "Thinking fast and slow with deep learning and tree search", *NeurIPS* 2017. de Haan, Jayaraman & Levine, "Causal confusion in imitation learning",
-# *NeurIPS* 2019. All methods: [reinforcement learning](../docs/reinforcement.md).
+# *NeurIPS* 2019. All methods: [reinforcement learning](../docs/from_a_prior.md).

@@ -140,7 +140,7 @@ plt.show()
 # %% [markdown]
 # ## 8.2 从克隆策略继续学
 #
-# `bc_ppo` 就是 PPO（第 3 篇），但策略的起点是克隆策略。一个动作是网络 $f_\theta$ 给出的整个动作块 $c$ 加上噪声。有四项措施保住克隆策略原来会的东西（[说明](../../docs/reinforcement.md#from-a-clone-on-policy-chunks-as-actions)）：
+# `bc_ppo` 就是 PPO（第 3 篇），但策略的起点是克隆策略。一个动作是网络 $f_\theta$ 给出的整个动作块 $c$ 加上噪声。有四项措施保住克隆策略原来会的东西（[说明](../../docs/from_a_prior.md#from-a-clone-on-policy-chunks-as-actions)）：
 #
 # 1. **预热**：价值网络起初是随机数，跟着它走的策略几个回合就会遗忘。所以在 `warmup` 步之前由先验飞行，只有价值网络在学习；
 # 2. **拉回**克隆策略：在损失中加一项散度（如 Baker 等 2022），它逐渐减弱：
@@ -289,7 +289,7 @@ env.close()
 # 怎样解读。在这次运行中，一轮练习使克隆策略解决的起始状态从 60 个中的 16 个增加到 26 个；其中 15 个是练习之后才解决的，5 个是练习之前才能解决的。它用了 1,032 次飞行，即 331,000 步，相当于在仿真中飞 1.8 小时，以及 107 个表示"成功"的比特。在相信它之前要知道两件事：
 #
 # - 这些成功有一半是克隆策略自己的：它第一次尝试就解决了这一轮 240 个起始状态的 22 %（`starts_solved_first`，时限更紧），探索者在最多五次后续尝试中又解决了 23 %。对学习者来说，新的只有后者。
-# - 这是一次训练，而且是第三次尝试。第一次的练习只有一半（两轮，每轮 80 个起始状态，四次尝试，每次训练 1500 步），从 60 个中的 15 个到 18 个（McNemar 的 p = 0.63）：没有效果。第二次中学习者自己也在隐藏字段的条件下训练，从 13 个到 34 个：飞行次数少时隐藏对学习者也有帮助，多时则有害（[文档](../../docs/reinforcement.md)）。
+# - 这是一次训练，而且是第三次尝试。第一次的练习只有一半（两轮，每轮 80 个起始状态，四次尝试，每次训练 1500 步），从 60 个中的 15 个到 18 个（McNemar 的 p = 0.63）：没有效果。第二次中学习者自己也在隐藏字段的条件下训练，从 13 个到 34 个：飞行次数少时隐藏对学习者也有帮助，多时则有害（[文档](../../docs/from_a_prior.md)）。
 #
 # ## 8.4 研究的结果
 #
@@ -333,4 +333,4 @@ if calm:
 # %% [markdown]
 # 怎样解读。练习值多少，要看一种方法比同样十次示范的克隆策略高多少，也要看它比过滤克隆高多少，后者同样只需要 0 或 1 的奖励；如果对训练的区间向下伸到它们那里，换一批示范就可能什么也看不出来。再与 `bc, many demonstrations` 比较：**谁的专家能飞那么多次，就应当让它飞。** 练习是为那些有十次示范而不会再有的人准备的。
 #
-# **出处。** Schulman 等，"Proximal policy optimization algorithms"，2017。Baker 等，"Video pretraining (VPT)"，*NeurIPS* 2022（拉回）。Ren 等，"Diffusion policy policy optimization"，2024（以动作块为动作）。Dayan 与 Hinton，"Using expectation-maximization for reinforcement learning"，*Neural Computation* 1997。Anthony、Tian 与 Barber，"Thinking fast and slow with deep learning and tree search"，*NeurIPS* 2017。de Haan、Jayaraman 与 Levine，"Causal confusion in imitation learning"，*NeurIPS* 2019。全部方法：[强化学习](../../docs/reinforcement.md)。
+# **出处。** Schulman 等，"Proximal policy optimization algorithms"，2017。Baker 等，"Video pretraining (VPT)"，*NeurIPS* 2022（拉回）。Ren 等，"Diffusion policy policy optimization"，2024（以动作块为动作）。Dayan 与 Hinton，"Using expectation-maximization for reinforcement learning"，*Neural Computation* 1997。Anthony、Tian 与 Barber，"Thinking fast and slow with deep learning and tree search"，*NeurIPS* 2017。de Haan、Jayaraman 与 Levine，"Causal confusion in imitation learning"，*NeurIPS* 2019。全部方法：[强化学习](../../docs/from_a_prior.md)。
