@@ -8,9 +8,9 @@ changes. In flight, and in what the critics learn,
 the better action is taken: learning starts from the value of the prior, and leaves it where a higher one is estimated.
 Better is the actor's own action whose value exceeds the prior's, on average over the ensemble, by ``caution`` standard
 deviations of that difference over the critics; the source compares the minimum of two critics, which is near to no
-caution, and with little caution a prior was lost here (``docs/reinforcement_trials.md``). The actor ascends the mean of the
-critics, as in TD3 with noise on its actions and on the target's. Up to ``warmup`` the prior flies alone, and critics
-learn its value.
+caution, and with little caution a prior was lost here (``docs/reinforcement_trials.md``). The actor ascends the mean of
+the critics, as in TD3 with noise on its actions and on the target's. Up to ``warmup`` the prior flies alone, and
+critics learn its value.
 
 What is evaluated and saved at the end is what flew: actor, prior and critics in one policy.
 

@@ -87,6 +87,21 @@ def test_a_method_reaches_the_target_in_both_tiers_and_in_time_or_not_at_all() -
         assert (target.limit, target.measured, target.met) == (3, reached, reached == 3)
     assert not list(FromPrior()._targets(rows_of("filtered_bc", 95.0, 90.0)))
     assert not list(FromPrior()._targets([{**row, "demos": 11} for row in fine]))
+    assert not list(FromPrior(robot="quad")._targets(fine)), "nothing is wanted of another robot"
+
+
+def test_the_heavy_vehicle_is_asked_for_success_in_both_tiers_of_more_than_filtered_cloning() -> None:
+    study = build(groups.read_option("bench", "from_prior_big_four"))
+    assert (study.robot, study.practised_in["insert_peg"]) == ("big_four_z1", "gusts")
+    for arm, percent, harder, met in (
+        ("expert_iteration", 80.0, 80.0, True),
+        ("bc_ppo", 95.0, 79.9, False),
+        ("bc_ppo", 79.9, 95.0, False),
+        ("filtered_bc", 95.0, 95.0, None),
+        (CLONE, 95.0, 95.0, None),
+    ):
+        rows = [{**row, "task": "insert_peg", "demos": 40} for row in rows_of(arm, percent, harder)]
+        assert [target.met for target in study._targets(rows)] == ([] if met is None else [met])
 
 
 def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
