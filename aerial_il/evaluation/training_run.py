@@ -99,18 +99,12 @@ class TrainingRun:
     @cached_property
     def rollouts(self) -> list[Rollouts]:
         """Evaluations on the way, in the order of the steps."""
-        logged = (row for row in self.rows if SUCCESS in row)
-        return [Rollouts(int(row["step"]), row[SUCCESS], int(row.get(EPISODES, 0))) for row in logged]
+        return rollouts_of(self.rows)
 
     @property
     def largest_dip(self) -> float | None:
-        """The most by which success fell below the prior's, that of the rollouts at step 0; None without those.
-
-        What the first 2 % of the steps did is not counted; 0 where it never fell below.
-        """
-        logged = self.rollouts
-        later = [rollouts.rate for rollouts in logged[1:] if rollouts.step > SETTLING * self.steps]
-        return max(0.0, logged[0].rate - min(later)) if later and logged[0].step == 0 else None
+        """See :func:`largest_dip_of`."""
+        return largest_dip_of(self.rows)
 
     @cached_property
     def rewards(self) -> list[tuple[int, float]]:
@@ -122,6 +116,22 @@ class TrainingRun:
     def settings(self) -> dict[str, Any]:
         """Dotted settings -> values, without those that a seed changes."""
         return {key: value for key, value in _dotted(self.config).items() if key not in BY_CHANCE}
+
+
+def rollouts_of(rows: Sequence[Mapping[str, Any]]) -> list[Rollouts]:
+    """Return the evaluations on the way in rows of metrics."""
+    logged = (row for row in rows if SUCCESS in row)
+    return [Rollouts(int(row["step"]), row[SUCCESS], int(row.get(EPISODES, 0))) for row in logged]
+
+
+def largest_dip_of(rows: Sequence[Mapping[str, Any]]) -> float | None:
+    """Return the most by which success fell below the prior's, that of the rollouts at step 0; None without those.
+
+    What the first 2 % of the steps did is not counted; 0 where it never fell below.
+    """
+    logged, steps = rollouts_of(rows), int(rows[-1]["step"]) if rows else 0
+    later = [rollouts.rate for rollouts in logged[1:] if rollouts.step > SETTLING * steps]
+    return max(0.0, logged[0].rate - min(later)) if later and logged[0].step == 0 else None
 
 
 def is_run(path: str | os.PathLike[str]) -> bool:

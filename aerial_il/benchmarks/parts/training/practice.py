@@ -14,7 +14,7 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.reporting.report import Row, Target
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.benchmarks.parts.training.stages import Cloned, Stages
-from aerial_il.evaluation.training_run import read_run
+from aerial_il.evaluation.training_run import largest_dip_of
 
 MOST_DIP, MAY_DIP = 5.0, 0.02  # points below the prior; share of the steps in which it may fall further
 LISTED = 16  # rounds of a training on the page
@@ -162,7 +162,7 @@ class Practice:
         """Return by how many points the flights on the way fell below those of the prior; None without such flights."""
         if not (isinstance(arm.training, Continued) and _has_prior(arm)):
             return None
-        dip = read_run(self.stages.run_of(arm.training)).largest_dip
+        dip = largest_dip_of(read_metrics(self.stages.run_of(arm.training)))
         return None if dip is None else 100 * dip
 
 
