@@ -14,6 +14,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval, bootstrap_macro, t_interval, wilson
+from aerial_il.evaluation.training_run import rollouts_of
 
 
 def success_row(result: EvaluationResult) -> Row:
@@ -123,7 +124,7 @@ def success_target(what: str, percent: float, row: Row) -> Target:
 
 def success_on_the_way(run: Path) -> list[tuple[float, float]]:
     """Return (steps, success in percent) of the evaluations during the training in the folder ``run``."""
-    return [(r["step"], 100 * r["evaluate/success"]) for r in read_metrics(run) if "evaluate/success" in r]
+    return [(rollouts.step, 100 * rollouts.rate) for rollouts in rollouts_of(read_metrics(run))]
 
 
 def failed_seeds(result: EvaluationResult) -> list[int]:
