@@ -36,7 +36,14 @@ from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
 from aerial_il.benchmarks.parts.training.practice import LISTED, Arm, Practice, grouped
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
+from aerial_il.benchmarks.parts.training.stages import (
+    EVALUATION_SEED,
+    Cloned,
+    Stages,
+    check_fewer,
+    check_seeds,
+    described,
+)
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
@@ -181,12 +188,13 @@ class FromPrior:
         for name in self.arms:
             if name not in self.practising:
                 raise UnknownNameError("arm", name, self.practising)
-        for name in (*self.fewer, *self.only_from):
+        for name in self.only_from:
             if name not in known[1:]:
                 raise UnknownNameError("arm", name, known[1:])
+        check_fewer(self.fewer, known[1:])
         counts = [count for task in self.starts.values() for count in task]
-        if min([self.many, self.episodes, self.num_envs, *counts, *self.fewer.values()]) < 1:
-            raise InvalidValueError("starts, many, episodes, num_envs and fewer start at 1.")
+        if min([self.many, self.episodes, self.num_envs, *counts]) < 1:
+            raise InvalidValueError("starts, many, episodes and num_envs start at 1.")
         if not (self.draws and counts):
             raise InvalidValueError("draws and starts name at least one.")
         check_seeds(EVALUATION_SEED, self.episodes)

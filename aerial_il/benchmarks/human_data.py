@@ -28,6 +28,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     Stages,
     Training,
     all_that_decides,
+    check_fewer,
     check_seeds,
     described,
 )
@@ -126,11 +127,10 @@ class HumanData:
     def __post_init__(self) -> None:
         if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
             raise InvalidValueError("demos, episodes and num_envs start at 1; draws name at least one.")
-        for name in (*self.arms, *self.fewer, *self.as_recorded):
+        for name in (*self.arms, *self.as_recorded):
             if name not in self.policies:
                 raise UnknownNameError("arm", name, self.policies)
-        if min(self.fewer.values(), default=1) < 1:
-            raise InvalidValueError("fewer starts at 1 draw; leave an arm out by naming the others: bench.arms=[...].")
+        check_fewer(self.fewer, self.policies)
         check_seeds(EVALUATION_SEED, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,11 +21,12 @@ from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.sb3.cells import Cell, cells
 from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, learn
 from aerial_il.benchmarks.parts.training.outside import Learned, OutsideStages
-from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED
+from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, check_fewer
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.files import write_json
 from aerial_il.evaluation.statistics import t_interval
 
+FEWER: Mapping[str, int] = {"ppo_reach": 1, "sac_half_cheetah": 1, "ppo_half_cheetah": 1}
 OURS, THEIRS, FOUND = "ours", "sb3", "found.json"
 NOTES = (
     "Return: mean over the episodes of each training's final policy, its mean action, on held-out seeds; then over"
@@ -37,6 +38,8 @@ NOTES = (
     "falls linearly to zero on theirs, as published.",
     "Sooner: seconds until the mean return of the last hundred episodes first reaches the lower of the two sides' "
     "highest, theirs over ours, by pairs of trainings; median.",
+    "Exploring: mean return of the last hundred episodes of training, flown with exploration.",
+    "What takes long is trained fewer times (settings.fewer).",
     "Steps per second: environment steps of the whole training over its time, learning included.",
 )
 
@@ -47,6 +50,7 @@ class Sb3:
 
     Attributes:
         cells: which comparisons; empty for all. seeds: trainings on each side. episodes: that judge one.
+        fewer: comparison -> with how many of the seeds it is made, where that takes long.
         steps_share: of the steps of each, to try the study; results at other shares are kept apart.
     """
 
@@ -55,6 +59,7 @@ class Sb3:
 
     cells: tuple[str, ...] = ()
     seeds: tuple[int, ...] = (0, 1, 2)
+    fewer: Mapping[str, int] = field(default_factory=lambda: dict(FEWER))
     episodes: int = 100
     steps_share: float = 1.0
 
@@ -62,6 +67,7 @@ class Sb3:
         for name in self.cells:
             if name not in cells():
                 raise UnknownNameError("comparison", name, tuple(cells()))
+        check_fewer(self.fewer, cells(), "comparison")
         if not self.seeds or self.episodes < 1 or not 0.0 < self.steps_share <= 1.0:
             raise InvalidValueError("seeds name one at least, episodes start at 1, steps_share lies in (0, 1].")
 
@@ -71,7 +77,7 @@ class Sb3:
             raise InvalidValueError("bench sb3 needs Stable-Baselines3: python -m pip install 'aerial-il[sb3]'.")
         stages = OutsideStages(record=Record(folder), episodes=self.episodes, progress=progress)
         chosen = {name: cell for name, cell in cells().items() if name in self.cells or not self.cells}
-        trainings = [(name, seed) for name in chosen for seed in self.seeds]
+        trainings = [(name, seed) for name in chosen for seed in self.seeds[: self.fewer.get(name)]]
         found: dict[str, list[tuple[Found, Found]]] = {name: [] for name in chosen}
         for name, seed in bar(trainings, self.name, progress):
             found[name].append((self._ours(chosen[name], seed, stages), self._theirs(chosen[name], seed, stages)))
@@ -126,13 +132,14 @@ def _rows(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[R
                 "comparison": name,
                 "side": side,
                 "worlds": cell.worlds,
-                "steps": int(steps.mean()),
+                "steps": _whole(steps.mean()),
                 "trainings": len(pairs),
                 "return": round(float(means.mean()), 1),
                 **_ends(means),
                 "each": " ".join(f"{mean:.0f}" for mean in means),
+                "exploring": _exploring([pair[k] for pair in pairs]),
                 "train_s": round(float(seconds.mean()), 1),
-                "steps_per_s": round(float((steps / seconds).mean())),
+                "steps_per_s": _whole((steps / seconds).mean()),
                 "sooner": None if k or sooner is None else round(float(np.median(sooner)), 2),
             }
         )
@@ -169,12 +176,22 @@ def _times_sooner(pairs: Sequence[tuple[Found, Found]]) -> list[float] | None:
     return found
 
 
+def _exploring(found: Sequence[Found]) -> float | None:
+    last = [side.curve[-1][2] for side in found if side.curve]
+    return round(float(np.mean(last)), 1) if last else None
+
+
 def _seconds(found: Found) -> float:
     return found.seconds
 
 
 def _steps_of(found: Found) -> float:
     return found.curve[-1][0] if found.curve else float("nan")
+
+
+def _whole(value: float) -> int | None:
+    """Return a number without its fraction; None where there is none, as without a curve."""
+    return int(value) if np.isfinite(value) else None
 
 
 def _ends(means: np.ndarray) -> Mapping[str, Any]:

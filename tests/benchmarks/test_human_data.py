@@ -37,7 +37,7 @@ def test_a_class_may_be_trained_in_fewer_draws() -> None:
         HumanData(fewer={"transformer": 1})
     with pytest.raises(UnknownNameError, match="lstm"):
         HumanData(as_recorded=("lstm",))
-    with pytest.raises(InvalidValueError, match="fewer starts at 1"):
+    with pytest.raises(InvalidValueError, match=r"fewer\.act is 0; it starts at 1"):
         HumanData(fewer={"act": 0})
 
 

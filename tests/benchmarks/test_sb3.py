@@ -12,7 +12,7 @@ import pytest
 from aerial_il.benchmarks.parts.sb3.cells import Cell, cells
 from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, keywords, schedule
 from aerial_il.benchmarks.parts.training.outside import mean_of_last
-from aerial_il.benchmarks.sb3 import Sb3, _targets, _times_sooner
+from aerial_il.benchmarks.sb3 import Sb3, _rows, _targets, _times_sooner
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 needs_sb3 = pytest.mark.skipif(not INSTALLED, reason="Stable-Baselines3 is not installed")
@@ -53,6 +53,30 @@ def test_unknown_comparisons_are_refused() -> None:
         Sb3(cells=("ppo_cartpol",))
     with pytest.raises(InvalidValueError, match="steps_share"):
         Sb3(steps_share=0.0)
+
+
+def test_a_comparison_that_takes_long_is_made_with_fewer_seeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[tuple[str, int]] = []
+
+    def side(study: Sb3, cell: Cell, seed: int, stages: object) -> Found:
+        made.append((cell.task, seed))
+        return found(cell.wanted or 1.0, 2.0)
+
+    monkeypatch.setattr(Sb3, "_ours", side)
+    monkeypatch.setattr(Sb3, "_theirs", side)
+    monkeypatch.setattr("aerial_il.benchmarks.sb3.INSTALLED", True)
+    report = Sb3(cells=("ppo_reach", "ppo_cartpole")).run(tmp_path, progress=False)
+    assert [row["trainings"] for row in report.tables["Both sides"]] == [3, 3, 1, 1]
+    assert set(made) == {("CartPole-v1", 0), ("CartPole-v1", 1), ("CartPole-v1", 2), ("fa_hexa_arm4:reach", 0)}
+    with pytest.raises(UnknownNameError, match="Did you mean 'ppo_reach'"):
+        Sb3(fewer={"ppo_reac": 1})
+
+
+def test_flights_of_the_mean_action_stand_beside_those_of_training() -> None:
+    pair = (Found([1.0, 3.0], 10.0, [(1.0, 1.0, 5.0), (2.0, 2.0, 7.0)]), Found([4.0], 10.0, []))
+    ours, theirs = _rows("any", cells()["ppo_reach"], [pair])
+    assert (ours["return"], ours["exploring"]) == (2.0, 7.0)
+    assert (theirs["return"], theirs["exploring"], theirs["steps"]) == (4.0, None, None), "no episode ended on the way"
 
 
 def test_settings_of_the_authors_collection_are_understood() -> None:

@@ -88,6 +88,19 @@ def test_a_file_repeats_nothing_that_its_constructor_says_anyway(file: Path) -> 
     assert not {name for name, value in said.items() if not isinstance(value, dict) and usual[name] == value}
 
 
+def test_a_file_may_say_only_what_differs_from_another_of_its_group(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "policy").mkdir()
+    target = groups.target_of("policy", "mlp")
+    (tmp_path / "policy" / "wide.yaml").write_text(f"_target_: {target}\nhidden: [64, 64]\nchunk: 3\n")
+    (tmp_path / "policy" / "wide_short.yaml").write_text("defaults: [wide, _self_]\nchunk: 2\n")
+    monkeypatch.setattr(groups, "conf_dir", lambda: tmp_path)
+    wide, short = (groups.read_option("policy", name) for name in ("wide", "wide_short"))
+    assert (short["hidden"], short["chunk"]) == ([64, 64], 2)
+    assert {key for key in wide if wide[key] != short[key]} == {"chunk"}
+
+
 @pytest.mark.parametrize("name", policies.list_policies())
 def test_a_policy_file_of_that_name_builds_that_policy(name: str) -> None:
     assert type(build(groups.read_option("policy", name))) is policies.policy_config(name)

@@ -1,7 +1,8 @@
 """Configuration groups: what may be chosen in each, and what a choice holds. Nothing heavy is imported to read them.
 
 A choice is a registered name, whose values are its constructor's defaults, or a file of ``conf/<group>/``, which says
-only what differs from them: a file of a registered name changes that one, any other names its ``_target_``.
+only what differs from them: a file of a registered name changes that one, any other names its ``_target_``. Where its
+``defaults`` name another file of its group, it says what differs from that one.
 """
 
 from __future__ import annotations
@@ -99,6 +100,16 @@ def _registered(group: str) -> tuple[str, ...]:
 
 @cache
 def _option(group: str, name: str) -> dict[str, Any]:
+    said = _said(group, name)
+    if group in NAMED:
+        return {"name": name, **said}
+    if group in CONSTRUCTED and TARGET not in said:
+        said = {TARGET: target_of(group, name), **said}
+    return completed(said)
+
+
+def _said(group: str, name: str) -> dict[str, Any]:
+    """Return what the file of a choice says, over what the files in its ``defaults`` say; empty without a file."""
     file = conf_dir() / group / f"{name}.yaml"
     said = deepcopy(read_yaml(file)) if file.is_file() else {}
     for entry in said.pop("defaults", []):
@@ -106,11 +117,9 @@ def _option(group: str, name: str) -> dict[str, Any]:
             ((source, chosen),) = entry.items()
             other, _, key = source.removeprefix("/").partition("@")
             _place(said, key.split("."), read_option(other, chosen))
-    if group in NAMED:
-        return {"name": name, **said}
-    if group in CONSTRUCTED and TARGET not in said:
-        said = {TARGET: target_of(group, name), **said}
-    return completed(said)
+        elif entry != "_self_":  # another choice of this group
+            said = {**_said(group, entry), **said}
+    return said
 
 
 def _place(tree: dict[str, Any], path: list[str], value: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ any moment, the same call continues; several processes may share a record as lon
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -24,7 +24,7 @@ from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.demonstrations import Source, collections, first, gather
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import BatchEnv, Policy
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import LOG
@@ -275,6 +275,24 @@ def steps_of(algorithm: BehaviourCloning | InteractiveSettings) -> int:
     if isinstance(algorithm, BehaviourCloning):
         return algorithm.steps
     return 2 * algorithm.training.steps + (algorithm.rounds - 1) * algorithm.between_steps
+
+
+def check_fewer(fewer: Mapping[str, int], known: Iterable[str], kind: str = "arm") -> None:
+    """Refuse a smaller number of trainings for what is not trained at all, and numbers below one.
+
+    Args:
+        fewer: name -> in how many of the draws it is trained. known: the valid names. kind: what they stand for.
+
+    Raises:
+        UnknownNameError: a name is not among ``known``.
+        InvalidValueError: a number is below 1.
+    """
+    known = tuple(known)
+    for name, trainings in fewer.items():
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+        if trainings < 1:
+            raise InvalidValueError(f"fewer.{name} is {trainings}; it starts at 1. To leave it out, name the others.")
 
 
 def check_seeds(first_episode: int, episodes: int) -> None:
