@@ -14,9 +14,9 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.reporting.report import Row, Target
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.benchmarks.parts.training.stages import Cloned, Stages
-from aerial_il.evaluation.training_run import largest_dip_of
+from aerial_il.evaluation.training_run import SETTLING, largest_dip_of
 
-MOST_DIP, MAY_DIP = 5.0, 0.02  # points below the prior; share of the steps in which it may fall further
+MOST_DIP = 5.0  # points below the prior
 LISTED = 16  # rounds of a training on the page
 
 
@@ -188,7 +188,7 @@ def largest_dip(rounds: Sequence[Row], *, begun: int = 0) -> float:
         rounds: from the first to the last, with ``first_percent`` and ``flown``. begun: steps flown before the first.
     """
     first, last = rounds[0]["first_percent"], rounds[-1]["flown"]
-    judged = [row for row in rounds if row["flown"] - begun >= MAY_DIP * (last - begun)]
+    judged = [row for row in rounds if row["flown"] - begun >= SETTLING * (last - begun)]
     return max(0.0, *(first - row["first_percent"] for row in judged))
 
 
