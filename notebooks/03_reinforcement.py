@@ -142,8 +142,8 @@ print("last change", f"{changes[-1]:.1e}")
 #
 # Four numbers are seen (place and speed of the cart, angle and rate of the pole), two actions, one point for each step up to 500. The
 # budgets differ, because a step of DQN costs more computing than one of REINFORCE; the plot counts steps of the environment. Settings
-# are the project's defaults but for the lengths of rollouts, warm-up and updates; they were chosen by a first look at other seeds
-# (5000), not by a search.
+# are the project's defaults but for the lengths of rollouts, warm-up, updates and DQN's minibatches; they were chosen by a first look
+# at other seeds (5000), not by a search.
 
 # %%
 ALGORITHMS = {
