@@ -32,10 +32,10 @@ NOTES = (
     "Return: mean over the episodes of each training's final policy, its mean action, on held-out seeds; then over"
     " trainings, which differ in weights, exploration and episodes. Low and high: Student's 95 % interval with a"
     " training as the unit.",
-    "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread. On `reach`, for "
-    "which they publish none, both have the same; its worlds have a process each (SubprocVecEnv), ours are a batch. On CartPole `dqn` has another learning rate, other targets "
-    "and another loss on our side, chosen on other seeds; there the clip range of `ppo` is constant on our side and "
-    "falls linearly to zero on theirs, as published.",
+    "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread. On `reach`, for which "
+    "they publish none, both have the same; its worlds have a process each (SubprocVecEnv), ours are a batch. On "
+    "CartPole `dqn` has another learning rate, other targets and another loss on our side, chosen on other seeds; "
+    "there the clip range of `ppo` is constant on our side and falls linearly to zero on theirs, as published.",
     "Sooner: seconds until the mean return of the last hundred episodes first reaches the lower of the two sides' "
     "highest, theirs over ours, by pairs of trainings; median.",
     "Exploring: mean return of the last hundred episodes of training, flown with exploration.",
