@@ -1,11 +1,12 @@
 """What is learned on both sides: task, steps, worlds and settings, and what either side is asked to reach.
 
 Settings are those that the authors of Stable-Baselines3 publish for it (RL Baselines3 Zoo, ``hyperparams/ppo.yml``,
-``sac.yml``, ``ddpg.yml``, ``dqn.yml``), and ours the same where ours has such a setting; on our
-own task, for which they publish none, both have those written here. What differs by design: ours always standardises what ``ppo`` sees and divides its rewards, lets its learning rate fall to zero and keeps its clip
-range, which on CartPole falls to zero there (``lin_0.2``); ``dqn`` is a double one; targets follow by updates, there by
-steps. On CartPole, where with the published settings either side ends at 500 now and then, our ``dqn`` has a learning
-rate, targets and a loss of its own.
+``sac.yml``, ``ddpg.yml``, ``dqn.yml``), and ours the same where ours has such a setting; on our own task, for which
+they publish none, both have those written here. What differs by design: ours always standardises what ``ppo`` sees and
+divides its rewards, lets its learning rate fall to zero and keeps its clip range, which on CartPole falls to zero
+there (``lin_0.2``); ``dqn`` is a double one; targets follow by updates, there by steps. On CartPole, where with the
+published settings either side ends at 500 now and then, our ``dqn`` has a learning rate, targets and a loss of its
+own.
 """
 
 from __future__ import annotations
