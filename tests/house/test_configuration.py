@@ -18,6 +18,7 @@ from aerial_il.cli.configuration.defaults import defaults_of
 from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.cli.sweeps.sweep import launcher_of, parted
 from aerial_il.control import laws
+from aerial_il.core.errors import UnknownNameError
 from aerial_il.suite import tiers
 
 REGISTRIES = {
@@ -95,10 +96,26 @@ def test_a_file_may_say_only_what_differs_from_another_of_its_group(
     target = groups.target_of("policy", "mlp")
     (tmp_path / "policy" / "wide.yaml").write_text(f"_target_: {target}\nhidden: [64, 64]\nchunk: 3\n")
     (tmp_path / "policy" / "wide_short.yaml").write_text("defaults: [wide, _self_]\nchunk: 2\n")
+    (tmp_path / "policy" / "lost.yaml").write_text("defaults: [wid, _self_]\n")
     monkeypatch.setattr(groups, "conf_dir", lambda: tmp_path)
     wide, short = (groups.read_option("policy", name) for name in ("wide", "wide_short"))
     assert (short["hidden"], short["chunk"]) == ([64, 64], 2)
     assert {key for key in wide if wide[key] != short[key]} == {"chunk"}
+    with pytest.raises(UnknownNameError, match="Did you mean 'wide'"):
+        groups.read_option("policy", "lost")
+
+
+def test_nested_settings_of_a_file_change_those_of_the_one_it_builds_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bench").mkdir()
+    target = groups.target_of("bench", "beyond_teacher")
+    first = f"_target_: {target}\npractising: {{steps: 10, gamma: 0.9}}\ndemos: 5\n"
+    (tmp_path / "bench" / "first.yaml").write_text(first)
+    (tmp_path / "bench" / "second.yaml").write_text("defaults: [first, _self_]\npractising: {gamma: 0.8}\n")
+    monkeypatch.setattr(groups, "conf_dir", lambda: tmp_path)
+    found = groups.read_option("bench", "second")
+    assert (found["practising"]["steps"], found["practising"]["gamma"], found["demos"]) == (10, 0.8, 5)
 
 
 @pytest.mark.parametrize("name", policies.list_policies())

@@ -118,8 +118,16 @@ def _said(group: str, name: str) -> dict[str, Any]:
             other, _, key = source.removeprefix("/").partition("@")
             _place(said, key.split("."), read_option(other, chosen))
         elif entry != "_self_":  # another choice of this group
-            said = {**_said(group, entry), **said}
+            if entry not in options(group):
+                raise UnknownNameError(group, entry, options(group))
+            said = _over(_said(group, entry), said)
     return said
+
+
+def _over(base: dict[str, Any], said: dict[str, Any]) -> dict[str, Any]:
+    """Return ``base`` with what is said over it; a nested mapping without a ``_target_`` changes that of ``base``."""
+    both = {k: (base[k], v) for k, v in said.items() if isinstance(v, dict) and isinstance(base.get(k), dict)}
+    return {**base, **said, **{k: _over(*pair) for k, pair in both.items() if TARGET not in pair[1]}}
 
 
 def _place(tree: dict[str, Any], path: list[str], value: dict[str, Any]) -> None:
