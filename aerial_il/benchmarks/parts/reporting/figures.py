@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 Rows = Sequence[Mapping[str, Any]]
 INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c", "#c0504d")
 LEGEND_COLUMNS = 6
+LEGEND_COLUMN_IN = 2.0  # width of one, with a long name
 ROW_IN = 0.2  # of a line that names a bar
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 ROWS_PER_PANEL = 10  # lines of text that such a height has room for
@@ -345,7 +346,8 @@ def _panels[K](
 def _legend(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), LEGEND_COLUMNS))
+        fitting = max(1, int(figure.get_figwidth() / LEGEND_COLUMN_IN))
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), LEGEND_COLUMNS, fitting))
 
 
 def _svg(figure: Figure) -> str:
