@@ -19,6 +19,8 @@ LEGEND_COLUMN_IN = 2.0  # width of one, with a long name
 ROW_IN = 0.2  # of a line that names a bar
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 ROWS_PER_PANEL = 10  # lines of text that such a height has room for
+STEP_TICKS = {0.0: "0", 1e5: "100k", 1e6: "1M", 1e7: "10M"}  # of axes that are logarithmic beyond the second
+MINUTE_TICKS = {0.0: "0", 1.0: "1", 3.0: "3", 10.0: "10", 30.0: "30", 100.0: "100", 300.0: "300"}
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "aerial_il",
     "svg.fonttype": "none",
@@ -179,8 +181,11 @@ def practice_lines(rows: Rows, final: Rows, over: str) -> str:
             the final policies with ``arm``, ``task``, ``demos``, ``percent``, ``flown`` and ``minutes``.
         over: what is drawn over, ``flown`` steps or ``minutes``.
     """
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
     arms = list(dict.fromkeys(row["arm"] for row in final))
     cells = list(dict.fromkeys((row["task"], row["demos"]) for row in final))
+    ticks = STEP_TICKS if over == "flown" else MINUTE_TICKS
 
     def draw(axes: Axes, cell: tuple[str, int]) -> None:
         for k, arm in enumerate(arms):
@@ -192,7 +197,10 @@ def practice_lines(rows: Rows, final: Rows, over: str) -> str:
             dots = [r for r in final if (r["task"], r["demos"], r["arm"]) == (*cell, arm)]
             marker, shown = "os^"[k // len(COLOURS) % 3], [r["percent"] for r in dots]
             axes.plot([r[over] for r in dots], shown, marker, color=colour, markersize=5, label=arm)
-        axes.set_xscale("symlog", linthresh=1e5 if over == "flown" else 1.0)
+        axes.set_xscale("symlog", linthresh=list(ticks)[1])
+        axes.xaxis.set_major_locator(FixedLocator(list(ticks)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: ticks[x]))
+        axes.xaxis.set_minor_locator(NullLocator())
         axes.set_ylim(-3, 103)
         axes.set_xlabel("control steps flown" if over == "flown" else "minutes of flying and learning")
         axes.set_ylabel("success (%)")
