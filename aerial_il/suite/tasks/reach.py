@@ -10,7 +10,7 @@ import numpy as np
 from aerial_il.control.dynamics import put
 from aerial_il.core.goals import GoalSpec
 from aerial_il.core.kernels import kernel
-from aerial_il.core.rotations import closeness, norm, rotation_cosine, sub
+from aerial_il.core.rotations import clip, closeness, norm, rotation_cosine, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.physics.view import View
@@ -20,6 +20,7 @@ from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 POSITION_TOLERANCE_M = 0.02
 ANGLE_TOLERANCE_RAD = math.radians(10.0)
+TURNED_RAD = 1.0  # from the target's orientation, where the wide part of the reward for it is half
 ANGLE_TOLERANCE_COS = math.cos(ANGLE_TOLERANCE_RAD)
 TARGET_LOW, TARGET_HIGH = np.array([-0.5, -0.5, 0.7]), np.array([0.5, 0.5, 1.3])
 PITCH_RANGE_RAD = (0.5, 0.5 * np.pi)
@@ -107,7 +108,9 @@ def progress(world, flags):
 @kernel
 def reward(world):
     position = 0.5 * closeness(distance(world), 0.3) + 0.5 * closeness(distance(world), 0.03)
-    return position * (0.7 + 0.3 * 0.5 * (1.0 + cosine(world)))
+    turned = math.acos(clip(cosine(world), -1.0, 1.0))
+    attitude = 0.5 * closeness(turned, TURNED_RAD) + 0.5 * closeness(turned, ANGLE_TOLERANCE_RAD)
+    return position * (0.5 + 0.5 * attitude)
 
 
 @kernel
