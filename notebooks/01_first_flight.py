@@ -87,7 +87,7 @@ if pictures:
     display(Film(data=kept.getvalue(), format="gif"))  # noqa: F821  (the notebook's own)
 
 # %% [markdown]
-# The small marker is the target. The reward of each step, between 0 and 1, grows as the tool comes near.
+# The small marker is the target. The reward of each step, between 0 and 1, grows as the tool comes near and turns as the marker shows.
 
 # %%
 figure, axes = plt.subplots(figsize=(5, 3))
