@@ -16,7 +16,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 Group = Literal["proprio", "task", "image"]
 CONDITIONS = ("tier", "disturbances", "controller", "options")  # of a specification: what may change under a policy
-FIRST_NAMED = ("robot", "task")  # of what differs between two
+FIRST_NAMED = ("robot", "task", "tier", "controller", "action.level")  # of what differs between two
 UNKNOWN = "unknown"  # what a foreign dataset does not tell
 NO_CONTROLLER = "none"  # of environments from outside the suite, whose actions are their own
 
@@ -220,18 +220,18 @@ class EnvSpec:
             raise InvalidValueError(f"Not an environment specification: {error!r} is missing or malformed.") from error
 
     def differences(self, other: EnvSpec, *, ignore: Iterable[str] = CONDITIONS) -> list[str]:
-        """Name every key in which two specifications differ, as ``key: mine != theirs``; robot and task come first.
+        """Name every key in which two specifications differ, as ``key: mine != theirs``; what tells most comes first.
 
         Of a field of the observation that one of them lacks, only the shape is named.
         """
         mine, theirs = _flat(self.to_dict()), _flat(other.to_dict())
-        keys = sorted(mine.keys() | theirs.keys(), key=lambda key: (key not in FIRST_NAMED, key))
+        others = sorted((mine.keys() | theirs.keys()) - set(FIRST_NAMED))
         lacked = set(self.observation.names) ^ set(other.observation.names)
         implied = tuple(f"observation.fields.{name}." for name in lacked)
         skip = tuple(ignore)
         return [
             f"{key}: {mine.get(key)!r} != {theirs.get(key)!r}"
-            for key in keys
+            for key in (*FIRST_NAMED, *others)
             if key.split(".")[0] not in skip and mine.get(key) != theirs.get(key)
             if not key.startswith(implied) or key.endswith(".shape")
         ]

@@ -20,8 +20,8 @@ from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 POSITION_TOLERANCE_M = 0.02
 ANGLE_TOLERANCE_RAD = math.radians(10.0)
-TURNED_RAD = 1.0  # from the target's orientation, where the wide part of the reward for it is half
 ANGLE_TOLERANCE_COS = math.cos(ANGLE_TOLERANCE_RAD)
+TURNED_RAD = 1.0  # from the target's orientation, where the wide part of the reward for it is half
 TARGET_LOW, TARGET_HIGH = np.array([-0.5, -0.5, 0.7]), np.array([0.5, 0.5, 1.3])
 PITCH_RANGE_RAD = (0.5, 0.5 * np.pi)
 YAW_RANGE_RAD = (-0.8, 0.8)

@@ -21,8 +21,7 @@ from aerial_il.teleop.piloting.arbiter import Turn
 from aerial_il.teleop.session import perturb
 
 POLICY_ACTION = "policy_action"  # topic of what the policy did or would have done, whoever flew
-FLIGHT_KEYS = ("tier", "controller")  # of a specification, that episodes of one session share too
-FIRST_KEYS = ("robot", "task", "tier", "controller", "action.level")  # of those that differ, named first
+MAY_DIFFER = ("disturbances", "options")  # of a specification, between episodes of one session
 
 
 class Logbook:
@@ -198,15 +197,8 @@ class Logbook:
         owner, mine = self.folder.spec(), self.env.spec
         if owner is None:
             return
-        pairs = [(key, getattr(owner, key), getattr(mine, key)) for key in FLIGHT_KEYS]
-        flown = [f"{key}: {theirs!r} != {ours!r}" for key, theirs, ours in pairs if theirs != ours]
-        if differing := sorted([*owner.differences(mine), *flown], key=_importance):
+        if differing := owner.differences(mine, ignore=MAY_DIFFER):
             raise InvalidValueError(
                 f"{self.folder.path} holds episodes of another environment and cannot be continued. What differs: "
                 f"{'; '.join(differing[:3])}. Choose another folder with out=PATH."
             )
-
-
-def _importance(difference: str) -> int:
-    key = difference.partition(":")[0]
-    return FIRST_KEYS.index(key) if key in FIRST_KEYS else len(FIRST_KEYS)
