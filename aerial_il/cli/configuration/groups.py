@@ -116,7 +116,7 @@ def _said(group: str, name: str) -> dict[str, Any]:
         if isinstance(entry, dict):  # "/GROUP@KEY: NAME"
             ((source, chosen),) = entry.items()
             other, _, key = source.removeprefix("/").partition("@")
-            _place(said, key.split("."), read_option(other, chosen))
+            said = _over(_at(key.split("."), read_option(other, chosen)), said)
         elif entry != "_self_":  # another choice of this group
             if entry not in options(group):
                 raise UnknownNameError(group, entry, options(group))
@@ -130,9 +130,6 @@ def _over(base: dict[str, Any], said: dict[str, Any]) -> dict[str, Any]:
     return {**base, **said, **{k: _over(*pair) for k, pair in both.items() if TARGET not in pair[1]}}
 
 
-def _place(tree: dict[str, Any], path: list[str], value: dict[str, Any]) -> None:
-    """Put ``value`` at ``path``; what stands there already goes over it, as the file's own values do in Hydra."""
-    for name in path[:-1]:
-        tree[name] = dict(tree.get(name) or {})
-        tree = tree[name]
-    tree[path[-1]] = {**value, **(tree.get(path[-1]) or {})}
+def _at(path: list[str], value: dict[str, Any]) -> dict[str, Any]:
+    """Return a nested mapping that holds ``value`` at ``path``."""
+    return {path[0]: _at(path[1:], value)} if path else value
