@@ -35,7 +35,8 @@ NOTES = (
     "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread. On `reach`, for which "
     "they publish none, both have the same; its worlds have a process each (SubprocVecEnv), ours are a batch. On "
     "CartPole `dqn` has another learning rate, other targets and another loss on our side, chosen on other seeds; "
-    "there the clip range of `ppo` is constant on our side and falls linearly to zero on theirs, as published.",
+    "on MountainCar its learning rate falls to zero and random actions are held, which was chosen on other seeds, too. "
+    "The clip range of `ppo` is constant on CartPole on our side and falls linearly to zero on theirs, as published.",
     "Sooner: seconds until the mean return of the last hundred episodes first reaches the lower of the two sides' "
     "highest, theirs over ours, by pairs of trainings; median.",
     "Exploring: mean return of the last hundred episodes of training, flown with exploration.",

@@ -6,7 +6,7 @@ they publish none, both have those written here. What differs by design: ours al
 divides its rewards, lets its learning rate fall to zero and keeps its clip range, which on CartPole falls to zero
 there (``lin_0.2``); ``dqn`` is a double one; targets follow by updates, there by steps. On CartPole, where with the
 published settings either side ends at 500 now and then, our ``dqn`` has a learning rate, targets and a loss of its
-own.
+own; on MountainCar its learning rate falls to zero and a random action is held for up to 30 steps.
 """
 
 from __future__ import annotations
@@ -102,7 +102,8 @@ def cells() -> dict[str, Cell]:
             "MountainCar-v0",
             DeepQLearning(
                 steps=120_000, lr=4e-3, batch_size=128, buffer_size=10_000, warmup=1_000, gamma=0.98, utd_ratio=0.5,
-                update_every=16, target_every=300, exploration=0.2, epsilon=0.07, reward_patience=0, **CLASSIC,
+                update_every=16, target_every=300, exploration=0.2, epsilon=0.07, lr_floor=0.0, longest_hold=30,
+                reward_patience=0, **CLASSIC,
             ),
             CategoricalConfig(hidden=(256, 256), activation="relu"),
             Theirs(
