@@ -10,11 +10,10 @@ import os
 import signal
 import sys
 from functools import cache
-from types import FrameType
-from typing import NoReturn
 
 from aerial_il.cli import commands
 from aerial_il.core.errors import AerialError
+from aerial_il.core.interruption import heard
 
 OK, FAILED, BAD_USAGE = 0, 1, 2
 MISTYPED = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)  # said of a path
@@ -39,8 +38,8 @@ def main(argv: list[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     _leave_at_once()
     try:
-        signal.signal(signal.SIGTERM, _terminate)
-        return _dispatch(words)
+        with heard():
+            return _dispatch(words)
     except AerialError as error:
         _complain(f"aerial-il: {error}")
         return getattr(error, "status", BAD_USAGE)
@@ -145,7 +144,3 @@ def _shortened(text: str, most: int = 60) -> str:
 
 def _complain(text: str) -> None:
     print(text, file=sys.stderr)
-
-
-def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    raise SystemExit(128 + number)
