@@ -57,7 +57,7 @@ BASELINES = ("filtered_bc", "ppo")  # flown beside the methods, and not judged
 LONGEST_MINUTES = 180.0
 FROM_SCRATCH_STEPS = 20_000_000
 SHORTER: Mapping[str, int] = {"pick_place_10": 8_000_000, "pick_place_40": 4_000_000, "insert_peg_40": 4_000_000}
-FEWER: Mapping[str, int] = {"residual": 1, "jsrl": 1, "ibrl": 1, "rlpd": 1, "ppo": 1}
+FEWER: Mapping[str, int] = {"dapg": 1, "residual": 1, "jsrl": 1, "ibrl": 1, "rlpd": 1, "ppo": 1}
 ONLY_FROM: Mapping[str, tuple[str, ...]] = {
     "jsrl": ("pick_place_40",),
     "ibrl": ("pick_place_10",),
@@ -65,13 +65,14 @@ ONLY_FROM: Mapping[str, tuple[str, ...]] = {
     "ppo": ("pick_place_0",),
 }
 SUITED: Mapping[str, Mapping[str, Any]] = {
+    "pick_place": {"bc_ppo": {"lr": 1e-4}},  # chosen on draw 6; at the usual half of it 99.5, but also 77.5 % from 10
     "insert_peg": {  # usual noise lets few flights succeed; at a gamma of 0.995 quick is worth more than sure
         "expert_iteration": {"hidden": 0.3, "explorer_dropout": 0.2},
         "bc_ppo": {"noise": 0.05, "lr": 1e-5, "gamma": 0.9995},
         "jsrl": {"noise": 0.05, "lr": 1e-5, "gamma": 0.9995},
         "dapg": {"noise": 0.05, "gamma": 0.9995},
         "residual": {"noise": 0.2, "hold": 20, "lr": 5e-4, "gamma": 0.9995},
-    }
+    },
 }
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 30_000}
 NOTES = (
