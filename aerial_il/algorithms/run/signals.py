@@ -6,10 +6,8 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Any, NoReturn, Self
-
-from aerial_il.core.interruption import answering, end
+from types import FrameType, TracebackType
+from typing import Any, Self
 
 WATCHED = (signal.SIGINT, signal.SIGTERM)
 
@@ -27,21 +25,23 @@ class SignalWatch:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, answering(self._receive)) for number in WATCHED}
+            self._before = {number: signal.signal(number, self._receive) for number in WATCHED}
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def stop(self) -> NoReturn:
+    def stop(self) -> None:
         """Leave because of the pending signal.
 
         Raises:
             KeyboardInterrupt: on SIGINT (exit status 130).
             SystemExit: on SIGTERM, with status 143.
         """
-        end(self.pending or signal.SIGINT)
+        if self.pending == signal.SIGTERM:
+            raise SystemExit(128 + signal.SIGTERM)
+        raise KeyboardInterrupt
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
@@ -54,7 +54,7 @@ class SignalWatch:
         finally:
             self._at_once = False
 
-    def _receive(self, number: int) -> None:
+    def _receive(self, number: int, frame: FrameType | None) -> None:
         second, self.pending = self.pending is not None, number
         if second or self._at_once:
             self.stop()
