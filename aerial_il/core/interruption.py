@@ -41,23 +41,21 @@ def answering(answer: Callable[[int], None]) -> Handler:
 
 
 def end(number: int) -> NoReturn:
-    """Raise what a signal means.
+    """Leave with the status that shells give a signal.
 
     Raises:
-        KeyboardInterrupt: on SIGINT.
-        SystemExit: on any other, with the status that shells give it.
+        SystemExit: always.
     """
-    if number == signal.SIGINT:
-        raise KeyboardInterrupt
     raise SystemExit(128 + number)
 
 
 @contextmanager
 def heard() -> Iterator[None]:
-    """End what runs inside on SIGTERM and, unless it is ignored, on SIGINT; only in the main thread."""
+    """End what runs inside on SIGTERM, whatever ignores an exception; only in the main thread.
+
+    SIGINT keeps its handler: ``asyncio`` takes over no other than Python's own, and people press Ctrl-C twice.
+    """
     signal.signal(signal.SIGTERM, answering(end))
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, answering(end))
     before = sys.unraisablehook
 
     def notice(lost: Any) -> None:

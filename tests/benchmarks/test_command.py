@@ -56,7 +56,7 @@ def test_the_command_names_what_was_left_out_and_quotes_what_a_shell_would_take_
 
 def test_the_command_adds_what_the_file_has_no_place_for() -> None:
     settings = copy.deepcopy(groups.read_option("bench", "from_prior"))
-    settings["fewer"] = {**settings.get("fewer", {}), "dapg": 1}
+    settings["fewer"] = {**settings.get("fewer", {}), "bc_ppo": 2}
     said = shlex.split(bench.rerun("from_prior", settings))[3:-1]
-    assert said == ["+bench.fewer.dapg=1"]
-    assert compose.compose(commands.find("bench"), ["from_prior", *said]).bench["fewer"]["dapg"] == 1
+    assert said == ["+bench.fewer.bc_ppo=2"]
+    assert compose.compose(commands.find("bench"), ["from_prior", *said]).bench["fewer"]["bc_ppo"] == 2
