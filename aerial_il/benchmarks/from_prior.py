@@ -247,7 +247,7 @@ class FromPrior:
         for draw, (task, counts) in product(self.draws, self.starts.items()):
             tier = self._practised_in(task)
             source = Source(robot=self.robot, task=task, tier=tier, noise=self.expert["noise"], draw=draw)
-            names = [name for name in self.arms or tuple(self.practising) if draw in self.draws[: self.fewer.get(name)]]
+            names = [name for name in self._named() if draw in self.draws[: self.fewer.get(name)]]
             scratch = [name for name in names if not self.practising[name].demonstrated and self._starts(name, task, 0)]
             many = Cloned("bc", source, self.many, self.policy, self.cloning)
             for count in counts:
@@ -260,6 +260,11 @@ class FromPrior:
                 yield Arm(SHOWN_MORE, count, many)
             for name in scratch:
                 yield Arm(name, 0, self._practised(name, source, 0))
+
+    def _named(self) -> Sequence[str]:
+        """Return the names of the arms that practise, in the order of the page."""
+        order = [*_all_practising()]
+        return self.arms or sorted(self.practising, key=lambda name: order.index(name) if name in order else len(order))
 
     def _starts(self, name: str, task: str, count: int) -> bool:
         """Return whether an arm is trained from so many demonstrations of a task."""

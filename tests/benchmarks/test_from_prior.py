@@ -114,6 +114,12 @@ def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
         assert getattr(algorithm, "reward", "sparse") == "sparse"
 
 
+def test_the_shipped_study_has_every_arm_in_the_order_of_its_page() -> None:
+    study, usual = build(groups.read_option("bench", "from_prior")), FromPrior()
+    assert dict(study.practising) == dict(usual.practising)
+    assert list(study._named()) == list(usual._named()) == list(usual.practising)
+
+
 def test_what_is_shown_nothing_is_trained_once_however_many_demonstrations_others_have() -> None:
     starts: Any = {"starts": {"reach": (2, 4)}, "only_from": {}}
     arms = list(FromPrior(**starts, draws=(0,), arms=("bc_ppo", "ppo"))._all_arms())
