@@ -1,22 +1,24 @@
 """Proximal policy optimisation initialised from a clone (BC-PPO), chunk by chunk, and kept from falling below it.
 
 The clone's own network goes on learning, whatever its class, as the mean of the sampled chunks; a chunk is one action
-for PPO, credited with all rewards until the next. Four things keep what the clone could do:
+for PPO, credited with all rewards until the next. Five things keep what the clone could do:
 
 - up to ``warmup`` it flies alone, and a new critic learns its value;
 - the loss is raised by ``kl`` times the KL divergence from the clone, less and less over the training;
 - a rollout's updates of the actor stop where they exceed the KL limit, ``target_kl``;
 - where the episodes of a rollout return less than the clone's, by more than ``gate`` standard errors, the actor goes
-  back to the last weights that were not worse.
+  back to the last weights that were not worse;
+- what is evaluated and saved is the clone, until what was learned flies as well without noise (``trial``).
 
 Metrics: ``actor/loss``, ``actor/approx_kl``, ``actor/clip_fraction``, ``actor/divergence`` (from the clone),
-``actor/fallbacks`` (share of rollouts that were given up), ``critic/loss``, ``critic/value``; ``episode/return``,
-``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>``, at step 0 of the clone;
+``actor/fallbacks`` (share of rollouts that were given up), ``critic/loss``, ``critic/value``; ``trial/return`` and
+``trial/prior`` (mean returns of what was learned and of the clone in a trial); ``episode/return``, ``episode/length``,
+``episode/success`` of the exploring policy; ``evaluate/<name>`` of what would be handed over, at step 0 the clone;
 ``elapsed_s``.
 
 Source: J. Schulman et al., "Proximal Policy Optimization Algorithms", 2017, equation 7. Chunks as actions are those of
 A. Ren et al., "Diffusion Policy Policy Optimization", 2024, section 4; the divergence from the clone is that of
-B. Baker et al., "Video PreTraining (VPT)", 2022, section 4.4; warm-up and gate are ours.
+B. Baker et al., "Video PreTraining (VPT)", 2022, section 4.4; warm-up, gate and trials are ours.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from torch import Tensor
 
 from aerial_il.algorithms.decisions.chunk_actor import ChunkPilot
 from aerial_il.algorithms.decisions.gate import ReturnGate
-from aerial_il.algorithms.decisions.practice import AnchoredOnPolicy, Practice, PractisedChunks
+from aerial_il.algorithms.decisions.practice import AnchoredOnPolicy, GatedOnPolicy, Practice, PractisedChunks
 from aerial_il.algorithms.decisions.rollout import collect_decisions, judged
 from aerial_il.algorithms.ppo import Advantages, ProximalActorCritic
 from aerial_il.algorithms.rl.returns import RewardNorm
@@ -40,8 +42,8 @@ from aerial_il.policies.parts.network import StochasticNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClonedProximalOptimisation(PractisedChunks, AnchoredOnPolicy):
-    """Settings of a run; see :class:`PractisedChunks` and :class:`AnchoredOnPolicy`."""
+class ClonedProximalOptimisation(PractisedChunks, GatedOnPolicy):
+    """Settings of a run; see :class:`PractisedChunks` and :class:`GatedOnPolicy`."""
 
     name: ClassVar[str] = "bc_ppo"
 
@@ -55,7 +57,9 @@ class ClonedProximalOptimisation(PractisedChunks, AnchoredOnPolicy):
         agent = AnchoredActorCritic(self, actor, size, smoothness=self.smoothness)
         pilot = ChunkPilot(actor, prior, run.collector)
         gate, reward_norm = ReturnGate(actor, run.collector.n, self.gate), RewardNorm(run.collector.n, self.gamma)
-        run.begin(actor.network, {"agent": agent, "pilot": pilot, "gate": gate, "reward_norm": reward_norm})
+        hand_over = self.hand_over(practice, actor)
+        parts = {"agent": agent, "pilot": pilot, "gate": gate, "reward_norm": reward_norm, "hand_over": hand_over}
+        run.begin(actor.network, parts)
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
@@ -65,9 +69,10 @@ class ClonedProximalOptimisation(PractisedChunks, AnchoredOnPolicy):
             found = judged(decisions, agent.values, rewards, gamma=self.gamma, gae_lambda=self.gae_lambda)
             run.log(agent.learn(found.data, left=run.left, improve=improve))
             run.log({"critic/value": found.value, "actor/fallbacks": float(not (improve or warming_up))})
+            run.log(hand_over.after_learning() if improve else {})
             run.end_turn()
 
-        return run.finish()
+        return hand_over.finish()
 
 
 class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):

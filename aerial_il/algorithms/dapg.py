@@ -8,11 +8,12 @@ clone's own network once, as ``npg`` does, along the gradient
 
 with the advantages A of the sampled chunks a, the demonstrated chunks a*, and k turns so far: the demonstrations keep
 the clone where exploration teaches little, and their weight falls as it teaches more. Up to ``warmup`` the clone flies
-alone, and a critic learns its value.
+alone, and a critic learns its value. The clone is handed over until what was learned flies as well (``trial``).
 
 Metrics: ``actor/approx_kl`` (Kullback-Leibler divergence of the step), ``actor/step_length``, ``actor/surrogate``,
 ``actor/demonstrations`` (weight of each of them), ``critic/loss``, ``critic/value``; ``episode/return``,
-``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>``, at step 0 of the clone;
+``episode/length``, ``episode/success`` of the exploring policy; ``trial/return`` and ``trial/prior`` (mean returns in a
+trial); ``evaluate/<name>`` of what would be handed over, at step 0 the clone;
 ``elapsed_s``.
 
 Source: A. Rajeswaran et al., "Learning Complex Dexterous Manipulation with Deep Reinforcement Learning and
@@ -59,7 +60,6 @@ class DemonstrationAugmented(PractisedChunks, NaturalGradientLearning):
 
     steps: int = 16_000_000
     gamma: float = 0.995
-    rollout: int = 65_536
     step_size: float = 0.5
     batch_size: int = 1024
     critic_hidden: tuple[int, ...] = (128, 128)
@@ -78,7 +78,9 @@ class DemonstrationAugmented(PractisedChunks, NaturalGradientLearning):
         shown = Demonstrated(practice.demos, prior, actor, run.rng("demonstrations"))
         agent = AugmentedAgent(self, actor, prior.config.history * run.sizes[0], shown)
         pilot, reward_norm = ChunkPilot(actor, prior, run.collector), RewardNorm(run.collector.n, self.gamma)
-        run.begin(actor.network, {"agent": agent, "pilot": pilot, "reward_norm": reward_norm})
+        hand_over = self.hand_over(practice, actor)
+        parts = {"agent": agent, "pilot": pilot, "reward_norm": reward_norm, "hand_over": hand_over}
+        run.begin(actor.network, parts)
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
@@ -86,9 +88,10 @@ class DemonstrationAugmented(PractisedChunks, NaturalGradientLearning):
             rewards = reward_norm.scale(decisions.rewards, decisions.ended)
             found = judged(decisions, agent.values, rewards, gamma=self.gamma, gae_lambda=self.gae_lambda)
             run.log(agent.learn(found, improve=not warming_up))
+            run.log({} if warming_up else hand_over.after_learning())
             run.end_turn()
 
-        return run.finish()
+        return hand_over.finish()
 
 
 class Demonstrated(Generator):

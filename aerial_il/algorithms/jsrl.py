@@ -51,7 +51,7 @@ NO_GUIDE = "jsrl lets a guide fly first, and there is no expert for {}: say algo
 
 @dataclass(frozen=True, kw_only=True)
 class JumpStart(PractisedChunks, AnchoredOnPolicy):
-    """Settings of a run, beside those of :class:`PractisedChunks` and :class:`AnchoredOnPolicy`; no ``gate`` here.
+    """Settings of a run, beside those of :class:`PractisedChunks` and :class:`AnchoredOnPolicy`.
 
     Attributes:
         guide: a run or policy of any class; None for the expert.
@@ -103,7 +103,9 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
         learner, curriculum = ChunkPilot(actor, prior, run.collector), self.curriculum(practice.demos)
         pilot = GuidedPilot(learner, guide, run.collector, curriculum, run.rng("guide"))
         reward_norm = RewardNorm(run.collector.n, self.gamma)
-        run.begin(actor.network, {"agent": agent, "pilot": pilot, "reward_norm": reward_norm})
+        hand_over = self.hand_over(practice, actor)
+        parts = {"agent": agent, "pilot": pilot, "reward_norm": reward_norm, "hand_over": hand_over}
+        run.begin(actor.network, parts)
 
         while run.goes_on():
             warming_up = pilot.flown < self.warmup
@@ -115,9 +117,10 @@ class JumpStart(PractisedChunks, AnchoredOnPolicy):
                 found = judged(decisions, agent.values, rewards, gamma=self.gamma, gae_lambda=self.gae_lambda)
                 run.log(agent.learn(found.data, left=run.left, improve=not warming_up))
                 run.log({"critic/value": found.value})
+                run.log({} if warming_up else hand_over.after_learning())
             run.end_turn()
 
-        return run.finish()
+        return hand_over.finish()
 
     def curriculum(self, demos: Sequence[Episode]) -> Curriculum:
         """Return how the guide's part shrinks, from as long as the longest demonstration where none is specified."""

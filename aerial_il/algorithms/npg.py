@@ -140,7 +140,8 @@ class NaturalGradientAgent:
     def gain(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> Tensor:
         """Return the objective that a step ascends, as in :meth:`improve`."""
         log_prob, _ = self.actor.judge(obs[:, None], raw)
-        return (log_prob * advantages).mean() - self.settings.smoothness.loss(self.actor, obs, next_obs)
+        rough = self.settings.smoothness.loss(self.actor, obs, next_obs, execute=self.actor.execute)
+        return (log_prob * advantages).mean() - rough
 
     def _fisher(self, obs: Tensor, weights: list[nn.Parameter]) -> Callable[[Tensor], Tensor]:
         """Return what multiplies vectors (W,) with the Fisher information over ``obs`` (B, Do), and damping."""

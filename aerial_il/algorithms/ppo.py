@@ -173,7 +173,7 @@ class ProximalActorCritic[Actor: StochasticNetwork]:
         gain = (part.advantages - part.advantages.mean()) / (part.advantages.std() + 1e-8)
         kept = torch.minimum(ratio * gain, ratio.clamp(1 - clip, 1 + clip) * gain)
         loss = -kept.mean() - self.settings.entropy * entropy.mean()
-        loss = loss + self._smoothness.loss(self.actor, part.obs, part.next_obs)
+        loss = loss + self._smoothness.loss(self.actor, part.obs, part.next_obs, execute=self.actor.execute)
         with torch.no_grad():
             approx_kl = (ratio - 1 - log_ratio).mean().item()
             clipped = ((ratio - 1).abs() > clip).float().mean().item()

@@ -25,7 +25,7 @@ import numpy as np
 
 from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
 from aerial_il.algorithms.decisions.gate import ReturnGate
-from aerial_il.algorithms.decisions.practice import AnchoredOnPolicy, Practice, PractisedPolicy
+from aerial_il.algorithms.decisions.practice import GatedOnPolicy, Practice, PractisedPolicy
 from aerial_il.algorithms.decisions.rollout import collect_decisions, judged
 from aerial_il.algorithms.decisions.shifting import ShiftActor, ShiftPilot
 from aerial_il.algorithms.rl.returns import RewardNorm
@@ -36,8 +36,8 @@ from aerial_il.policies.parts.residual import ResidualPolicy, Shift
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResidualLearning(PractisedPolicy, AnchoredOnPolicy):
-    """Settings of a run, beside those of :class:`PractisedPolicy` and :class:`AnchoredOnPolicy`.
+class ResidualLearning(PractisedPolicy, GatedOnPolicy):
+    """Settings of a run, beside those of :class:`PractisedPolicy` and :class:`GatedOnPolicy`.
 
     Attributes:
         hidden: widths of the network that shifts.

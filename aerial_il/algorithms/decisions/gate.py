@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
 from aerial_il.algorithms.decisions.rollout import Decisions, Returns
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.state import Snapshot, below
 from aerial_il.algorithms.run.train_state import load_weights, weights_of
 from aerial_il.policies.parts.network import ChunkNetwork
 
-FEWEST = 10  # episodes of a rollout, and of the prior, that are compared at all
+FEWEST = 10  # episodes of the learner, and of the prior, that are compared
 
 
 class ReturnGate:
     """Compares the mean return of the episodes that ended in a rollout with what the prior's had, both exploring.
 
-    Episodes that are flown with the prior's weights count as the prior's: in its first steps only those end that
-    succeed soon, and a prior that was evaluated on them alone would be overestimated, and never left.
+    Where fewer than ten have ended, those of further rollouts are added to them first; the prior flies until ten of
+    its own have. Episodes that are flown with the prior's weights count as the prior's: in its first steps only those
+    end that succeed soon, and a prior that was evaluated on them alone would be overestimated, and never left. Weights
+    that were kept, and are found worse when they fly again, are given up for the prior's.
 
     Args:
         actor: what learns; it starts as the prior. worlds: n.
@@ -26,9 +29,10 @@ class ReturnGate:
     """
 
     def __init__(self, actor: ChunkNetwork, worlds: int, errors: float) -> None:
-        self._actor, self._errors, self._returns = actor, errors, Returns(worlds)
-        self._prior = np.zeros(0)
-        self._kept, self._begins, self._keeps_prior = self._weights(), True, True
+        self._actor, self._errors, self._ended = actor, errors, Returns(worlds)
+        self._begun = self._kept = _copied(actor)
+        self._prior, self._own, self._keeps = (np.zeros(0) for _ in range(3))  # returns of the prior, now, of the kept
+        self._flies: Literal["prior", "kept", "new"] = "prior"
 
     def passes(self, decisions: Decisions, *, warming_up: bool) -> bool:
         """Take in what the actor flew as it is; where it flew worse than the prior, let it be as it was before.
@@ -36,34 +40,47 @@ class ReturnGate:
         Returns:
             Whether the actor may learn from the rollout: it flew with the weights that it has now, not clearly worse.
         """
-        returns = self._returns.ended(decisions)
-        if self._begins:
+        returns = self._ended.ended(decisions)
+        if self._flies == "prior":
             self._prior = np.concatenate([self._prior, returns])
-        elif self._is_worse(returns):
-            load_weights(self._actor, self._kept)
-            self._begins = self._keeps_prior
-            return False
-        if warming_up:
-            return False
-        self._kept, self._keeps_prior, self._begins = self._weights(), self._begins, False
+            if warming_up or len(self._prior) < FEWEST:
+                return False
+        else:
+            self._own = np.concatenate([self._own, returns])
+            if len(self._own) >= FEWEST:
+                if self._is_worse():
+                    self._fall_back()
+                    return False
+                self._kept, self._keeps, self._own = _copied(self._actor), self._own, np.zeros(0)
+        self._flies = "new"
         return True
 
-    def _is_worse(self, returns: np.ndarray) -> bool:
-        if min(len(returns), len(self._prior)) < FEWEST:
-            return False
-        error = math.sqrt(returns.var() / len(returns) + self._prior.var() / len(self._prior))
-        return bool(returns.mean() < self._prior.mean() - self._errors * error)
+    def _is_worse(self) -> bool:
+        own, prior = self._own, self._prior
+        error = math.sqrt(own.var() / len(own) + prior.var() / len(prior))
+        return bool(own.mean() < prior.mean() - self._errors * error)
 
-    def _weights(self) -> dict[str, np.ndarray]:
-        return {name: array.copy() for name, array in weights_of(self._actor).items()}
+    def _fall_back(self) -> None:
+        """Let the kept weights fly once more; those of the prior where these have just failed, or where none is."""
+        if self._flies == "kept" or not len(self._keeps):
+            self._kept, self._keeps, self._flies = self._begun, np.zeros(0), "prior"
+        else:
+            self._flies = "kept"
+        self._own = self._keeps
+        load_weights(self._actor, self._kept)
 
     def snapshot(self) -> Snapshot:
-        kept = {f"kept.{name}": array for name, array in self._kept.items()}
-        told = {"begins": self._begins, "keeps_prior": self._keeps_prior}
-        return Snapshot({**self._returns.snapshot().arrays, "prior": self._prior.copy(), **kept}, told)
+        weights = {"begun": self._begun, "kept": self._kept}
+        kept = {f"{name}.{key}": array for name, arrays in weights.items() for key, array in arrays.items()}
+        returns = {"prior": self._prior.copy(), "own": self._own.copy(), "keeps": self._keeps.copy()}
+        return Snapshot({**self._ended.snapshot().arrays, **returns, **kept}, {"flies": self._flies})
 
     def restore(self, saved: Snapshot) -> None:
-        self._returns.restore(saved)
-        self._prior = saved.arrays["prior"].copy()
-        self._begins, self._keeps_prior = (saved.values.get(name, False) for name in ("begins", "keeps_prior"))
-        self._kept = {name: saved.arrays[f"kept.{name}"].copy() for name in self._kept}
+        self._ended.restore(saved)
+        self._prior, self._own, self._keeps = (saved.arrays[name].copy() for name in ("prior", "own", "keeps"))
+        self._begun, self._kept = (below(f"{name}.", saved.arrays) for name in ("begun", "kept"))
+        self._flies = saved.values["flies"]
+
+
+def _copied(actor: ChunkNetwork) -> dict[str, np.ndarray]:
+    return {name: array.copy() for name, array in weights_of(actor).items()}

@@ -43,7 +43,7 @@ class GuidedPilot:
     """A guide flies the first steps of each episode, a learner the others.
 
     Stages are passed as in algorithm 1 of the source: when the last ``window`` episodes of a stage return on average
-    at least what the best such window has returned, but for the tolerance.
+    at least what the best such window has returned, but for the tolerance. Of a sparse reward some has to have come.
 
     Args:
         learner: decides where the guide does not fly. guide: any policy, such as an expert; it is attached and reset.
@@ -85,7 +85,7 @@ class GuidedPilot:
             return acted
         led = np.where(guided[:, None], self._guide.act(self._collector.obs), acted.actions)
         self._left -= guided
-        return acted._replace(actions=led)
+        return acted._replace(actions=led, learner=~guided)
 
     def after(self, step: Transition) -> np.ndarray:
         found, ended = self._learner.after(step), step.terminal | step.truncated
@@ -103,6 +103,8 @@ class GuidedPilot:
         if curriculum.schedule == "random" or self.stage == curriculum.stages or len(found) < curriculum.window:
             return
         mean = float(np.mean(found))
+        if self._collector.scheme.sparse and max(found) <= 0.0:
+            return
         if mean >= self._best - curriculum.tolerance * abs(self._best) or not np.isfinite(self._best):
             self.stage, self._best, self._returns = self.stage + 1, max(self._best, mean), []
 

@@ -6,6 +6,7 @@ trained before. It is flown chunk by chunk: a mean over overlapping chunks is no
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 from abc import abstractmethod
@@ -17,6 +18,7 @@ from typing import ClassVar, NamedTuple
 from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
 from aerial_il.algorithms.decisions.cut_short import cut_short
+from aerial_il.algorithms.decisions.hand_over import HandOver
 from aerial_il.algorithms.rl.demonstrated import check_lengths
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy
 from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
@@ -35,14 +37,24 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 
+log = logging.getLogger(__name__)
+
+TOO_FEW = (
+    "In algorithm.steps={} next to nothing is learned: a warm-up of {} (algorithm.warmup) in rollouts of {} "
+    "(algorithm.rollout) comes first. Take more than {} steps."
+)
 PRIOR = "prior"  # folder of the clone below a run's
 ANY_CLASS = "algorithm=residual takes a prior of any class."
 
 
 class Practice(NamedTuple):
-    """What practice has: the run, the policy that it starts from, demonstrations, and an expert where there is one."""
+    """What practice has: the run, demonstrations, an expert where there is one, and the policy that it starts from.
+
+    That is ``begun`` as it flies by itself, and ``prior`` as practice flies it.
+    """
 
     run: OnlineRun
+    begun: ChunkPolicy
     prior: ChunkPolicy
     demos: Sequence[Episode]
     expert: Policy | None = None
@@ -58,6 +70,7 @@ class PractisedPolicy(Reinforcement):
         prior: a run or policy to start from; None for a clone of the demonstrations. cloning: how that is made.
         warmup: environment steps in which the prior flies alone, and a critic learns its value.
         patience: episodes of practice are truncated at so many times the longest demonstration.
+        rollout: environment steps in a rollout, of all worlds together.
     """
 
     demonstrated: ClassVar[bool] = True
@@ -70,6 +83,7 @@ class PractisedPolicy(Reinforcement):
     cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
     warmup: int = 50_000
     patience: float = 2.0
+    rollout: int = 65_536
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,6 +120,7 @@ class PractisedPolicy(Reinforcement):
             options = {"seed": seed, "resume": resume, "progress": progress}
             begun = self.cloning.train(demos, policy, run=Path(run) / PRIOR, **options)
         prior = self.flown(begun)
+        self._warn_of_too_few_steps()
         problem = Problem(
             self.name,
             seed,
@@ -118,7 +133,7 @@ class PractisedPolicy(Reinforcement):
             initial=prior.network.state_dict(),
         )
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
-            return self.practise(Practice(opened, prior, demos, expert)) if opened else load_policy(run)
+            return self.practise(Practice(opened, begun, prior, demos, expert)) if opened else load_policy(run)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         """Refuse: practice needs something to start from, which :meth:`train` brings.
@@ -140,6 +155,12 @@ class PractisedPolicy(Reinforcement):
         """Return after how many steps an episode of practice is truncated."""
         return math.ceil(self.patience * max(map(len, demos)))
 
+    def _warn_of_too_few_steps(self) -> None:
+        """Say so where the last rollout, of a learning rate of zero, would be the first one after the warm-up."""
+        least = (math.ceil(self.warmup / self.rollout) + 1) * self.rollout
+        if self.steps <= least:
+            log.warning(TOO_FEW.format(self.steps, self.warmup, self.rollout, least))
+
     def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
         """Return digests of whatever else it learns from, by name; refuse what cannot be learned from."""
         return {}
@@ -154,11 +175,8 @@ class AnchoredOnPolicy(ProximalOnPolicy):
     Attributes:
         critic_lr: the critic's learning rate, which stays.
         kl: weight of a decision's KL divergence from the policy that it starts from; it falls linearly to zero.
-        gate: standard errors by which a rollout's episodes may return less than the prior's; see
-            :mod:`aerial_il.algorithms.decisions.gate`. A large number for any.
     """
 
-    rollout: int = 65_536
     lr: float = 5e-5
     critic_lr: float = 1e-3
     epochs: int = 5
@@ -167,12 +185,27 @@ class AnchoredOnPolicy(ProximalOnPolicy):
     target_kl: float = 1.0
     critic_hidden: tuple[int, ...] = (128, 128)
     kl: float = 0.001
-    gate: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "critic_lr")
-        require_not_negative(self, "kl", "gate")
+        require_not_negative(self, "kl")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GatedOnPolicy(AnchoredOnPolicy):
+    """The same, given up where it has become worse.
+
+    Attributes:
+        gate: standard errors by which a rollout's episodes may return less than the prior's; see
+            :mod:`aerial_il.algorithms.decisions.gate`. A large number for any.
+    """
+
+    gate: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "gate")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,15 +216,21 @@ class PractisedChunks(PractisedPolicy):
         execute: steps of a chunk that are flown before the next one is sampled, no more than it has.
         noise: standard deviation of the samples at first, in those of the demonstrated actions; it is learned.
         correlation: of that noise from one step of a chunk to the next.
+        trial: flights in which what was learned is compared with the prior by itself, before it is handed over; 0 for
+            none. trial_every: environment steps between two such trials. See
+            :mod:`aerial_il.algorithms.decisions.hand_over`.
     """
 
     execute: int = 10
     noise: float = 0.15
     correlation: float = 0.9
+    trial: int = 128
+    trial_every: int = 400_000
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "execute", "noise")
+        require_positive(self, "execute", "noise", "trial_every")
+        require_not_negative(self, "trial")
         require_share(self, "correlation", below_one=True)
 
     def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
@@ -216,6 +255,10 @@ class PractisedChunks(PractisedPolicy):
             deviation=self.noise,
             correlation=self.correlation,
         )
+
+    def hand_over(self, practice: Practice, actor: ChunkActor) -> HandOver:
+        """Return what decides which weights are evaluated and saved."""
+        return HandOver(practice.run, practice.begun, actor.network, flights=self.trial, every=self.trial_every)
 
 
 def shown(dataset: Iterable[Episode], policy: PolicyConfig, env: BatchEnv) -> list[Episode]:

@@ -24,12 +24,14 @@ class Acted(NamedTuple):
     Attributes:
         obs: (n, Do) what decisions see; of meaning where one was made. decided: (n,) bool, a decision begins here.
         raw: (n, R) the sample behind it. actions: (n, Da) in the environment's units.
+        learner: (n,) bool, they are the learner's; None for all of them.
     """
 
     obs: np.ndarray
     decided: np.ndarray
     raw: np.ndarray
     actions: np.ndarray
+    learner: np.ndarray | None = None
 
 
 class Pilot(Stateful, Protocol):
@@ -53,7 +55,7 @@ class Decisions(NamedTuple):
 
     Attributes:
         obs, decided, raw: see :class:`Acted`. after: (T, n, Do) what a decision after the step would see.
-        rewards: (T, n). terminal, truncated, success: (T, n) bool; see :class:`Transition`.
+        rewards: (T, n). terminal, truncated: (T, n) bool; see :class:`Transition`.
     """
 
     obs: np.ndarray
@@ -63,7 +65,6 @@ class Decisions(NamedTuple):
     rewards: np.ndarray
     terminal: np.ndarray
     truncated: np.ndarray
-    success: np.ndarray
 
     @property
     def ended(self) -> np.ndarray:
@@ -77,9 +78,9 @@ def collect_decisions(collector: Collector, pilot: Pilot, steps: int) -> Decisio
     pilot.cut()
     for _ in range(-(-steps // collector.n)):
         acted = pilot.act()
-        step = collector.step(acted.actions)
+        step = collector.step(acted.actions, learner=acted.learner)
         after = pilot.after(step)
-        rows.append((*acted[:3], after, step.rewards, step.terminal, step.truncated, step.success))
+        rows.append((*acted[:3], after, step.rewards, step.terminal, step.truncated))
     return Decisions(*(np.stack(values) for values in zip(*rows, strict=True)))
 
 

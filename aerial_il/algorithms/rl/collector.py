@@ -7,6 +7,8 @@ environment can save its state.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -77,8 +79,8 @@ class Collector:
     Attributes:
         obs: what the worlds show now, ``name -> (n, ...)``. frames: (n, Do) the same, positions in the world.
         steps: environment steps of all worlds together.
-        informed: whether two steps have had different rewards, or two episodes different returns: only then is there
-            something to learn.
+        informed: whether two steps of the learner have had different rewards, or two of its episodes different
+            returns: only then is there something to learn.
     """
 
     def __init__(self, env: BatchEnv, layout: Layout, *, seed: int, scheme: RewardScheme | None = None) -> None:
@@ -95,8 +97,11 @@ class Collector:
         self.obs = env.reset(self._seeds)
         self.frames = layout.flatten(self.obs)
 
-    def step(self, actions: np.ndarray) -> Transition:
+    def step(self, actions: np.ndarray, *, learner: np.ndarray | None = None) -> Transition:
         """Take one step with actions (n, Da) in the environment's units.
+
+        Args:
+            learner: (n,) bool, in which worlds the learner acts, whose rewards alone are information; None for all.
 
         Raises:
             SimulationDivergedError: an action or an observation is not finite; names seed and step.
@@ -117,16 +122,24 @@ class Collector:
         transition = Transition(self.frames, actions, paid - penalties, after, terminal, cut, success, penalties)
         self._returns += paid
         self.steps += self.n
-        self._listen("reward", paid)
-        self._listen("return", self._returns[terminal | cut])
+        heard = np.ones(self.n, bool) if learner is None else learner
+        self._listen("reward", paid[heard])
+        self._listen("return", self._returns[(terminal | cut) & heard])
         self.obs = result.obs
         self.frames = self._auto_reset(after, terminal | result.truncated, success)
         return transition
 
+    @contextmanager
+    def lent(self) -> Iterator[BatchEnv]:
+        """Lend the environment out: it may be reset and flown, and afterwards shows what it shows now."""
+        state = self.snapshot()
+        yield self.env
+        self.restore(state)
+
     @property
     def first_reward(self) -> float:
-        """The reward of the first step of all."""
-        return self._first["reward"]
+        """The reward of the learner's first step; 0 if it has taken none."""
+        return self._first.get("reward", 0.0)
 
     def episode_means(self) -> dict[str, float]:
         """Return mean return, length and success of the episodes that ended since the last report, and their number."""

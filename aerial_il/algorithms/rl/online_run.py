@@ -141,12 +141,15 @@ class OnlineRun:
         return self._problem.demos
 
     def build_actor[Network: ChunkNetwork](self, kind: type[Network]) -> Network:
-        """Return a new network of the policy, which the algorithm knows to be of this ``kind``."""
+        """Return a new network of the policy, which the algorithm knows to be of this ``kind``.
+
+        It flies while it learns, and is in evaluation mode from the start: dropout is for cloning.
+        """
         found = self._problem.policy.build(*self.sizes)
         assert isinstance(found, kind), "the algorithm says which policies it trains"
         if self._problem.initial is not None:
             found.load_state_dict(self._problem.initial)
-        return found
+        return found.eval()
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return a generator of its own for each ``purpose``."""

@@ -26,7 +26,7 @@ class Smoothness:
     """Weights, all 0 by default: nothing is asked. Actions count from -1 to 1 over their bounds.
 
     Attributes:
-        temporal: CAPS, of the squared difference between the actor's mean actions for an observation and the next.
+        temporal: CAPS, of the squared difference between the actor's mean actions from one step to the next.
         spatial: CAPS, of the one between those for an observation and another sampled near it.
         radius: standard deviation of that sample, in the network's units.
         rate_penalty: subtracted from the reward for each unit of the squared difference between two actions, mean over
@@ -43,8 +43,11 @@ class Smoothness:
     def __post_init__(self) -> None:
         require_not_negative(self, "temporal", "spatial", "radius", "rate_penalty", "jerk_penalty")
 
-    def loss(self, actor: ChunkNetwork, obs: Tensor, next_obs: Tensor) -> Tensor | float:
+    def loss(self, actor: ChunkNetwork, obs: Tensor, next_obs: Tensor, *, execute: int = 1) -> Tensor | float:
         """Return the term of the actor's loss for encoded observations (B, Do) and the next ones (B, Do).
+
+        Args:
+            execute: actions of an answer that are flown from an observation to the next.
 
         Raises:
             InvalidValueError: the actor chooses among discrete actions, which have no gradient.
@@ -55,10 +58,11 @@ class Smoothness:
         if not here.requires_grad:
             raise InvalidValueError("Choices cannot be regularised by temporal and spatial: use rate_penalty instead.")
         if self.temporal:
-            found = found + self.temporal * ((here - actor(next_obs[:, None])) ** 2).mean()
+            flown = torch.cat([here[:, :execute], actor(next_obs[:, None])[:, :1]], 1)
+            found = found + self.temporal * (flown.diff(dim=1) ** 2).mean()
         if self.spatial:
             near = obs + self.radius * torch.randn_like(obs)
-            found = found + self.spatial * ((here - actor(near[:, None])) ** 2).mean()
+            found = found + self.spatial * ((here - actor(near[:, None]))[:, :execute] ** 2).mean()
         return found
 
     def penalties(self, recent: np.ndarray, ages: np.ndarray) -> np.ndarray:

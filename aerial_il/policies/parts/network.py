@@ -51,7 +51,12 @@ class StochasticNetwork(ChunkNetwork, ABC):
     """A network that draws its actions and knows how likely each was: what policy gradients move.
 
     Its distribution is given by some tensors, as :meth:`distribution` returns them.
+
+    Attributes:
+        execute: actions of a sample that are flown before the next one.
     """
+
+    execute: int = 1
 
     @abstractmethod
     def distribution(self, obs: Tensor) -> tuple[Tensor, ...]:

@@ -19,6 +19,7 @@ from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.policies import load_policy
 from aerial_il.policies.flow import FlowConfig
 from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.residual import ResidualPolicy
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
@@ -32,7 +33,7 @@ POLICY = MlpConfig(hidden=(16,), chunk=3, history=2, execute=3, ensemble=None, *
 CLONING = BehaviourCloning(steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
 SMALL: dict[str, Any] = {"steps": 640, "warmup": 128, "rollout": 128, "batch_size": 16, "lr": 1e-3, "gamma": 0.9}
 SMALL |= {"critic_hidden": (16,), "hidden": (16,), "execute": 3, "hold": 2, "log_every": 128, "epochs": 2}
-SMALL |= {"checkpoint_every": 128, "cloning": CLONING, "window": 10, "reward": "environment"}
+SMALL |= {"checkpoint_every": 128, "cloning": CLONING, "window": 10, "reward": "environment", "trial": 0}
 
 
 def train(
@@ -78,12 +79,12 @@ def test_what_it_learned_is_saved_and_flies_on(tmp_path: Path, name: str, prior:
 @each
 def test_stopped_anywhere_it_ends_with_the_same_bytes(tmp_path: Path, name: str, prior: Path) -> None:
     """Twice, in the middle of episodes, chunks and what a guide flies."""
-    settings = {"prior": str(prior), "evaluate_every": 128}
+    settings = {"prior": str(prior), "evaluate_every": 128, "trial": 8, "trial_every": 128, "steps": 960}
     train(name, tmp_path / "whole", evaluate=lambda policy, step: {}, **settings)
-    for stop in (256, 384):
+    for stop in (256, 512):
 
         def stopped(policy: Any, step: int, stop: int = stop) -> dict[str, float]:
-            if step == stop:
+            if step >= stop:
                 raise KeyboardInterrupt
             return {}
 
@@ -95,12 +96,35 @@ def test_stopped_anywhere_it_ends_with_the_same_bytes(tmp_path: Path, name: str,
 
 
 @each
-def test_the_prior_is_judged_before_anything_is_learned(tmp_path: Path, name: str, prior: Path) -> None:
-    """From it the report tells the largest dip."""
-    flown = mean_reward(load_policy(prior))
+def test_the_prior_is_judged_before_anything_is_learned(tmp_path: Path, name: str) -> None:
+    """As it flies by itself, with overlapping chunks; from that the report tells the largest dip."""
+    config, prior = replace(POLICY, execute=1, ensemble=0.5), tmp_path / "prior"
+    CLONING.train(demonstrations(5), config, run=prior, progress=False)
+    flown, chunked = mean_reward(load_policy(prior)), load_policy(prior)
+    chunked = ChunkPolicy(POLICY, chunked.interface, chunked.network)
+    assert mean_reward(chunked) != pytest.approx(flown, rel=1e-4), "otherwise nothing is tested"
     train(name, tmp_path, prior=str(prior), evaluate=lambda policy, step: {"success": mean_reward(policy)})
     first = read_metrics(tmp_path)[0]
     assert (first["step"], first["evaluate/success"]) == (0, pytest.approx(flown))
+
+
+def test_dropout_is_for_cloning(tmp_path: Path) -> None:
+    """A network is set to evaluation wherever a checkpoint is taken; nothing may depend on when that is."""
+    dropping, runs = replace(POLICY, dropout=0.2), []
+    for cadence in (128, 0):
+        train("bc_ppo", tmp_path / str(cadence), policy=dropping, checkpoint_every=cadence)
+        runs.append((tmp_path / str(cadence) / "policy" / ARRAYS).read_bytes())
+    assert runs[0] == runs[1]
+
+
+def test_a_training_too_short_to_learn_anything_says_so(
+    tmp_path: Path, prior: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    train("bc_ppo", tmp_path / "long", prior=str(prior), steps=257, warmup=128)
+    assert "next to nothing" not in caplog.text
+    train("bc_ppo", tmp_path / "short", prior=str(prior), steps=256, warmup=128)
+    assert "algorithm.steps=256" in caplog.text
+    assert "more than 256 steps" in caplog.text
 
 
 # -- what is refused
@@ -171,6 +195,27 @@ def test_the_guide_leaves_as_the_learner_manages(tmp_path: Path, prior: Path) ->
     assert steps[0] == 9
     assert steps == sorted(steps, reverse=True)
     assert steps[-1] == 0
+
+
+class Still(Guide):
+    """Never arrives."""
+
+    def act(self, obs: Any) -> np.ndarray:
+        return np.zeros_like(obs["position"])
+
+
+def test_a_guide_whose_flights_never_succeed_does_not_leave(tmp_path: Path, prior: Path) -> None:
+    """Nothing is no better than nothing: a window without any success passes no stage."""
+    sparse = {"prior": str(prior), "steps": 1_280, "stages": 3, "horizon": 12, "reward": "sparse"}
+    train("jsrl", tmp_path, env=Silent(8), expert=Still(), reward_patience=0, **sparse)
+    assert {row["guide/steps"] for row in read_metrics(tmp_path)} == {12}
+
+
+def test_what_the_guide_earns_is_not_the_learners(tmp_path: Path, prior: Path) -> None:
+    """It flies whole episodes, and succeeds; the learner never flies, and never hears of a success."""
+    guided = {"prior": str(prior), "horizon": 12, "window": 10_000, "reward": "sparse"}
+    with pytest.raises(NoRewardError):
+        train("jsrl", tmp_path, env=Drift(8, ends_at_success=True), reward_patience=256, **guided)
 
 
 def test_another_policy_can_guide(tmp_path: Path, prior: Path) -> None:

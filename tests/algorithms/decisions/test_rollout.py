@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -11,8 +13,10 @@ from aerial_il.algorithms.decisions.cut_short import cut_short
 from aerial_il.algorithms.decisions.gate import ReturnGate
 from aerial_il.algorithms.decisions.rollout import Decisions, advantages
 from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.parts.network import ChunkNetwork
 from tests.algorithms.drift import SPEC, Drift
 
 PLAIN = MlpConfig(hidden=(8,), chunk=4, anchor=None, blind_to=())
@@ -22,7 +26,7 @@ def rollout(decided: list[int], *, terminal: tuple[int, ...] = (), truncated: tu
     """One world for six steps, each paid its number."""
     steps, nothing = np.arange(6), np.zeros((6, 1, 1))
     flags = [np.isin(steps, which)[:, None] for which in (decided, terminal, truncated)]
-    return Decisions(nothing, flags[0], nothing, nothing, steps[:, None].astype(float), *flags[1:], flags[1])
+    return Decisions(nothing, flags[0], nothing, nothing, steps[:, None].astype(float), *flags[1:])
 
 
 def test_a_decision_is_worth_what_is_paid_until_the_next_one() -> None:
@@ -88,24 +92,70 @@ def returns(*values: float) -> Decisions:
     """Episodes of one step."""
     paid = np.array(values)[:, None]
     ended, nothing = np.ones((len(values), 1), bool), np.zeros((len(values), 1, 1))
-    return Decisions(nothing, ended, nothing, nothing, paid, ended, ~ended, ended)
+    return Decisions(nothing, ended, nothing, nothing, paid, ended, ~ended)
+
+
+def move(weight: torch.Tensor) -> torch.Tensor:
+    """Learn something, whatever it is; return a copy of the weight."""
+    with torch.no_grad():
+        return weight.add_(1.0).clone()
+
+
+GOOD, BAD = returns(*[1.0, 0.0] * 10), returns(*[0.0] * 20)
 
 
 def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_did_not() -> None:
     one = actor()
-    gate = ReturnGate(one, 1, errors=2.0)
-    good, bad = returns(*[1.0, 0.0] * 10), returns(*[0.0] * 20)
-    assert not gate.passes(good, warming_up=True), "nothing is learned yet"
-    weight = one.network.layers[-1].bias
-    moved = weight.detach() + 1.0
-    with torch.no_grad():
-        weight.add_(1.0)
-    assert gate.passes(good, warming_up=False)
-    with torch.no_grad():
-        weight.add_(1.0)
-    assert not gate.passes(bad, warming_up=False)
+    gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
+    begun = weight.detach().clone()
+    assert not gate.passes(GOOD, warming_up=True), "nothing is learned yet"
+    assert gate.passes(GOOD, warming_up=False)
+    moved = move(weight)
+    assert gate.passes(GOOD, warming_up=False)
+    move(weight)
+    assert not gate.passes(BAD, warming_up=False)
     torch.testing.assert_close(weight.detach(), moved)
-    assert ReturnGate(one, 1, errors=1e9).passes(bad, warming_up=False)
+    assert not gate.passes(returns(*[0.0] * 60), warming_up=False), "what was kept is worse after all"
+    torch.testing.assert_close(weight.detach(), begun)
+    assert gate.passes(GOOD, warming_up=False), "back at the prior, it goes on to learn"
+
+
+def test_weights_that_were_given_up_to_may_go_on_where_they_were_unlucky_once() -> None:
+    one = actor()
+    gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
+    assert gate.passes(GOOD, warming_up=False)
+    moved = move(weight)
+    assert gate.passes(GOOD, warming_up=False)
+    move(weight)
+    assert not gate.passes(BAD, warming_up=False)
+    assert gate.passes(returns(*[1.0, 0.0, 0.0] * 4), warming_up=False), "a third, and half of those before"
+    torch.testing.assert_close(weight.detach(), moved)
+
+
+def test_a_wide_gate_lets_everything_pass() -> None:
+    one = actor()
+    gate = ReturnGate(one, 1, errors=1e9)
+    assert gate.passes(GOOD, warming_up=False)
+    move(one.network.layers[-1].bias)
+    assert gate.passes(BAD, warming_up=False)
+
+
+def test_short_rollouts_are_judged_together() -> None:
+    """Fewer than ten episodes end in each; a gate that looked at each alone would be open."""
+    one = actor()
+    gate, other = (ReturnGate(one, 1, errors=2.0) for _ in range(2))
+    few, bad = returns(1.0, 1.0, 1.0, 1.0), returns(0.0, 0.0, 0.0, 0.0)
+    assert [gate.passes(few, warming_up=False) for _ in range(3)] == [False, False, True], "the prior flies until ten"
+    weight = one.network.layers[-1].bias
+    begun = weight.detach().clone()
+    move(weight)
+    assert gate.passes(bad, warming_up=False)
+    other.restore(gate.snapshot())
+    for resumed in (gate, other):
+        assert resumed.passes(bad, warming_up=False)
+        assert not resumed.passes(bad, warming_up=False)
+        torch.testing.assert_close(weight.detach(), begun)
+        move(weight)
 
 
 def test_a_prior_is_not_held_to_its_quickest_episodes() -> None:
@@ -116,15 +166,13 @@ def test_a_prior_is_not_held_to_its_quickest_episodes() -> None:
     assert gate.passes(usual, warming_up=False), "the weights are the prior's still"
     weight = one.network.layers[-1].bias
     begun = weight.detach().clone()
-    with torch.no_grad():
-        weight.add_(1.0)
+    move(weight)
     assert not gate.passes(worse, warming_up=False)
     torch.testing.assert_close(weight.detach(), begun)
     other.restore(gate.snapshot())
     for resumed in (gate, other):
         assert resumed.passes(usual, warming_up=False), "back at the prior, it goes on to learn"
-        with torch.no_grad():
-            weight.add_(1.0)
+        move(weight)
         assert not resumed.passes(worse, warming_up=False)
 
 
@@ -134,3 +182,28 @@ def test_episodes_are_cut_short_and_begin_anew() -> None:
     collector = Collector(env, Layout.of(SPEC, PLAIN), seed=0)
     cut = [collector.step(np.zeros((3, 1))).truncated for _ in range(9)]
     np.testing.assert_array_equal(np.array(cut)[:, 0], [False, False, False, True] * 2 + [False])
+
+
+class Ramp(ChunkNetwork):
+    """Chunks of four steps that rise by a tenth a step; the next one goes on from there, or jumps back."""
+
+    def __init__(self, *, goes_on: float) -> None:
+        super().__init__()
+        self.rate, self.goes_on = torch.nn.Parameter(torch.tensor(0.1)), goes_on
+
+    def forward(self, obs: torch.Tensor) -> torch.Tensor:
+        return self.rate * (self.goes_on * obs[:, -1:, :1] + torch.arange(4.0)[:, None])
+
+    def loss(self, obs: torch.Tensor, actions: torch.Tensor, valid: torch.Tensor) -> Any:
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(("goes_on", "wanted"), [(1.0, 0.1**2), (0.0, (0.1**2 + 0.1**2 + 0.2**2) / 3)])
+def test_caps_of_chunks_counts_changes_from_each_flown_step_to_the_next(goes_on: float, wanted: float) -> None:
+    """Chunks that go on where the last one ended are smoother than ones that jump back at every decision."""
+    here = torch.tensor([[0.0], [5.0]])  # steps so far; three are flown of each chunk
+    kinds = {"history": 1, "execute": 3, "explored": np.ones(1, bool), "deviation": 0.2, "correlation": 0.9}
+    one = ChunkActor(Ramp(goes_on=goes_on), **kinds)
+    rough = Smoothness(temporal=2.0).loss(one, here, here + 3.0, execute=one.execute)
+    assert isinstance(rough, torch.Tensor)
+    assert rough.item() == pytest.approx(2.0 * wanted)
