@@ -23,6 +23,7 @@ from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
 from aerial_il.policies.parts.vision import build_network, with_pixels
@@ -120,16 +121,15 @@ class ChunkPolicy:
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return copies of what is remembered of all worlds: with it :meth:`recall` acts on as if nothing had been."""
-        parts = {name: part.memory() for name, part in self._memories.items()}
-        arrays = {f"{name}.{key}": array for name, part in parts.items() for key, array in part.items()}
+        arrays: dict[str, np.ndarray] = {}
+        for name, part in self._memories.items():
+            arrays |= under(name, part.memory())
         return {**arrays, "worlds": np.array(-1 if self._worlds is None else self._worlds)}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Remember what :meth:`memory` returned."""
         for name, part in self._memories.items():
-            part.recall(
-                {key.removeprefix(f"{name}."): array for key, array in memory.items() if key.startswith(f"{name}.")}
-            )
+            part.recall(below(name, memory))
         worlds = int(memory["worlds"])
         self._worlds = None if worlds < 0 else worlds
 
