@@ -17,6 +17,7 @@ from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
+from aerial_il.policies.parts import constant
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
@@ -158,6 +159,7 @@ class ChunkPolicy:
         weights = {f"network.{k}": v.detach().cpu().numpy() for k, v in self.network.state_dict().items()}
         wiring = self.interface
         arrays = {**weights, **wiring.obs.arrays("obs"), **wiring.action.arrays("action"), **wiring.switches.arrays()}
+        arrays |= constant.saved(wiring, self.config.action_scaling)
         config = {"policy": self.config.name, "settings": self.config.to_dict(), "spec": self.spec.to_dict()}
         return Checkpoint(arrays, {"origin": self.origin}, config)
 
@@ -167,6 +169,7 @@ class ChunkPolicy:
         spec = EnvSpec.from_dict(saved.config["spec"])
         layout = Layout.of(spec, config)
         obs, action = (Normaliser.from_arrays(saved.arrays, prefix) for prefix in ("obs", "action"))
+        action = constant.restored(saved.arrays, action, layout, config.action_scaling)
         network = built_for(saved.arrays, lambda: build_network(config, layout))
         network.load_state_dict(
             {k: torch.from_numpy(saved.arrays[f"network.{k}"].copy()) for k in network.state_dict()}
