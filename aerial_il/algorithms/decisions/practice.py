@@ -181,7 +181,7 @@ class PractisedChunks(PractisedPolicy):
 
     Attributes:
         execute: steps of a chunk that are flown before the next one is sampled, no more than it has.
-        noise: standard deviation of the samples at first, in those of the demonstrated actions; it is learned.
+        noise: standard deviation of the samples at first, in actions normalised by ``action_scaling``; it is learned.
         correlation: of that noise from one step of a chunk to the next.
     """
 
