@@ -42,8 +42,8 @@ class FilteredCloning(InteractiveAlgorithm):
     Attributes:
         training: behaviour cloning of the dataset so far; its loss is the policy network's.
         prior: a run or policy of any class that flies the first round; None for the clone of the demonstrations.
-        noise: its standard deviation, in those of the demonstrated actions; elements that never varied, and switches,
-            have none.
+        noise: its standard deviation, in those of the demonstrated actions, or in halves of their range where
+            ``action_scaling`` is ``minmax``; elements that never varied, and switches, have none.
         correlation: of the noise from one step to the next.
         reward_patience: flown steps after which a run stops that no flight has solved yet; 0 for never.
     """

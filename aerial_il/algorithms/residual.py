@@ -41,7 +41,8 @@ class ResidualLearning(PractisedPolicy, GatedOnPolicy):
 
     Attributes:
         hidden: widths of the network that shifts.
-        reach: the largest shift, in standard deviations of the demonstrated actions.
+        reach: the largest shift, in standard deviations of the demonstrated actions, or in halves of their range where
+            the prior's ``action_scaling`` is ``minmax``.
         hold: steps that a shift lasts.
         noise: standard deviation of the pre-tanh samples at first; it is learned from there on.
     """

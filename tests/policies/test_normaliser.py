@@ -36,6 +36,7 @@ def test_a_constant_element_is_centred_and_not_blown_up(scaling: Scaling) -> Non
     data = np.stack([rng.normal(size=500), np.full(500, 0.7), 1 + 1e-6 * rng.normal(size=500)], axis=1)
     scaler = Normaliser.fit(data, scaling)
     np.testing.assert_allclose(scaler.normalise(data)[:, 1:], 0, atol=1e-5)
+    np.testing.assert_array_equal(scaler.constant, [False, True, True])
     assert scaler.normalise(np.array([0.0, 0.8, 1.1]))[2] == pytest.approx(0.1, abs=1e-4)
 
 

@@ -7,9 +7,11 @@ import json
 import pickle
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
@@ -62,6 +64,41 @@ def test_a_dictionary_is_answered_as_its_own_predict_does(tmp_path: Path, monkey
     monkeypatch.chdir(tmp_path)
     words = ["policy=model.zip", "robot=quad", "task=hover", "episodes=2", "videos=0", "progress=false", "out=judged"]
     assert main(["evaluate", *words]) == 0
+
+
+@pytest.mark.parametrize("learner", [PPO, A2C])
+def test_a_choice_is_that_of_the_highest_score_however_large_scores_are(learner: Any, tmp_path: Path) -> None:
+    """Clipped to the bounds of the scores, from 0 to 1, they would all be the same."""
+    model = learner("MlpPolicy", "CartPole-v1", policy_kwargs=SMALL, device="cpu", seed=3)
+    with torch.no_grad():
+        model.policy.action_net.weight.mul_(1e4)
+        model.policy.action_net.bias.copy_(torch.tensor([20.0, 20.0]))
+    model.save(tmp_path / "model")
+    env = aerial_il.load_gymnasium("CartPole-v1", num_envs=32)
+    policy = Sb3Policy(tmp_path / "model.zip")
+    policy.attach(env)
+    obs = env.reset(0)
+    seen = obs["observation"].astype(np.float32)
+    scores = model.policy.get_distribution(torch.from_numpy(seen)).distribution.logits
+    wanted = model.predict(seen, deterministic=True)[0]
+    assert set(wanted) == {0, 1}, "a check in which one is always chosen would tell little"
+    assert scores.abs().max() > 1.0
+    np.testing.assert_array_equal(policy.act(obs), np.eye(2)[wanted])
+    env.close()
+
+
+def test_a_choice_among_numbers_and_other_spaces_are_refused(tmp_path: Path) -> None:
+    PPO("MlpPolicy", "CartPole-v1", policy_kwargs=SMALL, device="cpu").save(tmp_path / "model")
+    env = aerial_il.load_gymnasium("CartPole-v1")
+    action = replace(env.spec.action, low=np.full(2, -3.0), high=np.full(2, 3.0))
+    env.spec = replace(env.spec, action=action)
+    with pytest.raises(InvalidValueError, match=r"chooses one of 2 actions; gymnasium/CartPole-v1 takes numbers.*env="):
+        Sb3Policy(tmp_path / "model.zip").attach(env)
+    several = gymnasium.make("CartPole-v1")
+    several.action_space = gymnasium.spaces.MultiDiscrete([2, 2])
+    PPO("MlpPolicy", several, policy_kwargs=SMALL, device="cpu").save(tmp_path / "several")
+    with pytest.raises(CheckpointError, match=r"MultiDiscrete.*Box and Discrete.*MODULE:FACTORY"):
+        Sb3Policy(tmp_path / "several.zip")
 
 
 def test_another_environment_is_refused(pendulum: Any, tmp_path: Path) -> None:

@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 
 from aerial_il.algorithms.decisions.rollout import Decisions, Returns
-from aerial_il.algorithms.run.state import Snapshot, below
+from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import load_weights, weights_of
 from aerial_il.policies.parts.network import ChunkNetwork
+from aerial_il.policies.parts.prefixed import below, under
 
 FEWEST = 10  # episodes of the learner, and of the prior, that are compared
 
@@ -70,15 +71,14 @@ class ReturnGate:
         load_weights(self._actor, self._kept)
 
     def snapshot(self) -> Snapshot:
-        weights = {"begun": self._begun, "kept": self._kept}
-        kept = {f"{name}.{key}": array for name, arrays in weights.items() for key, array in arrays.items()}
+        weights = {**under("begun", self._begun), **under("kept", self._kept)}
         returns = {"prior": self._prior.copy(), "own": self._own.copy(), "keeps": self._keeps.copy()}
-        return Snapshot({**self._ended.snapshot().arrays, **returns, **kept}, {"flies": self._flies})
+        return Snapshot({**self._ended.snapshot().arrays, **returns, **weights}, {"flies": self._flies})
 
     def restore(self, saved: Snapshot) -> None:
         self._ended.restore(saved)
         self._prior, self._own, self._keeps = (saved.arrays[name].copy() for name in ("prior", "own", "keeps"))
-        self._begun, self._kept = (below(f"{name}.", saved.arrays) for name in ("begun", "kept"))
+        self._begun, self._kept = (below(name, saved.arrays) for name in ("begun", "kept"))
         self._flies = saved.values["flies"]
 
 

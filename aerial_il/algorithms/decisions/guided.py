@@ -13,6 +13,7 @@ from aerial_il.algorithms.decisions.rollout import Acted
 from aerial_il.algorithms.rl.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.contracts import Policy, SeededPolicy, attach
+from aerial_il.policies.parts.prefixed import below, under
 
 Schedule = Literal["curriculum", "random"]
 
@@ -124,7 +125,7 @@ class GuidedPilot:
 
     def snapshot(self) -> Snapshot:
         arrays = {"left": self._left.copy(), "begun": self._begun.copy(), "paid": self._paid.copy()}
-        learner = {f"learner.{name}": array for name, array in self._learner.snapshot().arrays.items()}
+        learner = under("learner", self._learner.snapshot().arrays)
         best = None if np.isinf(self._best) else self._best
         values = {"stage": self.stage, "flown": self.flown, "best": best, "returns": list(self._returns)}
         return Snapshot({**arrays, **learner}, {**values, "rng": self._rng.bit_generator.state})
@@ -133,8 +134,7 @@ class GuidedPilot:
         """Go back, after the collector has: what the guide remembers is what it is shown once more."""
         arrays, values = saved.arrays, saved.values
         self._left, self._begun, self._paid = (arrays[name].copy() for name in ("left", "begun", "paid"))
-        learner = {name.removeprefix("learner."): a for name, a in arrays.items() if name.startswith("learner.")}
-        self._learner.restore(Snapshot(learner))
+        self._learner.restore(Snapshot(below("learner", arrays)))
         self.stage, self.flown, self._returns = values["stage"], values.get("flown", 0), list(values["returns"])
         self._best = -np.inf if values["best"] is None else values["best"]
         self._rng.bit_generator.state = values["rng"]

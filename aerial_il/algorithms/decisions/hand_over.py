@@ -16,11 +16,12 @@ import numpy as np
 
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.run.state import Snapshot, below
+from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import load_weights, weights_of
 from aerial_il.core.contracts import BatchEnv, begin_episodes
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import ChunkNetwork
+from aerial_il.policies.parts.prefixed import below, under
 
 log = logging.getLogger(__name__)
 
@@ -83,13 +84,14 @@ class HandOver:
         return ChunkPolicy(config, own.interface, network, own.origin)
 
     def snapshot(self) -> Snapshot:
-        handed = {f"handed.{name}": array.copy() for name, array in weights_of(self._handed).items()}
-        return Snapshot({"wanted": self._wanted.copy(), **handed}, {"passed": self._passed, "turn": self._turn})
+        handed = {name: array.copy() for name, array in weights_of(self._handed).items()}
+        arrays = {"wanted": self._wanted.copy(), **under("handed", handed)}
+        return Snapshot(arrays, {"passed": self._passed, "turn": self._turn})
 
     def restore(self, saved: Snapshot) -> None:
         self._passed, self._turn = saved.values["passed"], saved.values["turn"]
         self._wanted = saved.arrays["wanted"].copy()
-        load_weights(self._handed, below("handed.", saved.arrays))
+        load_weights(self._handed, below("handed", saved.arrays))
 
 
 def flown_returns(collector: Collector, policy: ChunkPolicy, seeds: np.ndarray) -> np.ndarray:

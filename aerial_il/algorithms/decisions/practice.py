@@ -214,7 +214,7 @@ class PractisedChunks(PractisedPolicy):
 
     Attributes:
         execute: steps of a chunk that are flown before the next one is sampled, no more than it has.
-        noise: standard deviation of the samples at first, in those of the demonstrated actions; it is learned.
+        noise: standard deviation of the samples at first, in actions normalised by ``action_scaling``; it is learned.
         correlation: of that noise from one step of a chunk to the next.
         trial: flights in which what was learned is compared with the prior by itself, before it is handed over; 0 for
             none. trial_every: environment steps between two such trials. See

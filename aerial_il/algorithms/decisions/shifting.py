@@ -14,6 +14,7 @@ from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import StochasticNetwork
+from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.parts.residual import Shift, normalised, shifted, what_is_seen
 from aerial_il.policies.squashed_gaussian import LOG_STD_HIGH, LOG_STD_LOW
 
@@ -108,10 +109,10 @@ class ShiftPilot:
         self._proposed = normalised(self._base.interface, self._actions, self._collector.frames)
 
     def snapshot(self) -> Snapshot:
-        memory = {f"base.{name}": array for name, array in self._base.memory().items()}
+        memory = under("base", self._base.memory())
         return Snapshot({**memory, "actions": self._actions.copy(), "proposed": self._proposed.copy()})
 
     def restore(self, saved: Snapshot) -> None:
         arrays = saved.arrays
-        self._base.recall({name.removeprefix("base."): a for name, a in arrays.items() if name.startswith("base.")})
+        self._base.recall(below("base", arrays))
         self._actions, self._proposed = arrays["actions"].copy(), arrays["proposed"].copy()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from aerial_il.algorithms.rl.online_run import Problem
 from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
 from aerial_il.algorithms.run.prior import load_prior
@@ -15,6 +17,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.normaliser import MIN_SCALE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,29 +37,36 @@ class BegunFromPrior(OffPolicyReinforcement):
         Raises:
             InvalidValueError: the prior cannot fly here, or its weights are none of this policy's.
         """
-        plain = super().problem(dataset, policy, env, seed)
         if self.prior is None:
-            return plain
+            return super().problem(dataset, policy, env, seed)
         begun = load_prior(self.prior, env.spec)
         check_weights(begun, policy, self.prior)
         if self.obs_norm:
             raise InvalidValueError(
                 "A prior brings its own normalisation of observations: set algorithm.obs_norm=false."
             )
-        inputs = {"prior": digest(begun.to_checkpoint())}
-        interface = explored(begun.interface, plain.interface)
-        return replace(plain, interface=interface, initial=begun.network.state_dict(), inputs=inputs)
+        return Problem(
+            self.name,
+            seed,
+            policy,
+            env,
+            explored(begun.interface),
+            scheme=self.scheme,
+            inputs={"prior": digest(begun.to_checkpoint())},
+            initial=begun.network.state_dict(),
+        )
 
 
-def explored(interface: Interface, plain: Interface) -> Interface:
+def explored(interface: Interface) -> Interface:
     """Return a prior's interface with the action elements held that its demonstrations never varied.
 
-    They have no spread that exploration could be measured in: ±1 would be a metre or a radian. Where ±1 stands for the
-    environment's bounds, as in the ``plain`` interface, it may well be.
+    They have no spread that exploration could be measured in: ±1 would be a metre or a radian. What is counted from the
+    end effector is no fixed value that could be held: it gets the spread below which an element counts as constant.
     """
-    own, bounds = interface.action, plain.action
-    constant = (own.scale == 1.0) & ((own.scale != bounds.scale) | (own.centre != bounds.centre))
-    return replace(interface, switches=interface.switches.holding(constant, own.centre))
+    action, moving = interface.action, interface.layout.moving
+    switches = interface.switches.holding(interface.constant & ~moving, action.centre)
+    scale = np.where(interface.constant & moving, np.float32(MIN_SCALE), action.scale)
+    return replace(interface, action=replace(action, scale=scale), switches=switches)
 
 
 def check_weights(prior: ChunkPolicy, policy: PolicyConfig, source: str) -> None:

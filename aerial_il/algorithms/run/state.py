@@ -11,6 +11,7 @@ import torch
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.renamed import TRAINING_STATE
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.prefixed import below, under
 
 PARTS = "parts"
 GENERATOR, CUDA_GENERATOR = "torch.generator", "torch.cuda_generator"
@@ -38,7 +39,7 @@ class Stateful(Protocol):
 def pack(parts: Mapping[str, Stateful], policy: ChunkPolicy) -> Checkpoint:
     """Return a checkpoint of all ``parts``, torch's generators, and ``policy``, which alone is enough to act."""
     acting, taken = policy.to_checkpoint(), joined(parts)
-    arrays = {f"{PARTS}.{name}": array for name, array in taken.arrays.items()}
+    arrays = under(PARTS, taken.arrays)
     arrays[GENERATOR] = torch.get_rng_state().numpy()
     if torch.cuda.is_available() and torch.cuda.is_initialized():
         arrays[CUDA_GENERATOR] = torch.cuda.get_rng_state().numpy()
@@ -48,7 +49,7 @@ def pack(parts: Mapping[str, Stateful], policy: ChunkPolicy) -> Checkpoint:
 def unpack(saved: Checkpoint, parts: Mapping[str, Stateful]) -> None:
     """Restore ``parts`` and torch's generators from what :func:`pack` made, now or in an earlier version."""
     saved = with_new_names(saved)
-    separate(Snapshot(below(f"{PARTS}.", saved.arrays), saved.state[PARTS]), parts)
+    separate(Snapshot(below(PARTS, saved.arrays), saved.state[PARTS]), parts)
     torch.set_rng_state(torch.from_numpy(saved.arrays[GENERATOR].copy()))
     if CUDA_GENERATOR in saved.arrays:
         torch.cuda.set_rng_state(torch.from_numpy(saved.arrays[CUDA_GENERATOR].copy()))
@@ -64,12 +65,7 @@ def joined(parts: Mapping[str, Stateful]) -> Snapshot:
 def separate(saved: Snapshot, parts: Mapping[str, Stateful]) -> None:
     """Restore several parts from what :func:`joined` made of them."""
     for name, part in parts.items():
-        part.restore(Snapshot(below(f"{name}.", saved.arrays), saved.values.get(name, {})))
-
-
-def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the arrays whose names begin with ``prefix``, without it."""
-    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+        part.restore(Snapshot(below(name, saved.arrays), saved.values.get(name, {})))
 
 
 def with_new_names(saved: Checkpoint) -> Checkpoint:
@@ -91,8 +87,8 @@ def _new_name(array: str) -> str:
 def _from_learner(saved: Checkpoint) -> Checkpoint:
     """Return a checkpoint of behaviour cloning from before all algorithms shared one layout."""
     state, arrays = saved.state["learner"], dict(saved.arrays)
-    arrays |= {f"{PARTS}.learner.averaged.{k}": v for k, v in below("network.", saved.arrays).items()}
-    arrays |= {f"{PARTS}.learner.{k}": v for k, v in below("learner.", saved.arrays).items()}
+    arrays |= under(f"{PARTS}.learner.averaged", below("network", saved.arrays))
+    arrays |= under(f"{PARTS}.learner", below("learner", saved.arrays))
     for kind, name in (("cpu", GENERATOR), ("cuda", CUDA_GENERATOR)):
         if kind in state["rng"]:
             arrays[name] = np.frombuffer(bytes.fromhex(state["rng"][kind]), np.uint8)

@@ -8,7 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.run.state import Snapshot, below
+from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.policies.parts.prefixed import below
 
 
 class TrainState[Network: nn.Module]:
@@ -46,8 +47,8 @@ class TrainState[Network: nn.Module]:
         return Snapshot({**weights, **moments})
 
     def restore(self, saved: Snapshot) -> None:
-        load_weights(self.network, below("network.", saved.arrays))
-        from_arrays(self.optimizer, below("optimizer.", saved.arrays))
+        load_weights(self.network, below("network", saved.arrays))
+        from_arrays(self.optimizer, below("optimizer", saved.arrays))
 
 
 class Weights:

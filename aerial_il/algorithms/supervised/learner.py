@@ -8,11 +8,12 @@ import numpy as np
 from torch import Tensor
 
 from aerial_il.algorithms.run.metrics import MetricMeans
-from aerial_il.algorithms.run.state import Snapshot, below
+from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adamw, load_weights, weights_of
 from aerial_il.algorithms.supervised.optimisation import Ema
 from aerial_il.core.errors import TrainingDivergedError
 from aerial_il.policies.parts.network import ChunkNetwork
+from aerial_il.policies.parts.prefixed import below
 
 HINT = "Lower the learning rate; the last checkpoint is intact."
 
@@ -68,7 +69,7 @@ class Learner:
 
     def restore(self, saved: Snapshot) -> None:
         self._trained.restore(saved)
-        load_weights(self.averaged, below("averaged.", saved.arrays))
+        load_weights(self.averaged, below("averaged", saved.arrays))
         self.step, self.elapsed_s = saved.values["step"], saved.values["elapsed_s"]
         self.means.restore(Snapshot({}, saved.values["means"]))
 

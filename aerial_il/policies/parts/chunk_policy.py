@@ -17,12 +17,14 @@ from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
+from aerial_il.policies.parts import constant
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
 from aerial_il.policies.parts.vision import build_network, with_pixels
@@ -120,16 +122,15 @@ class ChunkPolicy:
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return copies of what is remembered of all worlds: with it :meth:`recall` acts on as if nothing had been."""
-        parts = {name: part.memory() for name, part in self._memories.items()}
-        arrays = {f"{name}.{key}": array for name, part in parts.items() for key, array in part.items()}
+        arrays: dict[str, np.ndarray] = {}
+        for name, part in self._memories.items():
+            arrays |= under(name, part.memory())
         return {**arrays, "worlds": np.array(-1 if self._worlds is None else self._worlds)}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Remember what :meth:`memory` returned."""
         for name, part in self._memories.items():
-            part.recall(
-                {key.removeprefix(f"{name}."): array for key, array in memory.items() if key.startswith(f"{name}.")}
-            )
+            part.recall(below(name, memory))
         worlds = int(memory["worlds"])
         self._worlds = None if worlds < 0 else worlds
 
@@ -158,6 +159,7 @@ class ChunkPolicy:
         weights = {f"network.{k}": v.detach().cpu().numpy() for k, v in self.network.state_dict().items()}
         wiring = self.interface
         arrays = {**weights, **wiring.obs.arrays("obs"), **wiring.action.arrays("action"), **wiring.switches.arrays()}
+        arrays |= constant.saved(wiring, self.config.action_scaling)
         config = {"policy": self.config.name, "settings": self.config.to_dict(), "spec": self.spec.to_dict()}
         return Checkpoint(arrays, {"origin": self.origin}, config)
 
@@ -167,6 +169,7 @@ class ChunkPolicy:
         spec = EnvSpec.from_dict(saved.config["spec"])
         layout = Layout.of(spec, config)
         obs, action = (Normaliser.from_arrays(saved.arrays, prefix) for prefix in ("obs", "action"))
+        action = constant.restored(saved.arrays, action, layout, config.action_scaling)
         network = built_for(saved.arrays, lambda: build_network(config, layout))
         network.load_state_dict(
             {k: torch.from_numpy(saved.arrays[f"network.{k}"].copy()) for k in network.state_dict()}

@@ -19,6 +19,7 @@ from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
+from aerial_il.policies.parts.prefixed import below, under
 
 GATE, PRIOR, CRITICS = "gate", "prior", "critics"
 
@@ -73,11 +74,11 @@ class GatedPolicy(ChunkPolicy):
         return GatedPolicy(own, prior, self.critics, hidden=self.hidden, caution=self.caution)
 
     def memory(self) -> dict[str, np.ndarray]:
-        return {**super().memory(), **_under(PRIOR, self.prior.memory())}
+        return {**super().memory(), **under(PRIOR, self.prior.memory())}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         super().recall(memory)
-        self.prior.recall(_below(PRIOR, memory))
+        self.prior.recall(below(PRIOR, memory))
 
     def attach(self, env: BatchEnv) -> None:
         super().attach(env)
@@ -90,7 +91,7 @@ class GatedPolicy(ChunkPolicy):
     def to_checkpoint(self) -> Checkpoint:
         own, prior = super().to_checkpoint(), self.prior.to_checkpoint()
         weights = {name: weight.detach().cpu().numpy() for name, weight in self.critics.state_dict().items()}
-        arrays = {**own.arrays, **_under(PRIOR, prior.arrays), **_under(CRITICS, weights)}
+        arrays = {**own.arrays, **under(PRIOR, prior.arrays), **under(CRITICS, weights)}
         critics = {"hidden": list(self.hidden), "count": self.critics.count, "layer_norm": bool(self.critics.gains)}
         gate = {"caution": self.caution, "critics": critics, "prior": dict(prior.config)}
         return Checkpoint(arrays, {**own.state, PRIOR: dict(prior.state)}, {**own.config, GATE: gate})
@@ -99,19 +100,11 @@ class GatedPolicy(ChunkPolicy):
     def around(own: ChunkPolicy, saved: Checkpoint, rebuilt: Callable[[Checkpoint], ChunkPolicy]) -> GatedPolicy:
         """Return ``own`` beside the prior and behind the critics that were saved with it."""
         gate: Mapping[str, Any] = saved.config[GATE]
-        prior = rebuilt(Checkpoint(_below(PRIOR, saved.arrays), saved.state[PRIOR], gate["prior"]))
-        layout, sizes, weights = own.interface.layout, gate["critics"], _below(CRITICS, saved.arrays)
+        prior = rebuilt(Checkpoint(below(PRIOR, saved.arrays), saved.state[PRIOR], gate["prior"]))
+        layout, sizes, weights = own.interface.layout, gate["critics"], below(CRITICS, saved.arrays)
         inputs, hidden = layout.size + 1 + layout.spec.action.size, sizes["hidden"]
         critics = built_for(
             weights, lambda: Critics(inputs, hidden, sizes["count"], layer_norm=bool(sizes["layer_norm"]))
         )
         critics.load_state_dict({name: torch.from_numpy(weight.copy()) for name, weight in weights.items()})
         return GatedPolicy(own, prior, critics, hidden=hidden, caution=float(gate["caution"]))
-
-
-def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {f"{prefix}.{name}": array for name, array in arrays.items()}
-
-
-def _below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name.removeprefix(f"{prefix}."): array for name, array in arrays.items() if name.startswith(f"{prefix}.")}

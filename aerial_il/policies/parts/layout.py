@@ -93,6 +93,11 @@ class Layout:
         """How many elements at the front of an action are relative to the anchor: the position of an ``ee_pose``."""
         return 3 if self.anchor and not self.relative and self.spec.action.level == "ee_pose" else 0
 
+    @property
+    def moving(self) -> np.ndarray:
+        """(Da,) bool, action elements that are counted from the end effector, or from the anchor, as it moves."""
+        return np.arange(self.spec.action.size) < (POSE if self.relative else self.anchored)
+
     def flatten(self, obs: Observation) -> np.ndarray:
         """Return frames (n, Do), every position still in the world, for observations ``name -> (n, ...)``.
 
@@ -212,10 +217,15 @@ class Interface:
     switches: Switches
 
     @property
+    def constant(self) -> np.ndarray:
+        """(Da,) bool, action elements that demonstrations never varied: they have no spread, and keep their units."""
+        found = self.action.constant
+        return np.zeros(len(self.action.scale), bool) if found is None else found
+
+    @property
     def varied(self) -> np.ndarray:
-        """(Da,) bool, action elements that were seen to vary: others have no spread, and were normalised by 1."""
-        found = self.action.scale != 1.0
-        return found if found.any() else ~found
+        """(Da,) bool, action elements that were seen to vary; all of them where none was."""
+        return self.constant if self.constant.all() else ~self.constant
 
     def encode_obs(self, history: np.ndarray) -> np.ndarray:
         """Return the network's input, float32, for frames (B, To, Do) in the world."""

@@ -21,14 +21,19 @@ class Normaliser:
     Attributes:
         centre: (D,) float32.
         scale: (D,) float32, positive.
+        constant: (D,) bool, elements that hardly varied and have kept their own units; None where all varied.
     """
 
     centre: np.ndarray
     scale: np.ndarray
+    constant: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.centre.shape != self.scale.shape or self.centre.ndim != 1:
             raise InvalidValueError(f"centre {self.centre.shape} and scale {self.scale.shape} must both be (D,).")
+        if self.constant is not None and (self.constant.shape, self.constant.dtype) != (self.scale.shape, bool):
+            found, wanted = f"{self.constant.dtype} {self.constant.shape}", self.scale.shape
+            raise InvalidValueError(f"constant is {found}; it must be bool {wanted}, one for each scale.")
         if not (np.isfinite(self.centre).all() and np.isfinite(self.scale).all() and (self.scale > 0).all()):
             raise InvalidValueError("A normaliser's centre must be finite, its scale finite and positive.")
 
@@ -63,8 +68,9 @@ class Normaliser:
         else:
             low, high = data.min(0), data.max(0)
             centre, scale = (high + low) / 2, (high - low) / 2
-        scale = np.where(scale < MIN_SCALE, 1.0, scale)
-        return Normaliser(centre.astype(np.float32), scale.astype(np.float32))
+        constant = scale < MIN_SCALE
+        scale = np.where(constant, 1.0, scale)
+        return Normaliser(centre.astype(np.float32), scale.astype(np.float32), constant)
 
     def normalise(self, x: np.ndarray) -> np.ndarray:
         """Scale ``x`` (..., D) to float32."""

@@ -20,6 +20,7 @@ from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
+from aerial_il.policies.parts.prefixed import below, under
 
 RESIDUAL, BASE = "residual", "base"
 
@@ -99,10 +100,10 @@ class ResidualPolicy(ChunkPolicy):
         return ResidualPolicy(self.base.fresh(), self.shift, hidden=self.hidden, hold=self.hold, origin=self.origin)
 
     def memory(self) -> dict[str, np.ndarray]:
-        return {**_under(BASE, self.base.memory()), "held": self._held.copy(), "age": self._age.copy()}
+        return {**under(BASE, self.base.memory()), "held": self._held.copy(), "age": self._age.copy()}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
-        self.base.recall(_below(BASE, memory))
+        self.base.recall(below(BASE, memory))
         self._held, self._age = memory["held"].copy(), memory["age"].copy()
 
     def attach(self, env: BatchEnv) -> None:
@@ -117,7 +118,7 @@ class ResidualPolicy(ChunkPolicy):
         base = self.base.to_checkpoint()
         weights = {name: weight.detach().cpu().numpy() for name, weight in self.shift.state_dict().items()}
         settings = {"hidden": list(self.hidden), "hold": self.hold, "reach": self.shift.reach}
-        arrays = {**_under(BASE, base.arrays), **_under(RESIDUAL, weights)}
+        arrays = {**under(BASE, base.arrays), **under(RESIDUAL, weights)}
         state = {"origin": self.origin, BASE: dict(base.state)}
         head = {name: base.config[name] for name in ("policy", "settings", "spec")}
         return Checkpoint(arrays, state, {**head, RESIDUAL: {**settings, BASE: dict(base.config)}})
@@ -126,8 +127,8 @@ class ResidualPolicy(ChunkPolicy):
     def around(saved: Checkpoint, rebuilt: Callable[[Checkpoint], ChunkPolicy]) -> ResidualPolicy:
         """Return what was saved, its base made by ``rebuilt``."""
         settings: Mapping[str, Any] = saved.config[RESIDUAL]
-        base = rebuilt(Checkpoint(_below(BASE, saved.arrays), saved.state[BASE], settings[BASE]))
-        weights, hidden = _below(RESIDUAL, saved.arrays), settings["hidden"]
+        base = rebuilt(Checkpoint(below(BASE, saved.arrays), saved.state[BASE], settings[BASE]))
+        weights, hidden = below(RESIDUAL, saved.arrays), settings["hidden"]
         moved, inputs = weights["moved"], base.interface.layout.size + base.spec.action.size
         shift = built_for(weights, lambda: Shift(inputs, hidden, moved, float(settings["reach"])))
         shift.load_state_dict({name: torch.from_numpy(weight.copy()) for name, weight in weights.items()})
@@ -156,11 +157,3 @@ def shifted(
     moved = interface.decode_actions((proposed + shift)[:, None], frames[:, None])[:, 0]
     moved = interface.layout.spec.action.clip(interface.switches.snap(moved).astype(np.float64))
     return np.where(np.asarray(shift.any(axis=1))[:, None], moved, actions)
-
-
-def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {f"{prefix}.{name}": array for name, array in arrays.items()}
-
-
-def _below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name.removeprefix(f"{prefix}."): array for name, array in arrays.items() if name.startswith(f"{prefix}.")}

@@ -2,7 +2,7 @@
 
 Its zip holds the weights (``policy.pth``, tensors alone) and, in ``data``, JSON with pickles inside, of which only the
 text beside them is read. Flown are the deterministic actions of PPO, A2C, SAC, TD3 and DDPG with perceptrons, over a
-vector or a dictionary of vectors.
+vector or a dictionary of vectors. Among discrete actions the one of the highest score is answered, a 1 among zeros.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import re
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -32,6 +32,7 @@ KINDS = {
     ("mlp_extractor.policy_net", "action_net"): ("Tanh", False),  # PPO, A2C
     ("actor.latent_pi", "actor.mu"): ("ReLU", True),  # SAC; TD3 and DDPG have the second alone
 }
+SPACES = ("Box", "Discrete")  # of actions
 FAULTS = (
     zipfile.BadZipFile, pickle.UnpicklingError, OSError, EOFError, ValueError, LookupError, RuntimeError,
     AttributeError, TypeError,
@@ -52,7 +53,7 @@ class Sb3Policy:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         try:
-            self._network, self._fields, self._bounded = _read(self.path)
+            self._saved = _read(self.path)
         except CheckpointError:
             raise
         except FAULTS as error:
@@ -63,17 +64,22 @@ class Sb3Policy:
         """Take over the bounds and the fields of an environment.
 
         Raises:
-            InvalidValueError: its observations or actions are of another size.
+            InvalidValueError: its observations or actions are of another size, or it chooses and has nothing to choose.
         """
         spec = env.spec
         self._low, self._high = spec.action.low, spec.action.high
-        self._names: Sequence[str] = self._fields or spec.observation.state_names
-        linear = [layer for layer in self._network if isinstance(layer, nn.Linear)]
+        self._names: Sequence[str] = self._saved.fields or spec.observation.state_names
+        linear = [layer for layer in self._saved.network if isinstance(layer, nn.Linear)]
         seen = spec.observation.size(self._names)
         if (linear[0].in_features, linear[-1].out_features) != (seen, spec.action.size):
             mapped = f"maps {linear[0].in_features} numbers to {linear[-1].out_features}"
             there = f"{spec.robot}/{spec.task} shows {seen} and takes {spec.action.size}"
             raise InvalidValueError(f"{self.path} {mapped}; {there}.")
+        if self._saved.chooses and ((self._low != 0) | (self._high != 1)).any():
+            raise InvalidValueError(
+                f"{self.path} chooses one of {spec.action.size} actions; {spec.robot}/{spec.task} takes numbers, not "
+                "scores from 0 to 1. Fly it in the environment that it was trained in: env=gymnasium:NAME"
+            )
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """It has no state."""
@@ -82,14 +88,29 @@ class Sb3Policy:
         """Return actions (n, Da) within the bounds."""
         flat = np.concatenate([np.asarray(obs[n], np.float32).reshape(len(obs[n]), -1) for n in self._names], axis=1)
         with torch.no_grad():
-            answers = np.concatenate([self._network(torch.from_numpy(row[None])).numpy() for row in flat])
-        if self._bounded:
+            answers = np.concatenate([self._saved.network(torch.from_numpy(row[None])).numpy() for row in flat])
+        if self._saved.chooses:
+            return np.eye(answers.shape[1])[answers.argmax(1)]
+        if self._saved.bounded:
             answers = self._low + 0.5 * (np.tanh(answers) + 1.0) * (self._high - self._low)
         return np.clip(answers, self._low, self._high).astype(float)
 
 
-def _read(path: Path) -> tuple[nn.Sequential, tuple[str, ...], bool]:
-    """Return the network, the names of the fields that it sees (none for a vector), and whether tanh bounds it."""
+class _Saved(NamedTuple):
+    """What a file holds.
+
+    Attributes:
+        network: observations to answers. fields: names of what it sees; none for a vector.
+        bounded: whether tanh bounds its answers. chooses: whether they are scores of discrete actions.
+    """
+
+    network: nn.Sequential
+    fields: tuple[str, ...]
+    bounded: bool
+    chooses: bool
+
+
+def _read(path: Path) -> _Saved:
     with zipfile.ZipFile(io.BytesIO(read_bytes(path, most=MAX_UNPACKED_BYTES))) as archive:
         wanted = [archive.getinfo(name) for name in ("data", "policy.pth")]
         if (size := sum(entry.file_size for entry in wanted)) > MAX_UNPACKED_BYTES:
@@ -99,7 +120,8 @@ def _read(path: Path) -> tuple[nn.Sequential, tuple[str, ...], bool]:
     for parts, (activation, bounded) in KINDS.items():
         layers = [layer for part in parts for layer in _layers(weights, part)]
         if layers and any(name.startswith(f"{parts[-1]}.") for name in weights):
-            return _network(layers, _activation(path, saved, activation)), _fields(saved), bounded
+            network = _network(layers, _activation(path, saved, activation))
+            return _Saved(network, _fields(saved), bounded, _chooses(path, saved))
     raise CheckpointError(path, "is no perceptron of PPO, A2C, SAC, TD3 or DDPG.", "Fly it as policy=MODULE:FACTORY.")
 
 
@@ -121,7 +143,7 @@ def _network(layers: Sequence[tuple[Tensor, Tensor]], activation: Callable[[], n
 
 def _activation(path: Path, saved: Mapping[str, Any], usual: str) -> Callable[[], nn.Module]:
     said = str((saved.get("policy_kwargs") or {}).get("activation_fn", usual))
-    name = re.split(r"\W", said.rstrip("'>"))[-1]
+    name = _class_name(said)
     if name not in ACTIVATIONS:
         raise CheckpointError(
             path, f"has an activation {said} that is not known here.", f"Known: {', '.join(ACTIVATIONS)}."
@@ -132,3 +154,16 @@ def _activation(path: Path, saved: Mapping[str, Any], usual: str) -> Callable[[]
 def _fields(saved: Mapping[str, Any]) -> tuple[str, ...]:
     space = saved.get("observation_space") or {}
     return tuple(_FIELD.findall(str(space.get("spaces", ""))))
+
+
+def _chooses(path: Path, saved: Mapping[str, Any]) -> bool:
+    said = str((saved.get("action_space") or {}).get(":type:", ""))
+    if _class_name(said) not in SPACES:
+        hint = f"Flown are {' and '.join(SPACES)}; fly it as policy=MODULE:FACTORY."
+        raise CheckpointError(path, f"acts in a space {said} that is not known here.", hint)
+    return _class_name(said) == "Discrete"
+
+
+def _class_name(said: str) -> str:
+    """Return the name of a class from its text, ``<class 'package.module.Name'>``."""
+    return re.split(r"\W", said.rstrip("'>"))[-1]

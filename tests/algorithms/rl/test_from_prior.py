@@ -23,6 +23,7 @@ from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from tests.algorithms import point_mass
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
 
 NAMES = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), BegunFromPrior)]
@@ -99,16 +100,45 @@ def test_a_switch_is_flown_as_the_prior_flies_it_and_what_never_varied_is_held()
     layout = Layout(replace(SPEC, action=action), ("position",))
     obs = Normaliser.none(layout.size)
     own = Interface(layout, obs, Normaliser.fit(shown), 10.0, Switches.fit(shown))
-    bounds = Interface(layout, obs, Normaliser(np.zeros(3), np.full(3, 5.0)), 10.0, Switches.none(3))
     drawn = rng.uniform(-1, 1, (50, 3)).astype(np.float32)
-    flown = decode(explored(own, bounds), drawn, np.zeros((50, layout.size)))
+    flown = decode(explored(own), drawn, np.zeros((50, layout.size)))
     assert np.ptp(flown[:, 0]) > 1.0
     assert set(flown[:, 1].round(5)) == {0.2, 1.0}, "never between them"
     np.testing.assert_allclose(flown[:, 2], 0.3, rtol=1e-6)
 
 
-def test_bounds_of_one_unit_are_not_taken_for_what_never_varied() -> None:
+def test_what_filled_one_unit_is_not_taken_for_what_never_varied() -> None:
     layout = Layout(SPEC, ("position",))
-    whole = Normaliser(np.zeros(1, np.float32), np.ones(1, np.float32))
-    interface = Interface(layout, Normaliser.none(layout.size), whole, 10.0, Switches.none(1))
-    assert np.isnan(explored(interface, interface).switches.low).all()
+    filled = Normaliser.fit(np.linspace(-1.0, 1.0, 9)[:, None], "minmax")
+    interface = Interface(layout, Normaliser.none(layout.size), filled, 10.0, Switches.none(1))
+    assert filled.scale == 1.0
+    assert np.isnan(explored(interface).switches.low).all()
+
+
+def test_an_offset_that_never_varied_is_held_where_the_end_effector_is() -> None:
+    """At a place of the world it could not be held: the commanded height is as high as the tool, wherever that is."""
+    layout = Layout(point_mass.SPEC, ("ee_pos", "cube_pos"), anchor="ee_pos")
+    rng = np.random.default_rng(0)
+    shown = np.concatenate([rng.normal(size=(99, 2)), np.zeros((99, 1)), rng.normal(size=(99, 7))], axis=1)
+    scaler = Normaliser.fit(shown, "minmax")
+    interface = Interface(layout, Normaliser.none(layout.size), scaler, 10.0, Switches.fit(shown))
+    frames = rng.uniform(-0.4, 0.4, (50, layout.size))
+    flown = decode(explored(interface), rng.uniform(-1, 1, (50, 10)).astype(np.float32), frames)
+    np.testing.assert_allclose(flown[:, 2], frames[:, 2], atol=2e-3)
+    assert np.ptp(flown[:, 0] - frames[:, 0]) > 1.0
+
+
+@each
+def test_a_prior_with_an_anchor_is_gone_on_from(tmp_path: Path, name: str) -> None:
+    """Its actions have no bounds in the environment, but they have those that it was trained with."""
+    policy = SquashedGaussianConfig(hidden=(16,), anchor="ee_pos")
+    cloning = BehaviourCloning(steps=40, batch_size=64, warmup_steps=5, ema=0.9, validation=0.0)
+    cloning.train(point_mass.demonstrations(4), policy, run=tmp_path / "prior", progress=False)
+    settings = algorithms.settings_of(name)(**{**SMALL, "prior": str(tmp_path / "prior"), "reward_patience": 0})
+    env = point_mass.PointMassBatch(8)
+    begun = settings.train(None, policy, env=env, run=tmp_path / "run", seed=1, progress=False)
+    assert "actor/loss" in read_metrics(tmp_path / "run")[-1]
+    again, obs = load_policy(tmp_path / "run"), env.reset(0)
+    flown = again.act(obs)
+    np.testing.assert_array_equal(flown, begun.act(obs))
+    np.testing.assert_allclose(flown[:, 3:9], np.tile(point_mass.ROT6D, (8, 1)), atol=1e-6)
