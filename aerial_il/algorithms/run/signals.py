@@ -6,8 +6,10 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, Self
+
+from aerial_il.core.interruption import answering, end
 
 WATCHED = (signal.SIGINT, signal.SIGTERM)
 
@@ -25,7 +27,7 @@ class SignalWatch:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, self._receive) for number in WATCHED}
+            self._before = {number: signal.signal(number, answering(self._receive)) for number in WATCHED}
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
@@ -40,7 +42,7 @@ class SignalWatch:
             SystemExit: on SIGTERM, with status 143.
         """
         if self.pending == signal.SIGTERM:
-            raise SystemExit(128 + signal.SIGTERM)
+            end(signal.SIGTERM)
         raise KeyboardInterrupt
 
     @contextmanager
@@ -54,7 +56,7 @@ class SignalWatch:
         finally:
             self._at_once = False
 
-    def _receive(self, number: int, frame: FrameType | None) -> None:
+    def _receive(self, number: int) -> None:
         second, self.pending = self.pending is not None, number
         if second or self._at_once:
             self.stop()
