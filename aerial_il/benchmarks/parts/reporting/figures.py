@@ -156,6 +156,8 @@ def success_curves(curves: Mapping[tuple[str, str], Sequence[Sequence[tuple[floa
     Args:
         curves: (panel, arm) -> trainings, each (steps, percent) at the same steps.
     """
+    from matplotlib.ticker import EngFormatter
+
     arms = list(dict.fromkeys(arm for _, arm in curves))
 
     def draw(axes: Axes, panel: str) -> None:
@@ -166,6 +168,8 @@ def success_curves(curves: Mapping[tuple[str, str], Sequence[Sequence[tuple[floa
             colour, style = COLOURS[k % len(COLOURS)], "dashed" if k >= len(COLOURS) else "solid"
             axes.plot(steps[0], percent.mean(0), color=colour, linestyle=style, label=arm)
             axes.fill_between(steps[0], percent.min(0), percent.max(0), color=colour, alpha=0.2, linewidth=0)
+        axes.set_xlim(left=0.0)
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         axes.set_ylim(-3, 103)
         axes.set_xlabel("environment steps")
         axes.set_ylabel("success (%)")
@@ -287,7 +291,8 @@ def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, floa
     """Draw how well a position is held by a vehicle that is not as expected: a panel per difference, a line per pilot.
 
     Args:
-        rmse_cm: what differs -> pilot -> (factor, cm, whether some flight crashed; such points are hollow).
+        rmse_cm: what differs -> pilot -> (factor, cm up to a crash, whether some flight crashed; such points are
+            hollow).
     """
 
     from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
@@ -300,6 +305,8 @@ def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, floa
             axes.scatter(
                 x, y, 12, color=["white" if hollow else colour for hollow in crashed], edgecolors=colour, zorder=3
             )
+        if any(hollow for pilots in rmse_cm.values() for points in pilots.values() for *_, hollow in points):
+            axes.scatter([], [], 12, color="white", edgecolors=INK, label="some flights crashed: RMSE up to the crash")
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_minor_locator(NullLocator())
