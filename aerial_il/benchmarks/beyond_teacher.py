@@ -20,6 +20,7 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
 from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.notes import demonstrator
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, pooled_row
@@ -111,7 +112,7 @@ class BeyondTeacher:
             settings=json.loads(json.dumps(plain(self) | {"policy": described(self.policy)})),
             targets=tuple(_targets(rows)),
             tables={"Time to success": rows},
-            notes=(*NOTES, *stages.origins()),
+            notes=(self._flown(), *NOTES, *stages.origins()),
             details={
                 "failed_seeds": {
                     f"{task}, {name}: {draw}": failed_seeds(result)
@@ -121,6 +122,10 @@ class BeyondTeacher:
             },
             wall_time_s=stages.seconds(),
         )
+
+    def _flown(self) -> str:
+        """Return a note that tells what flew, and who demonstrated on it how often."""
+        return f"Robot: {demonstrator(self.robot, 0.0)}, each task {self.demos} times in {self.tier}."
 
     def trainings(self, task: str, draw: int) -> dict[str, Cloned | Continued]:
         """Return the clone and what goes on from it."""

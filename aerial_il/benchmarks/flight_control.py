@@ -9,7 +9,7 @@ that decides it: killed at any moment, the same call continues.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -55,6 +55,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
     TUNING_SEEDS,
     described,
+    own_time_s,
     spent_s,
     without_cadence,
 )
@@ -83,8 +84,10 @@ NOTES = (
     "training.",
     "Holding: 10 s at the target. Power: mean of (thrust over hovering thrust)^1.5 of the rotors. Activity: root "
     "mean square rate of a rotor's thrust. Mass: with inertia, of the whole vehicle; motor: thrust of one rotor of "
-    "four. Nobody is told of either. Crashed flights count up to the crash; in the figure the points of pilots some of "
-    "whose flights crashed are hollow, and left out where most did.",
+    "four. Neither control laws nor policies are informed of the change. Distance, tilt, power and activity of a "
+    "crashed flight are those up to the crash; in the figure the points of pilots some of whose flights crashed are "
+    "hollow, and left out where most did.",
+    "Minutes: of one training, flying and learning, mean over the trainings; flights on the way are not included.",
     "Decision: median time of one action of one vehicle called from Python, of a law its five ticks.",
     "The best learner of a task is chosen by its success on the very seeds that judge it: an optimistic choice, for "
     "which its interval is not corrected.",
@@ -286,7 +289,7 @@ class FlightControl:
         results: Mapping[tuple[Training | tuple[str, str], str], EvaluationResult],
         flown: Mapping[str, list[dict[str, Any]]],
     ) -> Report:
-        success = list(self._success(results))
+        success = list(self._success(record, results))
         return Report(
             name=self.name,
             question=self.question,
@@ -310,15 +313,17 @@ class FlightControl:
             for task, by in product(TASKS, self.learners)
         }
 
-    def _success(self, results: Mapping[tuple[Training | tuple[str, str], str], EvaluationResult]) -> Iterator[Row]:
+    def _success(
+        self, record: Record, results: Mapping[tuple[Training | tuple[str, str], str], EvaluationResult]
+    ) -> Iterator[Row]:
         """Yield success of each law and each learner on each task in each tier."""
         for task, tier in product(TASKS, TIERS):
             for law in self.laws:
-                yield _success_row(task, tier, law, [results[(task, law), tier]])
+                yield _success_row(task, tier, law, [results[(task, law), tier]], [])
             for by in self.learners:
-                yield _success_row(
-                    task, tier, by, [results[training, tier] for training in self.trainings_of(task, by)]
-                )
+                trainings = self.trainings_of(task, by)
+                seconds = [own_time_s(self.run_of(training, record)) for training in trainings]
+                yield _success_row(task, tier, by, [results[training, tier] for training in trainings], seconds)
 
     def _targets(self, rows: list[Row]) -> Iterator[Target]:
         """Yield what the best learner is asked for on each task, in the gusts that it has learned in."""
@@ -328,10 +333,17 @@ class FlightControl:
             yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
 
 
-def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult]) -> Row:
-    crashes = sum(result.metrics["ends"]["crash"] for result in found)
-    seconds = mean_time_s(found)
-    return {"task": task, "tier": tier, "flown_by": name, **pooled_row(found), "time_s": seconds, "crashes": crashes}
+def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult], training_s: Sequence[float]) -> Row:
+    """Return the row of a law, or of a learner whose trainings took ``training_s``."""
+    return {
+        "task": task,
+        "tier": tier,
+        "flown_by": name,
+        **pooled_row(found),
+        "time_s": mean_time_s(found),
+        "crashes": sum(result.metrics["ends"]["crash"] for result in found),
+        "minutes": round(float(np.mean(training_s)) / 60, 1) if training_s else None,
+    }
 
 
 BENCHMARK = FlightControl

@@ -29,12 +29,14 @@ from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
 from aerial_il.algorithms.residual import ResidualLearning
 from aerial_il.algorithms.rlpd import PriorDataLearning
 from aerial_il.benchmarks.parts.records.record import Record
-from aerial_il.benchmarks.parts.reporting.figures import practice_lines
+from aerial_il.benchmarks.parts.reporting.notes import demonstrator, listed, notes_on
+from aerial_il.benchmarks.parts.reporting.practice_lines import practice_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
-from aerial_il.benchmarks.parts.training.practice import LISTED, Arm, Practice, grouped
+from aerial_il.benchmarks.parts.training.practice import Arm, Practice, by_training, grouped
+from aerial_il.benchmarks.parts.training.practice_notes import BEGINNING, NOTES, SLOWEST_STEPS
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
 from aerial_il.benchmarks.parts.training.stages import (
     EVALUATION_SEED,
@@ -51,7 +53,7 @@ from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.suite import tasks
 
-CLONE, BEGINNING, SHOWN_MORE = "bc, first demonstrations", "bc, as practice begins", "bc, many demonstrations"
+CLONE, SHOWN_MORE = "bc, first demonstrations", "bc, many demonstrations"
 BEGUN = "beginning"
 BASELINES = ("filtered_bc", "ppo")  # flown beside the methods, and not judged
 LONGEST_MINUTES = 180.0
@@ -74,34 +76,7 @@ SUITED: Mapping[str, Mapping[str, Any]] = {
         "residual": {"noise": 0.2, "hold": 20, "lr": 5e-4, "gamma": 0.9995},
     },
 }
-CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": 30_000}
-NOTES = (
-    "The reward is sparse: whether a flight succeeded. The final policy of each training is flown in two tiers. The "
-    "trainings of an arm differ in their draw: demonstrations and flights (other seeds), weights and minibatches. "
-    "Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % interval with "
-    "a training as the unit.",
-    "Flown: control steps of practice, mean over trainings. Minutes: of flying and learning, mean over trainings; the "
-    "clone that an arm begins with, and its demonstrations, are not included. Practice that goes on from the policy of "
-    "other practice (begun_by) counts the steps and the minutes of that, too.",
-    "bc, as practice begins: a clone of the same demonstrations, trained with fields of the observation hidden at "
-    "random. expert_iteration and filtered_bc make their own.",
-    "ppo is shown nothing and begins with random weights; it stands for learning from scratch. rlpd is shown the "
-    "demonstrations and begins with random weights. Of rlpd and ibrl a step takes some five hundred to a thousand "
-    "times as long as of bc_ppo: they stop at 30,000. What takes long is trained once (settings.fewer), from some of "
-    "the starts (settings.only_from).",
-    f"Round by round: of a training with more than {LISTED} rounds so many, evenly spread, the first and the last "
-    "among them. Dips and figures are of all.",
-    "Dip: how far success fell below that of the initial policy after the first 2 % of the steps; the largest over "
-    "all draws and times. It is that of the policy as it would be handed over, flown without exploration on 200 seeds "
-    "that judge nothing else, in the tier it practises in, 20 times on the way and always on the same seeds. "
-    "expert_iteration is judged at the start of each round on the round's own starts, before anything was learned "
-    "from them; so is filtered_bc, whose rounds fly with noise. rlpd and ppo have no prior to fall below.",
-    "Exploring dip: of the practice flights themselves, between two rows of the metrics; bc_ppo, residual and dapg "
-    "fly them with exploration noise. It is judged only where no flights were watched: the episodes that end first are "
-    "the quick successes, so that the first stretch looks too good (once 82 % against 75 % in the next ones, which the "
-    "prior flew as well). "
-    "For jsrl none can be given, since a guide begins its episodes.",
-)
+CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": SLOWEST_STEPS}
 
 
 @dataclass(frozen=True)
@@ -149,7 +124,8 @@ class FromPrior:
         watched: how many times on the way a policy that learns step by step is flown, to see dips.
         many: demonstrations of the clone that was shown more.
         tier: that all are flown in. harder: another one. practised_in: task -> which tier it is demonstrated and
-            practised in, if not the first. draws: one training each. episodes: unseen seeds per evaluation.
+            practised in, if not the first. draws: one training each.
+        episodes: unseen seeds per evaluation. first_episode: the first of them; 5000 to 5999 to try settings out.
         num_envs: worlds flown at once there. threads: of the simulation; 0 for all cores.
     """
 
@@ -178,6 +154,7 @@ class FromPrior:
     practised_in: Mapping[str, str] = field(default_factory=lambda: {"insert_peg": "gusts"})
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 200
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 50
     threads: int = 0
 
@@ -198,7 +175,7 @@ class FromPrior:
             raise InvalidValueError("starts, many, episodes and num_envs start at 1.")
         if not (self.draws and counts):
             raise InvalidValueError("draws and starts name at least one.")
-        check_seeds(EVALUATION_SEED, self.episodes)
+        check_seeds(self.first_episode, self.episodes)
         in_rounds = [n for n, a in self.practising.items() if isinstance(a, ExpertIteration | FilteredCloning)]
         for name in (name for task, name in self.begun_by.items() if task in self.starts):
             if name not in in_rounds:
@@ -212,9 +189,9 @@ class FromPrior:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Benchmark`."""
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._all_arms())
+        arms = list(self._all_arms())
         work = [(arm, tier) for arm in arms for tier in (self.tier, self.harder)]
-        results = {key: stages.judged(key[0].training, key[1], seeds) for key in bar(work, self.name, progress)}
+        results = {key: stages.judged(key[0].training, key[1], self._seeds) for key in bar(work, self.name, progress)}
         groups = list(grouped(arms))
         pooled = [_row(group, tier, results, stages) for group in groups for tier in (self.tier, self.harder)]
         practice = Practice(stages, [arm for arm in arms if not isinstance(arm.training, Cloned)], BASELINES)
@@ -223,21 +200,59 @@ class FromPrior:
             question=self.question,
             settings=json.loads(json.dumps(plain(self) | {"policy": described(self.policy)})),
             targets=(*self._targets(pooled), *practice.targets()),
-            tables={"Success": pooled, "Dips": practice.dips, "Round by round": practice.listed},
-            notes=(self._tiers(), *NOTES, *stages.origins()),
-            figures={
-                f"{name}.svg": practice_lines(practice.rounds, [r for r in pooled if r["tier"] == self.tier], over)
-                for name, over in (("by_steps", "flown"), ("by_minutes", "minutes"))
-            },
+            tables={"Success": pooled, "Dips": practice.dips},
+            notes=(*self._notes(arms), *stages.origins()),
+            figures=self._figures(pooled, practice),
             details={
-                "failed_seeds": {f"{a.name}: {a.training.label}, {t}": failed_seeds(r) for (a, t), r in results.items()}
+                "on_the_way": by_training(practice.on_the_way),
+                "rounds": by_training(practice.listed),
+                "failed_seeds": {
+                    f"{a.name}: {a.training.label}, {t}": failed_seeds(r) for (a, t), r in results.items()
+                },
             },
             wall_time_s=stages.seconds(),
         )
 
-    def _tiers(self) -> str:
-        """Return a note that tells in which tier each task was demonstrated and practised."""
-        return f"Demonstrated and practised: {', '.join(f'{t} in {self._practised_in(t)}' for t in self.starts)}."
+    @property
+    def _seeds(self) -> range:
+        """What judges the final policies."""
+        return range(self.first_episode, self.first_episode + self.episodes)
+
+    def _figures(self, pooled: Sequence[Row], practice: Practice) -> dict[str, str]:
+        """Return the figures, each task in the tier that it is practised in, or in ``tier`` where that is a third."""
+        final = [row for row in pooled if row["tier"] == self._drawn_in(row["task"])]
+        titles = {(row["task"], row["demos"]): self._panel(row["task"], row["demos"]) for row in final}
+        wanted = {
+            (task, demos): wanted.percent if self._drawn_in(task) == self.tier else wanted.harder
+            for (robot, task, demos), wanted in WANTED.items()
+            if robot == self.robot
+        }
+        return {
+            f"{name}.svg": practice_lines(practice.lines, final, over=over, titles=titles, wanted=wanted)
+            for name, over in (("by_steps", "flown"), ("by_minutes", "minutes"))
+        }
+
+    def _drawn_in(self, task: str) -> str:
+        tier = self._practised_in(task)
+        return tier if tier in (self.tier, self.harder) else self.tier
+
+    def _panel(self, task: str, demos: int) -> str:
+        """Return a panel's title, with the tier of its lines, and of its final policies where that is another."""
+        practised, final = self._practised_in(task), self._drawn_in(task)
+        return f"{task} from {demos}, in {practised}{'' if final == practised else f', final in {final}'}"
+
+    def _notes(self, arms: Sequence[Arm]) -> Iterator[str]:
+        """Yield what flew, who demonstrated what how often, in which tier, and which seeds judge; then the usual."""
+        begun = (
+            f"{task} in {self._practised_in(task)}, {listed([str(count) for count in counts])} times"
+            for task, counts in self.starts.items()
+            if counts
+        )
+        yield (
+            f"Robot: {demonstrator(self.robot, self.expert['noise'])}. Demonstrated, and practised in the same tier: "
+            f"{'; '.join(begun)}; many are {self.many}. Judged: on the seeds {self._seeds[0]} to {self._seeds[-1]}."
+        )
+        yield from notes_on({arm.name for arm in arms}, NOTES, watched=self.watched)
 
     def _practised_in(self, task: str) -> str:
         return self.practised_in.get(task, self.tier)

@@ -23,6 +23,7 @@ from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.off_policy import OffPolicy
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.reporting.figures import time_shares
+from aerial_il.benchmarks.parts.reporting.notes import demonstrator
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row
 from aerial_il.benchmarks.parts.timing.sampling import Place, Sampler
@@ -123,11 +124,16 @@ class RlSpeed:
             settings=asdict(self),
             targets=(),
             tables={"Speed": rows},
-            notes=NOTES,
+            notes=(self._flown(), *NOTES),
             figures={"rl_speed.svg": _shares(rows)},
             details={"repetitions": timed},
             wall_time_s=time.perf_counter() - started,
         )
+
+    def _flown(self) -> str:
+        """Return a note that tells what flew, and what was shown to those that want any demonstrations."""
+        shown = f"{demonstrator(self.robot, 0.0)} {self.demonstrations} times, and a hasty clone of these flights"
+        return f"Robot: {shown}. Task: {self.task}."
 
     def _shown(self, folder: Path) -> Shown:
         """Fly demonstrations and clone them, hastily."""

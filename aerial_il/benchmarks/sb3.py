@@ -16,9 +16,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from aerial_il.benchmarks.parts.records.record import Record
+from aerial_il.benchmarks.parts.reporting.notes import About, Note, notes_on
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
-from aerial_il.benchmarks.parts.sb3.cells import Cell, cells
+from aerial_il.benchmarks.parts.sb3.cells import DIFFERENCES, Cell, cells
 from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, learn
 from aerial_il.benchmarks.parts.training.outside import Learned, OutsideStages
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, check_fewer
@@ -28,20 +29,29 @@ from aerial_il.evaluation.statistics import t_interval
 
 FEWER: Mapping[str, int] = {"ppo_reach": 1, "sac_half_cheetah": 1, "ppo_half_cheetah": 1}
 OURS, THEIRS, FOUND = "ours", "sb3", "found.json"
-NOTES = (
-    "Return: mean over the episodes of each training's final policy, its mean action, on held-out seeds; then over"
-    " trainings, which differ in weights, exploration and episodes. Low and high: Student's 95 % interval with a"
-    " training as the unit.",
-    "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread. On `reach`, for which "
-    "they publish none, both have the same; its worlds have a process each (SubprocVecEnv), ours are a batch. On "
-    "CartPole `dqn` has another learning rate, other targets and another loss on our side, chosen on other seeds; "
-    "on MountainCar its learning rate falls to zero and random actions are held, which was chosen on other seeds, too. "
-    "The clip range of `ppo` is constant on CartPole on our side and falls linearly to zero on theirs, as published.",
-    "Sooner: seconds until the mean return of the last hundred episodes first reaches the lower of the two sides' "
-    "highest, theirs over ours, by pairs of trainings; median.",
-    "Exploring: mean return of the last hundred episodes of training, flown with exploration.",
-    "What takes long is trained fewer times (settings.fewer).",
-    "Steps per second: environment steps of the whole training over its time, learning included.",
+FEWEST = 3  # trainings for an interval of a return whose bounds are unknown
+NOTES: tuple[Note, ...] = (
+    (
+        "Return: mean over the episodes of each training's final policy, its mean action, on held-out seeds; then over "
+        "trainings, which differ in weights, exploration and episodes. Its interval: Student's 95 % with a training as "
+        f"the unit, within what a return can be where that is known, else of {FEWEST} trainings or more.",
+    ),
+    (
+        "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread.",
+        About(
+            ("ppo_reach",),
+            "On `reach`, for which they publish none, both have the same; its worlds have a process each "
+            "(SubprocVecEnv), ours are a batch.",
+        ),
+    ),
+    DIFFERENCES,
+    (
+        "Sooner: seconds until the mean return of the last hundred episodes of training, with exploration, first "
+        "reaches the lower of the two sides' highest, theirs over ours, by pairs of trainings; median.",
+    ),
+    ("Exploring: mean return of the last hundred episodes of training, flown with exploration.",),
+    (About(tuple(FEWER), "Slow comparisons have one training run on each side (`bench.fewer`): {}."),),
+    ("Steps per second: environment steps of the whole training over its time, learning included.",),
 )
 
 
@@ -89,7 +99,7 @@ class Sb3:
             settings=json.loads(json.dumps(asdict(self))),
             targets=tuple(target for name, pairs in found.items() for target in _targets(name, chosen[name], pairs)),
             tables={"Both sides": rows},
-            notes=NOTES,
+            notes=tuple(notes_on(chosen, NOTES)),
             details={name: [[asdict(side) for side in pair] for pair in pairs] for name, pairs in found.items()},
             wall_time_s=sum(side.seconds for pairs in found.values() for pair in pairs for side in pair),
         )
@@ -136,7 +146,7 @@ def _rows(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[R
                 "steps": _whole(steps.mean()),
                 "trainings": len(pairs),
                 "return": round(float(means.mean()), 1),
-                **_ends(means),
+                **_ends(means, cell.bounds),
                 "each": " ".join(f"{mean:.0f}" for mean in means),
                 "exploring": _exploring([pair[k] for pair in pairs]),
                 "train_s": round(float(seconds.mean()), 1),
@@ -153,15 +163,15 @@ def _targets(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> lis
     targets = []
     if cell.wanted is not None:
         targets.append(Target(f"{name}: return", "at least", cell.wanted, float(ours.mean()), "", spread))
-    if cell.as_theirs:
-        targets.append(
-            Target(f"{name}: return", "at least", round(float(theirs.mean()), 1), float(ours.mean()), "", spread)
-        )
+    if cell.as_theirs or cell.sooner is not None:
+        what, wanted = f"{name}: return without exploration, no worse than theirs", round(float(theirs.mean()), 1)
+        targets.append(Target(what, "at least", wanted, float(ours.mean()), "", spread))
     if cell.sooner is not None:
         sooner = _times_sooner(pairs)
         each = "never" if sooner is None else " ".join(f"{value:.2f}" for value in sooner)
         measured = 0.0 if sooner is None else float(np.median(sooner))
-        targets.append(Target(f"{name}: times sooner at the same return", "at least", cell.sooner, measured, "", each))
+        what = f"{name}: times sooner at the same return with exploration"
+        targets.append(Target(what, "at least", cell.sooner, measured, "", each))
     return targets
 
 
@@ -195,10 +205,11 @@ def _whole(value: float) -> int | None:
     return int(value) if np.isfinite(value) else None
 
 
-def _ends(means: np.ndarray) -> Mapping[str, Any]:
-    found = t_interval(means)
-    known = np.isfinite(found.lo)
-    return {"low": round(found.lo, 1) if known else None, "high": round(found.hi, 1) if known else None}
+def _ends(means: np.ndarray, bounds: tuple[float, float]) -> Mapping[str, Any]:
+    """Return both ends of the interval of a mean return within its bounds; None where there is none to speak of."""
+    found = np.clip(t_interval(means), *bounds)
+    told = np.isfinite(found).all() and (len(means) >= FEWEST or np.isfinite(bounds).all())
+    return dict(zip(("low", "high"), found.round(1).tolist() if told else (None, None), strict=True))
 
 
 def _said(means: np.ndarray) -> str:

@@ -95,6 +95,11 @@ def test_what_practises_begins_with_the_very_clone_beside_it() -> None:
         BeyondTeacher(demos=0)
 
 
+def test_the_page_names_robot_and_demonstrator() -> None:
+    said = "Robot: fa_hexa_arm4, demonstrated by its scripted expert without noise, each task 200 times in calm."
+    assert BeyondTeacher()._flown() == said
+
+
 def test_a_task_can_have_settings_of_its_own() -> None:
     study = BeyondTeacher(suited={"insert_peg": {"noise": 0.07, "execute": 5}})
     practised = {task: study.trainings(task, 0)[ASKED].algorithm for task in study.tasks}

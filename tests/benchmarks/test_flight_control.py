@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from aerial_il.benchmarks.flight_control import FlightControl, Training
+from aerial_il.benchmarks.flight_control import FlightControl, Training, _success_row
 from aerial_il.benchmarks.parts.flight.manoeuvres import (
     Held,
     Mismatch,
@@ -24,6 +24,7 @@ from aerial_il.benchmarks.parts.flight.tables import MASSES, MOTORS, by_mismatch
 from aerial_il.benchmarks.parts.reporting.figures import mismatch_lines
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.errors import InvalidValueError
+from tests.benchmarks.results import result_with
 
 SEEDS = np.array([10_000, 10_001])
 TIMES = 0.02 * np.arange(1, 201)
@@ -109,6 +110,12 @@ def test_trainings_and_settings() -> None:
         FlightControl(entropy={"fly": 0.1})
     with pytest.raises(InvalidValueError, match=r"laws names \['mpc'\]; valid: pid, lqr"):
         FlightControl(laws=("mpc",))
+
+
+def test_minutes_are_told_of_learners_alone() -> None:
+    learned = _success_row("hover", "calm", "ppo", [result_with(4, 3), result_with(4, 4)], [600.0, 1200.0])
+    assert (learned["percent"], learned["minutes"]) == (87.5, 15.0)
+    assert _success_row("hover", "calm", "pid", [result_with(4, 3)], [])["minutes"] is None
 
 
 def test_a_task_may_explore_less_than_the_others() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,9 +16,10 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredCloning
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.benchmarks import from_prior
 from aerial_il.benchmarks.from_prior import BEGINNING, CLONE, SHOWN_MORE, FromPrior
 from aerial_il.benchmarks.parts.records.record import digest
-from aerial_il.benchmarks.parts.training import practised
+from aerial_il.benchmarks.parts.training import practice_notes, practised
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.benchmarks.parts.training.stages import Cloned
@@ -168,7 +170,46 @@ def test_a_task_can_be_practised_in_another_tier() -> None:
     study = FromPrior(starts=starts, arms=("bc_ppo", "ppo"), draws=(0,), practised_in={"insert_peg": "hard"})
     tiers = {(a.training.source.task, a.training.source.tier) for a in study._all_arms()}
     assert tiers == {("pick_place", "calm"), ("insert_peg", "hard")}
-    assert study._tiers() == "Demonstrated and practised: pick_place in calm, insert_peg in hard."
+    assert "pick_place in calm, 10 times; insert_peg in hard, 40 times; many are 400." in next(study._notes([]))
+    assert study._panel("pick_place", 10) == "pick_place from 10, in calm"
+    assert study._panel("insert_peg", 40) == "insert_peg from 40, in hard, final in calm", "which is not judged in hard"
+    assert FromPrior()._panel("insert_peg", 40) == "insert_peg from 40, in gusts"
+
+
+def test_figures_show_each_task_in_the_tier_it_practises_in_and_what_is_wanted_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn: dict[str, Any] = {}
+    monkeypatch.setattr(from_prior, "practice_lines", lambda rows, final, **options: drawn.update(options, final=final))
+    rows = [
+        {"task": task, "demos": 40, "tier": tier} for task in ("pick_place", "insert_peg") for tier in ("calm", "gusts")
+    ]
+    nothing: Any = SimpleNamespace(lines=[])
+    FromPrior()._figures(rows, nothing)
+    assert [(row["task"], row["tier"]) for row in drawn["final"]] == [("pick_place", "calm"), ("insert_peg", "gusts")]
+    assert drawn["titles"]["insert_peg", 40] == "insert_peg from 40, in gusts"
+    assert (drawn["wanted"]["pick_place", 40], drawn["wanted"]["insert_peg", 40]) == (98.0, 85.0)
+
+
+def test_a_page_names_robot_demonstrator_and_seeds_and_only_the_arms_that_are_on_it() -> None:
+    study: Any = build(groups.read_option("bench", "from_prior_big_four"))
+    said = "\n".join(study._notes(list(study._all_arms())))
+    assert said.startswith("Robot: big_four_z1, demonstrated by its scripted expert with a noise of 0.3")
+    assert "insert_peg in gusts, 40 times" in said
+    assert "10000 to 10199" in said
+    assert "20 times on the way" in said
+    for name in ("ppo is", "rlpd", "ibrl", "residual", "dapg", "jsrl", BEGINNING, "Slow methods"):
+        assert name not in said
+    everything = "\n".join(FromPrior()._notes(list(FromPrior()._all_arms())))
+    for name in (*FromPrior().practising, BEGINNING, "Slow methods"):
+        assert name in everything
+    assert set(practice_notes.SLOW) == set(from_prior.FEWER)
+
+
+def test_settings_can_be_tried_on_seeds_that_judge_nothing() -> None:
+    assert FromPrior(first_episode=5_000)._seeds == range(5_000, 5_200)
+    with pytest.raises(InvalidValueError, match="demonstrations use others"):
+        FromPrior(first_episode=5_900)
 
 
 def test_a_task_can_have_settings_of_its_own() -> None:
@@ -289,7 +330,8 @@ def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(
         for n, a in usual.items()
         if isinstance(a, OnlineAlgorithm)
     }
-    report = FromPrior(**{**SMALL, "practising": arms, "watched": 2}).run(tmp_path, progress=False)
+    small_study = {**SMALL, "practising": arms, "only_from": {}, "watched": 2}
+    report = FromPrior(**small_study).run(tmp_path, progress=False)
     flown = {row["arm"]: row["flown"] for row in report.tables["Success"]}
     assert [flown[name] for name in arms] == [128] * 7
     clones = {run.parent for run in tmp_path.glob("training/bc/*/2/*/metrics.jsonl")}
@@ -302,3 +344,7 @@ def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(
     )
     assert (judged["step"], judged["evaluate/episodes"]) == (0, 2), "the prior is flown first"
     assert set(report.figures) == {"by_steps.svg", "by_minutes.svg"}
+    kept = report.details["on_the_way"]
+    assert len(kept) == 5, "of those that begin with a prior"
+    assert all(training["flown"] == [0, 64, 128] for training in kept.values())
+    assert {len(training["percent"]) for training in kept.values()} == {3}

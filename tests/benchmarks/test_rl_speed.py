@@ -43,6 +43,9 @@ def test_end_to_end(name: str, parts: tuple[str, ...], tmp_path: Path) -> None:
     assert sum(shares) == pytest.approx(100, abs=0.3)
     assert all(row[f"{part}_percent"] > 0 for part in parts)
     assert name in report.figures["rl_speed.svg"]
+    assert report.notes[0].startswith(
+        "Robot: floating_gripper, demonstrated by its scripted expert without noise 1 times"
+    )
     json.dumps(report.to_dict(), allow_nan=False)
 
 

@@ -9,10 +9,11 @@ import gymnasium
 import numpy as np
 import pytest
 
+from aerial_il.benchmarks.parts.reporting.notes import notes_on
 from aerial_il.benchmarks.parts.sb3.cells import Cell, cells
 from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, keywords, schedule
 from aerial_il.benchmarks.parts.training.outside import mean_of_last
-from aerial_il.benchmarks.sb3 import Sb3, _rows, _targets, _times_sooner
+from aerial_il.benchmarks.sb3 import NOTES, Sb3, _ends, _rows, _targets, _times_sooner
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 needs_sb3 = pytest.mark.skipif(not INSTALLED, reason="Stable-Baselines3 is not installed")
@@ -46,6 +47,36 @@ def test_every_target_can_be_missed() -> None:
     better, worse = found(60.0, 2.0), found(40.0, 6.0)
     assert [target.met for target in _targets("any", cell, [(better, worse)])] == [True, True, True]
     assert [target.met for target in _targets("any", cell, [(worse, better)])] == [False, False, False]
+
+
+def test_who_is_to_be_sooner_is_to_fly_no_worse_without_exploration() -> None:
+    """The return that both reach sooner is flown with exploration, which a policy may need."""
+    sooner = [Found([40.0] * 3, 10.0, found(60.0, 2.0).curve), found(50.0, 6.0)]
+    targets = _targets("any", cells()["ppo_reach"], [(sooner[0], sooner[1])])
+    assert [(target.limit, target.met) for target in targets] == [(50.0, False), (2.0, True)]
+    assert [target.what.partition(": ")[2] for target in targets] == [
+        "return without exploration, no worse than theirs",
+        "times sooner at the same return with exploration",
+    ]
+
+
+def test_an_interval_stays_within_what_a_return_can_be() -> None:
+    cart_pole, anything = cells()["dqn_cartpole"].bounds, cells()["ppo_half_cheetah"].bounds
+    assert _ends(np.array([19.0, 500.0, 500.0]), cart_pole) == {"low": 0.0, "high": 500.0}
+    assert _ends(np.array([500.0, 400.0]), cart_pole) == {"low": 0.0, "high": 500.0}
+    assert _ends(np.array([500.0, 400.0]), anything) == {"low": None, "high": None}, "of two it says nothing"
+    assert _ends(np.array([1.0, 2.0, 3.0]), anything) == {"low": -0.5, "high": 4.5}
+    assert _ends(np.array([500.0]), cart_pole) == {"low": None, "high": None}
+
+
+def test_a_page_tells_how_the_sides_differ_in_what_is_on_it() -> None:
+    said = "\n".join(notes_on({"ppo_cartpole"}, NOTES))
+    assert "standardises what it sees" in said
+    assert "differs by design" not in "\n".join(notes_on({"sac_half_cheetah"}, NOTES)), "where nothing does"
+    assert not any(other in said for other in ("MountainCar", "HalfCheetah", "`dqn`", "`reach`", "bench.fewer"))
+    assert all(
+        word in "\n".join(notes_on(cells(), NOTES)) for word in ("MountainCar", "HalfCheetah", "`dqn`", "`reach`")
+    )
 
 
 def test_unknown_comparisons_are_refused() -> None:

@@ -19,8 +19,6 @@ LEGEND_COLUMN_IN = 2.0  # width of one, with a long name
 ROW_IN = 0.2  # of a line that names a bar
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 ROWS_PER_PANEL = 10  # lines of text that such a height has room for
-STEP_TICKS = {0.0: "0", 1e5: "100k", 1e6: "1M", 1e7: "10M"}  # of axes that are logarithmic beyond the second
-MINUTE_TICKS = {0.0: "0", 1.0: "1", 3.0: "3", 10.0: "10", 30.0: "30", 100.0: "100", 300.0: "300"}
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "aerial_il",
     "svg.fonttype": "none",
@@ -62,7 +60,7 @@ def tracking_bars(rows: Rows, limits_cm: Mapping[tuple[str, str], Mapping[str, f
         axes.set_ylabel("tool RMSE (cm)")
         axes.grid(axis="x", visible=False)
 
-    return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in panels}, draw)
+    return in_panels({panel: f"{panel[0]}, {panel[1]}" for panel in panels}, draw)
 
 
 def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
@@ -88,7 +86,7 @@ def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
         axes.grid(axis="y", visible=False)
 
     titles = {tier: tier for tier in dict.fromkeys(r["tier"] for r in rows)}
-    return _panels(titles, draw, width=1.4, height=max(1.0, len(cells) / ROWS_PER_PANEL))
+    return in_panels(titles, draw, width=1.4, height=max(1.0, len(cells) / ROWS_PER_PANEL))
 
 
 def method_dots(rows: Rows) -> str:
@@ -116,7 +114,7 @@ def method_dots(rows: Rows) -> str:
 
     pairs = dict.fromkeys((r["trained_in"], r["flown_in"]) for r in rows)
     titles = {pair: f"learned in {pair[0]}, flown in {pair[1]}" for pair in pairs}
-    return _panels(titles, draw, width=1.2, height=max(1.0, len(tasks) / 7))
+    return in_panels(titles, draw, width=1.2, height=max(1.0, len(tasks) / 7))
 
 
 def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
@@ -147,7 +145,7 @@ def learning_lines(rows: Rows, limits: Mapping[str, float]) -> str:
         axes.grid(axis="x", visible=False)
         axes.set_ylabel("success (%)")
 
-    return _panels({task: task for task in dict.fromkeys(r["task"] for r in rows)}, draw)
+    return in_panels({task: task for task in dict.fromkeys(r["task"] for r in rows)}, draw)
 
 
 def success_curves(curves: Mapping[tuple[str, str], Sequence[Sequence[tuple[float, float]]]]) -> str:
@@ -156,6 +154,8 @@ def success_curves(curves: Mapping[tuple[str, str], Sequence[Sequence[tuple[floa
     Args:
         curves: (panel, arm) -> trainings, each (steps, percent) at the same steps.
     """
+    from matplotlib.ticker import EngFormatter
+
     arms = list(dict.fromkeys(arm for _, arm in curves))
 
     def draw(axes: Axes, panel: str) -> None:
@@ -166,47 +166,13 @@ def success_curves(curves: Mapping[tuple[str, str], Sequence[Sequence[tuple[floa
             colour, style = COLOURS[k % len(COLOURS)], "dashed" if k >= len(COLOURS) else "solid"
             axes.plot(steps[0], percent.mean(0), color=colour, linestyle=style, label=arm)
             axes.fill_between(steps[0], percent.min(0), percent.max(0), color=colour, alpha=0.2, linewidth=0)
+        axes.set_xlim(left=0.0)
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         axes.set_ylim(-3, 103)
         axes.set_xlabel("environment steps")
         axes.set_ylabel("success (%)")
 
-    return _panels({panel: panel for panel, _ in curves}, draw)
-
-
-def practice_lines(rows: Rows, final: Rows, over: str) -> str:
-    """Draw success while practising: a panel per cell, a thin line per training, a dot where each arm ends.
-
-    Args:
-        rows: with ``arm``, ``task``, ``demos``, ``draw``, ``first_percent`` and ``over``, in order. final: success of
-            the final policies with ``arm``, ``task``, ``demos``, ``percent``, ``flown`` and ``minutes``.
-        over: what is drawn over, ``flown`` steps or ``minutes``.
-    """
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-
-    arms = list(dict.fromkeys(row["arm"] for row in final))
-    cells = list(dict.fromkeys((row["task"], row["demos"]) for row in final))
-    ticks = STEP_TICKS if over == "flown" else MINUTE_TICKS
-
-    def draw(axes: Axes, cell: tuple[str, int]) -> None:
-        for k, arm in enumerate(arms):
-            colour = COLOURS[k % len(COLOURS)]
-            own = [r for r in rows if (r["task"], r["demos"], r["arm"]) == (*cell, arm)]
-            for training in dict.fromkeys(r["draw"] for r in own):
-                drawn = [r for r in own if r["draw"] == training and None not in (r["first_percent"], r[over])]
-                axes.plot([r[over] for r in drawn], [r["first_percent"] for r in drawn], color=colour, linewidth=0.8)
-            dots = [r for r in final if (r["task"], r["demos"], r["arm"]) == (*cell, arm)]
-            marker, shown = "os^"[k // len(COLOURS) % 3], [r["percent"] for r in dots]
-            axes.plot([r[over] for r in dots], shown, marker, color=colour, markersize=5, label=arm)
-        axes.set_xscale("symlog", linthresh=list(ticks)[1])
-        axes.xaxis.set_major_locator(FixedLocator(list(ticks)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: ticks[x]))
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.set_ylim(-3, 103)
-        axes.set_xlabel("control steps flown" if over == "flown" else "minutes of flying and learning")
-        axes.set_ylabel("success (%)")
-
-    titles = {cell: f"{cell[0]}, from {cell[1]}".replace("_", " ") for cell in cells}
-    return _panels(titles, draw, width=1.5, height=1.3)
+    return in_panels({panel: panel for panel, _ in curves}, draw)
 
 
 def time_shares(rows: Rows, parts: Mapping[str, str], *, named_by: Sequence[str], title: str, unit: str) -> str:
@@ -228,7 +194,7 @@ def time_shares(rows: Rows, parts: Mapping[str, str], *, named_by: Sequence[str]
         axes.set_xlabel(unit)
         axes.grid(axis="y", visible=False)
 
-    return _panels({"": title}, draw, width=2.0, height=max(1.0, ROW_IN * len(rows) * len(named_by) / PANEL_IN[1]))
+    return in_panels({"": title}, draw, width=2.0, height=max(1.0, ROW_IN * len(rows) * len(named_by) / PANEL_IN[1]))
 
 
 def spectra(frequency_hz: Sequence[float], measured: Mapping[str, Sequence[float]], theory: Mapping[str, Any]) -> str:
@@ -246,7 +212,7 @@ def spectra(frequency_hz: Sequence[float], measured: Mapping[str, Sequence[float
         axes.set_xlabel("frequency (Hz)")
         axes.set_ylabel("density (m²/s²/Hz)")
 
-    return _panels({component: component for component in measured}, draw)
+    return in_panels({component: component for component in measured}, draw)
 
 
 def force_lines(time_s: Sequence[float], percent: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
@@ -263,7 +229,7 @@ def force_lines(time_s: Sequence[float], percent: Mapping[str, Mapping[str, Sequ
         axes.set_ylabel("drag (% of weight)")
         axes.set_ylim(bottom=0.0)
 
-    return _panels({robot: robot for robot in percent}, draw)
+    return in_panels({robot: robot for robot in percent}, draw)
 
 
 def step_lines(time_s: Sequence[float], percent: Mapping[tuple[str, str], Mapping[str, Sequence[float]]]) -> str:
@@ -280,16 +246,16 @@ def step_lines(time_s: Sequence[float], percent: Mapping[tuple[str, str], Mappin
         axes.set_xlabel("time (s)")
         axes.set_ylabel("response (%)")
 
-    return _panels({panel: f"{panel[0]}, {panel[1]}" for panel in percent}, draw)
+    return in_panels({panel: f"{panel[0]}, {panel[1]}" for panel in percent}, draw)
 
 
 def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, float, bool]]]]) -> str:
     """Draw how well a position is held by a vehicle that is not as expected: a panel per difference, a line per pilot.
 
     Args:
-        rmse_cm: what differs -> pilot -> (factor, cm, whether some flight crashed; such points are hollow).
+        rmse_cm: what differs -> pilot -> (factor, cm up to a crash, whether some flight crashed; such points are
+            hollow).
     """
-
     from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
     def draw(axes: Axes, what: str) -> None:
@@ -300,6 +266,8 @@ def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, floa
             axes.scatter(
                 x, y, 12, color=["white" if hollow else colour for hollow in crashed], edgecolors=colour, zorder=3
             )
+        if any(hollow for pilots in rmse_cm.values() for points in pilots.values() for *_, hollow in points):
+            axes.scatter([], [], 12, color="white", edgecolors=INK, label="some flights crashed: RMSE up to the crash")
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_minor_locator(NullLocator())
@@ -307,7 +275,7 @@ def mismatch_lines(rmse_cm: Mapping[str, Mapping[str, Sequence[tuple[float, floa
         axes.set_xlabel(f"factor of {what}")
         axes.set_ylabel("distance, RMSE (cm)")
 
-    return _panels({what: what for what in rmse_cm}, draw)
+    return in_panels({what: what for what in rmse_cm}, draw)
 
 
 def reward_lines(rewards: Mapping[str, Mapping[str, np.ndarray]]) -> str:
@@ -323,10 +291,10 @@ def reward_lines(rewards: Mapping[str, Mapping[str, np.ndarray]]) -> str:
         axes.set_xlabel("step")
         axes.set_ylabel("learned reward")
 
-    return _panels({task: task for task in rewards}, draw)
+    return in_panels({task: task for task in rewards}, draw)
 
 
-def _panels[K](
+def in_panels[K](
     titles: Mapping[K, str], draw: Callable[[Axes, K], None], *, width: float = 1.0, height: float = 1.0
 ) -> str:
     """Draw one panel per key, two in a row, and return the SVG.

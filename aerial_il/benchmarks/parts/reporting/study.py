@@ -7,13 +7,26 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from aerial_il.benchmarks.parts.reporting.columns import markdown
 from aerial_il.benchmarks.parts.reporting.report import SCHEMA, Report, Row, Target
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
 
 PAGE, NUMBERS, OVERVIEW = "README.md", "results.json", "benchmarks.md"
 LARGEST_BYTES = 200_000
-TITLES = {"dagger": "DAgger", "gail": "GAIL", "hg_dagger": "HG-DAgger", "lerobot": "LeRobot"}  # others: capitalised
+TITLES = {  # others: the name, capitalised
+    "adroit_rl": "Adroit by reinforcement learning",
+    "beyond_teacher": "Beyond the teacher",
+    "dagger": "DAgger",
+    "from_prior": "From a prior",
+    "from_prior_big_four": "From a prior, on a heavy vehicle",
+    "gail": "GAIL",
+    "hg_dagger": "HG-DAgger",
+    "lerobot": "LeRobot",
+    "rl_speed": "Speed of reinforcement learning",
+    "sb3": "Beside Stable-Baselines3",
+    "z1_reach": "Reaching with Z1",
+}
 
 
 def save_study(report: Report, experiments: Path, *, command: str) -> Path:
@@ -40,8 +53,8 @@ def save_study(report: Report, experiments: Path, *, command: str) -> Path:
 
 def page_of(study: Mapping[str, Any], figures: Sequence[str]) -> str:
     """Return the page of one study: question, answer, tables, figures, how and where it was measured."""
-    targets = ["## Targets", _markdown(_target_rows(study))] if study["targets"] else []
-    tables = [part for title, rows in study["tables"].items() for part in (f"## {title}", _markdown(rows))]
+    targets = ["## Targets", markdown(_target_rows(study))] if study["targets"] else []
+    tables = [part for title, rows in study["tables"].items() for part in (f"## {title}", markdown(rows))]
     parts = [
         f"# {_title(study)}",
         *_superseded(study),
@@ -65,8 +78,8 @@ def overview(experiments: Path) -> str:
         parts += [f"## [{_title(study)}]({study['benchmark']}/{PAGE})", *_superseded(study), study["question"]]
         parts += [f"{_capital(study['verdict'])}. {_origin(study)}."]
         summary = next(iter(study["tables"].values()))
-        parts += [_markdown(_target_rows(study))] if study["targets"] else []
-        parts += [_markdown(summary)]
+        parts += [markdown(_target_rows(study))] if study["targets"] else []
+        parts += [markdown(summary)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -104,12 +117,3 @@ def _origin(study: Mapping[str, Any]) -> str:
 
 def _capital(words: str) -> str:
     return words[0].upper() + words[1:]
-
-
-def _markdown(rows: Sequence[Row]) -> str:
-    """Lay rows out as a Markdown table; numbers stand to the right."""
-    names = list(rows[0])
-    numeric = [all(isinstance(row[name], int | float) or row[name] is None for row in rows) for name in names]
-    lines = [[name.replace("_", " ") for name in names], ["---:" if right else "---" for right in numeric]]
-    lines += [["" if row[name] is None else str(row[name]) for name in names] for row in rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -2,17 +2,13 @@
 
 Settings are those that the authors of Stable-Baselines3 publish for it (RL Baselines3 Zoo, ``hyperparams/ppo.yml``,
 ``sac.yml``, ``ddpg.yml``, ``dqn.yml``), and ours the same where ours has such a setting; on our own task, for which
-they publish none, both have those written here. What differs by design: ours always standardises what ``ppo`` sees and
-divides its rewards, lets its learning rate fall to zero and keeps its clip range, which on CartPole falls to zero
-there (``lin_0.2``); ``dqn`` is a double one; targets follow by updates, there by steps. ``ddpg`` explores with the
-noise of theirs as it is sampled at their time step of 0.01 s: an Ornstein-Uhlenbeck process with theta 0.15 and sigma
-0.5, which keeps 0.9985 from step to step and has a standard deviation of 0.913. On CartPole, where with the
-published settings either side ends at 500 now and then, our ``dqn`` has a learning rate, targets and a loss of its
-own; on MountainCar its learning rate falls to zero and a random action is held for up to 30 steps.
+they publish none, both have those written here. What differs is told by ``DIFFERENCES``, for the page. On CartPole our
+``dqn`` has settings of its own because with the published ones either side ends at 500 now and then.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -26,6 +22,7 @@ from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.sac import SoftActorCriticLearning
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
+from aerial_il.benchmarks.parts.reporting.notes import About, Note
 from aerial_il.benchmarks.parts.sb3.theirs import Theirs
 from aerial_il.benchmarks.parts.training.outside import Task, gymnasium_task
 from aerial_il.policies.categorical import CategoricalConfig
@@ -34,6 +31,48 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
 
 CLASSIC: dict[str, Any] = {"log_every": 1_000, "checkpoint_every": 0}
+CART_POLE = (0.0, 500.0)  # returns: 1 for each step of an episode
+DIFFERENCES: Note = (
+    About(
+        ("dqn_cartpole", "dqn_mountain_car", "ddpg_mountain_car", "ppo_cartpole", "ppo_reach", "ppo_half_cheetah"),
+        "What differs by design, ours first.",
+    ),
+    About(("ppo_reach", "ppo_half_cheetah"), "`ppo` commands a squashed Gaussian, theirs one that is cut off."),
+    About(
+        ("ppo_cartpole", "ppo_reach", "ppo_half_cheetah"),
+        "The critic of `ppo` has an optimiser and a gradient limit of its own, theirs shares the actor's.",
+    ),
+    About(
+        ("ppo_cartpole",),
+        "On CartPole `ppo` standardises what it sees and divides its rewards by the deviation of returns, theirs does "
+        "neither; its clip range is constant, theirs falls linearly to zero, as published.",
+    ),
+    About(
+        ("ppo_half_cheetah",),
+        "On HalfCheetah the learning rate of `ppo` falls linearly to zero, theirs is constant, as published; its "
+        "critic has tanh layers, theirs ReLU.",
+    ),
+    About(
+        ("dqn_cartpole", "dqn_mountain_car"),
+        "`dqn` is a double one, whose learning rate falls to zero, theirs neither; its targets follow by updates, "
+        "theirs by steps.",
+    ),
+    About(
+        ("dqn_cartpole",),
+        "On CartPole `dqn` has another learning rate, other targets and another loss, chosen on other seeds.",
+    ),
+    About(
+        ("dqn_mountain_car",),
+        "On MountainCar `dqn` holds a random action for up to 30 steps; that, and the falling learning rate, were "
+        "chosen on other seeds.",
+    ),
+    About(
+        ("ddpg_mountain_car",),
+        "`ddpg` has the Ornstein-Uhlenbeck noise of theirs (theta 0.15, sigma 0.5, time step 0.01 s), which keeps "
+        "0.9985 from step to step, but at its final deviation of 0.913 from the first step on and through all "
+        "episodes; theirs begins each at zero.",
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -43,7 +82,8 @@ class Cell:
     Attributes:
         task: Gymnasium id, or ``ROBOT:TASK`` of the suite. ours, policy: our side. theirs: the other.
         worlds: flown at once. wanted: mean return of ours to be reached, where there is a number for it.
-        as_theirs: whether ours is to be no worse. sooner: times sooner that ours is to reach the same return.
+        as_theirs: whether ours is to be no worse; so it is where it is to be sooner.
+        sooner: times sooner that ours is to reach the same return. bounds: of any return, where they are known.
     """
 
     task: str
@@ -54,6 +94,7 @@ class Cell:
     wanted: float | None = None
     as_theirs: bool = False
     sooner: float | None = None
+    bounds: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def is_ours(self) -> bool:
@@ -99,6 +140,7 @@ def cells() -> dict[str, Cell]:
                 {"net_arch": [256, 256]},
             ),
             wanted=475.0,
+            bounds=CART_POLE,
         ),
         "dqn_mountain_car": Cell(
             "MountainCar-v0",
@@ -118,6 +160,7 @@ def cells() -> dict[str, Cell]:
                 {"net_arch": [256, 256]},
             ),
             wanted=-110.0,
+            bounds=(-200.0, 0.0),
         ),
         "ddpg_mountain_car": Cell(
             "MountainCarContinuous-v0",
@@ -128,6 +171,7 @@ def cells() -> dict[str, Cell]:
             SquashedGaussianConfig(hidden=(256, 256)),
             Theirs("DDPG", {"learning_starts": 1_000, "batch_size": 256, "noise": 0.5}, {"net_arch": [256, 256]}),
             wanted=90.0,
+            bounds=(-99.9, 100.0),
         ),
         "ppo_cartpole": Cell(
             "CartPole-v1",
@@ -145,6 +189,7 @@ def cells() -> dict[str, Cell]:
             ),
             worlds=8,
             wanted=500.0,
+            bounds=CART_POLE,
         ),
         "ppo_reach": Cell(
             "fa_hexa_arm4:reach",

@@ -14,10 +14,11 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.reporting.report import Row, Target
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.benchmarks.parts.training.stages import Cloned, Stages
-from aerial_il.evaluation.training_run import SETTLING, largest_dip_of
+from aerial_il.evaluation.training_run import SETTLING, largest_dip_of, rollouts_of
 
 MOST_DIP = 5.0  # points below the prior
-LISTED = 16  # rounds of a training on the page
+LISTED, DRAWN = 16, 100  # rounds of a training that are kept, and that are drawn
+IN_NAME = ("task", "demos", "arm", "draw")  # what a training is called by
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ class Arm:
     def cell(self) -> tuple[str, int]:
         """Its task and the number of demonstrations to begin with."""
         return self.training.source.task, self.demos
+
+    def head(self) -> Row:
+        """Return what names it in a row about one training."""
+        return {"arm": self.name, "task": self.cell[0], "demos": self.demos, "draw": self.training.source.draw}
 
     def begun(self, stages: Stages) -> tuple[int, float]:
         """Return the steps and the minutes of the practice whose policy it goes on from; zero where that is none."""
@@ -72,14 +77,26 @@ class Practice:
         return {arm: list(self._rounds(arm)) for arm in self.arms}
 
     @property
-    def rounds(self) -> list[Row]:
-        """All rounds of all trainings."""
-        return [row for rows in self._told.values() for row in rows]
+    def listed(self) -> list[Row]:
+        """Some of the rounds of all trainings, evenly spread."""
+        return [row for rows in self._told.values() for row in spread_evenly(rows, LISTED)]
+
+    @cached_property
+    def on_the_way(self) -> list[Row]:
+        """All evaluations on the way, without exploration, of the trainings that learn step by step."""
+        return [row for arm in self.arms if isinstance(arm.training, Continued) for row in self._checkpoints(arm)]
 
     @property
-    def listed(self) -> list[Row]:
-        """Some of the rounds, for a page that can be read."""
-        return [row for rows in self._told.values() for row in spread_evenly(rows, LISTED)]
+    def lines(self) -> list[Row]:
+        """Success along each training: of its evaluations on the way, else of what it flew to learn."""
+        watched = {_name(row) for row in self.on_the_way}
+        flown = [
+            {**row, "percent": row["first_percent"], "faint": isinstance(arm.training, Continued)}
+            for arm, rows in self._told.items()
+            for row in spread_evenly(rows, DRAWN)
+            if _name(row) not in watched and row["first_percent"] is not None
+        ]
+        return [*({**row, "faint": False} for row in self.on_the_way), *flown]
 
     @cached_property
     def dips(self) -> list[Row]:
@@ -107,10 +124,7 @@ class Practice:
             flown += int(row["flight_steps"])
             first = row.get("starts_solved_first", row["flights_solved"] / row["flights"])
             yield {
-                "arm": arm.name,
-                "task": arm.cell[0],
-                "demos": arm.demos,
-                "draw": arm.training.source.draw,
+                **arm.head(),
                 "round": int(row["step"]),
                 "first_percent": round(100 * first, 1),
                 "solved_percent": round(100 * row.get("starts_solved", first), 1),
@@ -129,15 +143,28 @@ class Practice:
             solved = round(100 * row["episode/success"], 1)
             alone = not isinstance(arm.training.algorithm, JumpStart)  # a guide begins
             yield {
-                "arm": arm.name,
-                "task": arm.cell[0],
-                "demos": arm.demos,
-                "draw": arm.training.source.draw,
+                **arm.head(),
                 "round": number,
                 "first_percent": solved if alone else None,
                 "solved_percent": solved,
                 "flown": flown + int(row["step"]),
                 "minutes": _minutes(row, minutes),
+            }
+
+    def _checkpoints(self, arm: Arm) -> Iterator[Row]:
+        """Yield one row for each evaluation on the way, the prior's first; steps and minutes as of its stretches.
+
+        Evaluations do not tell their time: it lies between those of the rows before and after.
+        """
+        flown, minutes = arm.begun(self.stages)
+        rows = read_metrics(self.stages.run_of(arm.training))
+        steps, seconds = zip((0.0, 0.0), *((r["step"], r["elapsed_s"]) for r in rows if "elapsed_s" in r), strict=True)
+        for rollouts in rollouts_of(rows):
+            yield {
+                **arm.head(),
+                "percent": round(100 * rollouts.rate, 1),
+                "flown": flown + rollouts.step,
+                "minutes": round(minutes + float(np.interp(rollouts.step, steps, seconds)) / 60, 2),
             }
 
     def _dip(self, group: Sequence[Arm]) -> Row:
@@ -173,6 +200,21 @@ def _has_prior(arm: Arm) -> bool:
 
 def _largest(dips: Sequence[float]) -> float | None:
     return round(max(dips), 1) if dips else None
+
+
+def _name(row: Row) -> tuple[Any, ...]:
+    return tuple(row[key] for key in IN_NAME)
+
+
+def by_training(rows: Sequence[Row]) -> dict[str, dict[str, list[Any]]]:
+    """Return rows about single trainings column by column, for each training."""
+    found: dict[str, dict[str, list[Any]]] = {}
+    for row in rows:
+        columns = found.setdefault("{} from {}, {}: {}".format(*_name(row)), {})
+        for key, value in row.items():
+            if key not in IN_NAME:
+                columns.setdefault(key, []).append(value)
+    return found
 
 
 def spread_evenly(rounds: Sequence[Row], most: int) -> list[Row]:

@@ -57,6 +57,15 @@ def test_a_study_says_what_was_measured_how_and_where(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [("sb3", "Beside Stable-Baselines3"), ("rl_speed", "Speed of reinforcement learning"), ("wind", "Wind")],
+)
+def test_a_title_is_made_of_words(name: str, title: str, tmp_path: Path) -> None:
+    page = save_study(replace(REPORT, name=name), tmp_path, command="one").read_text()
+    assert page.startswith(f"# {title}\n")
+
+
 def test_the_overview_holds_every_study_and_forgets_none(tmp_path: Path) -> None:
     save_study(REPORT, tmp_path, command="one")
     save_study(replace(REPORT, name="learning_curve", targets=(), figures={}), tmp_path, command="two")

@@ -12,7 +12,7 @@ from aerial_il.algorithms.bc import BehaviourCloning
 from aerial_il.algorithms.dapg import DemonstrationAugmented
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.benchmarks.parts.training.demonstrations import Source
-from aerial_il.benchmarks.parts.training.practice import Arm, Practice, largest_dip, spread_evenly
+from aerial_il.benchmarks.parts.training.practice import Arm, Practice, by_training, largest_dip, spread_evenly
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.benchmarks.parts.training.stages import Cloned, trained_s
 from aerial_il.policies.mlp import MlpConfig
@@ -46,6 +46,7 @@ def test_practice_that_goes_on_from_other_practice_counts_the_steps_and_minutes_
         "own": [
             {"step": 0, "evaluate/success": 0.5},
             {"step": 9, "episode/success": 0.2, "elapsed_s": 6.0},
+            {"step": 255, "evaluate/success": 0.5},
             {"step": 500, "episode/success": 0.5, "elapsed_s": 30.0},
         ],
     }
@@ -64,7 +65,8 @@ def test_practice_that_goes_on_from_other_practice_counts_the_steps_and_minutes_
     stages: Any = Folders()
     assert (arm.flown(stages), arm.minutes(stages)) == (1500, 1.5)
     practice = Practice(stages, [arm])
-    assert [(row["flown"], row["minutes"]) for row in practice.rounds] == [(1009, 1.1), (1500, 1.5)]
+    assert [(row["flown"], row["minutes"]) for row in practice.listed] == [(1009, 1.1), (1500, 1.5)]
+    assert [(row["flown"], row["minutes"]) for row in practice.on_the_way] == [(1000, 1.0), (1255, 1.3)]
     assert practice.dips[0]["exploring_dip"] == 0.0, "its own first 2 % end at step 10"
     alone = Arm("rounds", 2, rounds)
     assert (alone.flown(stages), alone.minutes(stages)) == (1000, 1.0)
@@ -76,6 +78,17 @@ def test_a_dip_counts_once_the_first_steps_are_over() -> None:
     early = [{"first_percent": 50.0, "flown": 10}, {"first_percent": 20.0, "flown": 19}]
     assert largest_dip([*early, {"first_percent": 60.0, "flown": 1000}]) == 0.0
     assert largest_dip([*early, {"first_percent": 20.0, "flown": 20}, {"first_percent": 60.0, "flown": 1000}]) == 30.0
+
+
+def test_what_is_kept_of_trainings_has_a_list_for_each_of_them() -> None:
+    rows = [
+        {"arm": "dapg", "task": "reach", "demos": 2, "draw": draw, "percent": percent, "flown": flown}
+        for draw, percent, flown in ((0, 50.0, 0), (0, 60.0, 100), (1, 55.0, 0))
+    ]
+    assert by_training(rows) == {
+        "reach from 2, dapg: 0": {"percent": [50.0, 60.0], "flown": [0, 100]},
+        "reach from 2, dapg: 1": {"percent": [55.0], "flown": [0]},
+    }
 
 
 @pytest.mark.parametrize(("name", "met"), [("bc_ppo", False), ("filtered_bc", None)])
@@ -108,6 +121,9 @@ def test_the_dip_of_what_learns_step_by_step_is_that_of_its_flights_on_the_way(
             return tmp_path
 
     practice = Practice(Folder(), [Arm("dapg", 2, training)])  # type: ignore[arg-type]
+    assert [row["percent"] for row in practice.on_the_way] == [100 * rate for rate in rates], "dips can be checked"
+    drawn = [100 * rate for rate in rates] or [90.0, 70.0, 90.0]
+    assert [(row["percent"], row["faint"]) for row in practice.lines] == [(percent, not rates) for percent in drawn]
     (row,), (target,) = practice.dips, practice.targets()
     assert (row["dip"], row["exploring_dip"]) == (dip and pytest.approx(dip), 20.0)
     assert target.measured == pytest.approx(20.0 if dip is None else dip)
