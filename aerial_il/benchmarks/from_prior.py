@@ -35,6 +35,7 @@ from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.reporting.success import failed_seeds, mean_time_s, pooled_row
 from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_expert
+from aerial_il.benchmarks.parts.training.gains import gain_row
 from aerial_il.benchmarks.parts.training.practice import Arm, Practice, by_training, grouped
 from aerial_il.benchmarks.parts.training.practice_notes import BEGINNING, NOTES, SLOWEST_STEPS
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised, Practising
@@ -46,6 +47,7 @@ from aerial_il.benchmarks.parts.training.stages import (
     check_seeds,
     described,
 )
+from aerial_il.benchmarks.parts.training.wanted import Wanted, targets_from
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
@@ -56,7 +58,6 @@ from aerial_il.suite import tasks
 CLONE, SHOWN_MORE = "bc, first demonstrations", "bc, many demonstrations"
 BEGUN = "beginning"
 BASELINES = ("filtered_bc", "ppo")  # flown beside the methods, and not judged
-LONGEST_MINUTES = 180.0
 FROM_SCRATCH_STEPS = 20_000_000
 SHORTER: Mapping[str, int] = {"pick_place_10": 8_000_000, "pick_place_40": 4_000_000, "insert_peg_40": 4_000_000}
 FEWER: Mapping[str, int] = {"dapg": 1, "residual": 1, "jsrl": 1, "ibrl": 1, "rlpd": 1, "ppo": 1}
@@ -77,15 +78,6 @@ SUITED: Mapping[str, Mapping[str, Any]] = {
     },
 }
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": SLOWEST_STEPS}
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """What is wanted from a start, wherever it was practised: % in ``tier`` and ``harder``, of how many methods."""
-
-    percent: float
-    harder: float = 85.0
-    methods: int = 3
 
 
 WANTED: Mapping[tuple[str, str, int], Wanted] = {  # robot, task, demonstrations
@@ -194,13 +186,14 @@ class FromPrior:
         results = {key: stages.judged(key[0].training, key[1], self._seeds) for key in bar(work, self.name, progress)}
         groups = list(grouped(arms))
         pooled = [_row(group, tier, results, stages) for group in groups for tier in (self.tier, self.harder)]
+        gains = list(self._gains(groups, stages))
         practice = Practice(stages, [arm for arm in arms if not isinstance(arm.training, Cloned)], BASELINES)
         return Report(
             name=self.name,
             question=self.question,
             settings=json.loads(json.dumps(plain(self) | {"policy": described(self.policy)})),
-            targets=(*self._targets(pooled), *practice.targets()),
-            tables={"Success": pooled, "Dips": practice.dips},
+            targets=(*self._targets(pooled, gains), *practice.targets()),
+            tables={"Success": pooled, "Gains": gains, "Dips": practice.dips},
             notes=(*self._notes(arms), *stages.origins()),
             figures=self._figures(pooled, practice),
             details={
@@ -305,24 +298,24 @@ class FromPrior:
         usual = self.beginning if name == BEGUN else self.practising[name]
         return changed(usual, self.suited.get(task, {}).get(name, {}))
 
-    def _targets(self, pooled: Sequence[Row]) -> Iterator[Target]:
-        """Yield how many methods must reach what is wanted from each start, in both tiers and in time."""
-        for (robot, task, demos), wanted in WANTED.items():
-            rows = [row for row in pooled if (row["task"], row["demos"]) == (task, demos) and self._is_judged(row)]
-            if not rows or robot != self.robot:
-                continue
-            own, harder = ({r["arm"]: r for r in rows if r["tier"] == tier} for tier in (self.tier, self.harder))
-            reached = [
-                arm
-                for arm, row in own.items()
-                if row["percent"] >= wanted.percent
-                and harder[arm]["percent"] >= wanted.harder
-                and row["minutes"] <= LONGEST_MINUTES
+    def _gains(self, groups: Sequence[Sequence[Arm]], stages: Stages) -> Iterator[Row]:
+        """Yield what each arm added to the policies that its trainings began with, where there are any."""
+        for group, tier in product(groups, (self.tier, self.harder)):
+            begun = [arm.training for arm in group if isinstance(arm.training, Continued)]
+            pairs = [
+                (stages.judged(training.prior, tier, self._seeds), stages.judged(training, tier, self._seeds))
+                for training in begun
+                if training.prior
             ]
-            within = f"{wanted.percent:g} % in {self.tier} and {wanted.harder:g} % in {self.harder} within 3 hours"
-            spread = ", ".join(f"{arm} {own[arm]['percent']:g} and {harder[arm]['percent']:g} %" for arm in own)
-            what = f"{task} from {demos}: methods with {within}"
-            yield Target(what, "at least", wanted.methods, len(reached), "methods", spread)
+            if pairs:
+                task, demos = group[0].cell
+                yield {"task": task, "demos": demos, "arm": group[0].name, "tier": tier, **gain_row(pairs)}
+
+    def _targets(self, pooled: Sequence[Row], gains: Sequence[Row] = ()) -> Iterator[Target]:
+        """Yield how many methods must reach what is wanted from each start, in both tiers and in time."""
+        wanted = {(task, demos): asked for (robot, task, demos), asked in WANTED.items() if robot == self.robot}
+        rows = [row for row in pooled if self._is_judged(row)]
+        yield from targets_from(wanted, rows, gains, tiers=(self.tier, self.harder))
 
     def _is_judged(self, row: Row) -> bool:
         return row["arm"] in self.practising and row["arm"] not in BASELINES

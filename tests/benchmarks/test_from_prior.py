@@ -26,6 +26,7 @@ from aerial_il.benchmarks.parts.training.stages import Cloned
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MlpConfig
 
 ITERATED = "expert_iteration"
@@ -90,6 +91,22 @@ def test_a_method_reaches_the_target_in_both_tiers_and_in_time_or_not_at_all() -
     assert not list(FromPrior()._targets(rows_of("filtered_bc", 95.0, 90.0)))
     assert not list(FromPrior()._targets([{**row, "demos": 11} for row in fine]))
     assert not list(FromPrior(robot="quad")._targets(fine)), "nothing is wanted of another robot"
+
+
+def test_a_method_that_adds_nothing_to_a_policy_that_reaches_the_target_does_not_count() -> None:
+    """Else whoever goes on from it, and learns nothing, would reach the target."""
+    rows = [row for arm in ("expert_iteration", "bc_ppo", "dapg") for row in rows_of(arm, 95.0, 90.0)]
+
+    def gains(before: float, won: int, lost: int) -> list[dict[str, Any]]:
+        """What ``dapg`` gained in gusts; in calm air nothing."""
+        head = {"arm": "dapg", "task": "pick_place", "demos": 10, "before": before}
+        counts = {"calm": (0, 0), "gusts": (won, lost)}
+        return [{**head, "tier": t, "won": w, "lost": n, "p": mcnemar(w, n)} for t, (w, n) in counts.items()]
+
+    for before, won, lost, counted in ((95.0, 9, 9, 2), (95.0, 17, 4, 3), (95.0, 4, 17, 2), (50.0, 9, 9, 3)):
+        (target,) = FromPrior()._targets(rows, gains(before, won, lost))
+        assert target.measured == counted
+        assert ("not counted: dapg" in target.spread) == (counted == 2)
 
 
 def test_the_heavy_vehicle_is_asked_for_success_in_both_tiers_of_more_than_filtered_cloning() -> None:

@@ -105,15 +105,16 @@ class Practice:
 
     def targets(self) -> Iterator[Target]:
         """Yield that no method may fall far below its prior."""
-        judged: dict[tuple[str, int], dict[str, float]] = {}
+        judged: dict[tuple[str, int], list[tuple[str, float, float | None]]] = {}
         for row in self.dips:
+            exploring = None if row["dip"] is None else row["exploring_dip"]
             dip = row["exploring_dip"] if row["dip"] is None else row["dip"]
             if dip is not None and row["arm"] not in self.beside:
-                judged.setdefault((row["task"], row["demos"]), {})[row["arm"]] = dip
+                judged.setdefault((row["task"], row["demos"]), []).append((row["arm"], dip, exploring))
         for (task, demos), dips in judged.items():
-            spread = ", ".join(f"{arm} {dip:g}" for arm, dip in dips.items())
-            what = f"{task} from {demos}: largest dip below the prior"
-            yield Target(what, "at most", MOST_DIP, max(dips.values()), "points", spread)
+            spread = ", ".join(f"{arm} {dip:g}{'' if e is None else f' (exploring {e:g})'}" for arm, dip, e in dips)
+            what = f"{task} from {demos}: largest dip below the prior, flown without exploration"
+            yield Target(what, "at most", MOST_DIP, max(dip for _, dip, _ in dips), "points", spread)
 
     def _rounds(self, arm: Arm) -> Iterator[Row]:
         if isinstance(arm.training, Continued):
