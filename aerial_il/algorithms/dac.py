@@ -87,6 +87,14 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
         require_widths(self, "reward_hidden")
         require_choice(self, "reward", Reward)
 
+    @property
+    def begins_cloned(self) -> bool:
+        """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
+        return self.bc_pretrain_steps > 0 and self.control != "constant_reward"
+
+    def flown_before_learning(self, worlds: int) -> dict[str, int]:
+        return {} if self.begins_cloned else super().flown_before_learning(worlds)
+
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
@@ -94,15 +102,14 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
         imitates = self.control != "constant_reward"
-        cloned = bool(self.bc_pretrain_steps) and imitates
-        if cloned and not run.folder.resumed:
+        if self.begins_cloned and not run.folder.resumed:
             agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
         parts = {"agent": agent, "reward_net": reward_net, "expert_buffer": expert_buffer}
         run.begin(agent.actor, {**parts, "replay_buffer": buffer, "random_actions": blind})
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            acts_blindly = warming_up and not cloned
+            acts_blindly = warming_up and not self.begins_cloned
             step = collect_step(run.collector, run.interface, blind if acts_blindly else agent)
             buffer.add(step.rows(absorbing=self.absorbing))
 

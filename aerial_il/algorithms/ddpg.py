@@ -64,7 +64,7 @@ class DeterministicGradientLearning(BegunFromPrior, OffPolicyActorCritic):
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeterministicAgent(self, run.build_actor(SquashedGaussian), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        replay = ExperienceReplay(self, run, self.buffer_size)
+        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, obs_norm=self.obs_norm)
         run.begin(agent.actor, {"agent": agent, "random_actions": blind, **replay.parts})
 
         while run.goes_on():

@@ -79,6 +79,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
         super().__post_init__()
         require_share(self, "epsilon", "exploration")
         require_positive(self, "longest_hold", "update_every", "target_every", "clip_norm", "huber")
+        self.smoothness.check_for_choices()
 
     def epsilon_at(self, left: float) -> float:
         """Return the probability of a random action when the share ``left`` of the training is left."""
@@ -92,13 +93,13 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeepQAgent(self, run.build_actor(Categorical))
-        replay = ExperienceReplay(self, run, self.buffer_size)
+        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, obs_norm=self.obs_norm)
         run.begin(agent.network, {"agent": agent, **replay.parts})
 
         while run.goes_on():
+            warming_up = run.collector.steps < self.warmup
             agent.epsilon = self.epsilon_at(run.left)
             replay.step(agent)
-            warming_up = run.collector.steps <= self.warmup
             if not warming_up:
                 replay.finish_warmup()
 

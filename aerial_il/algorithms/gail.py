@@ -85,13 +85,24 @@ class AdversarialImitation(Imitation, ProximalOnPolicy):
         require_not_negative(self, "bc_pretrain_steps", "warmup", "gradient_penalty")
         require_choice(self, "reward", Reward)
 
+    @property
+    def begins_cloned(self) -> bool:
+        """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
+        return self.bc_pretrain_steps > 0 and self.control != "constant_reward"
+
+    def flown_before_learning(self, worlds: int) -> dict[str, int]:
+        if self.begins_cloned:
+            return {}
+        found = super().flown_before_learning(worlds)
+        return {**found, "warmup": (self.warmup // found["rollout"] + 1) * found["rollout"]}
+
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = ProximalActorCritic(self, run.build_actor(SquashedGaussian), run.sizes[0])
         reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
         imitates = self.control != "constant_reward"
-        if self.bc_pretrain_steps and imitates and not run.folder.resumed:
+        if self.begins_cloned and not run.folder.resumed:
             agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
         parts = {"agent": agent, "reward_net": reward_net, "reward_norm": reward_norm}
         run.begin(agent.actor, {**parts, "expert_buffer": expert_buffer, "replay_buffer": buffer})

@@ -124,9 +124,8 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             step = run.collector.step(decode(interface, actions.astype(np.float32), frames))
             seen = np.concatenate([obs, columns(proposed, np.ones(len(obs), bool))], axis=1)
             led = np.concatenate([encode(interface, step.next_frames), proposals.after(step)], axis=1)
-            buffer.add(
-                rows_of(seen, actions, step.rewards, led, step.terminal, absorbing=self.absorbing & step.success)
-            )
+            ends = {"absorbing": self.absorbing & step.success, "penalties": step.penalties}
+            buffer.add(rows_of(seen, actions, step.rewards, led, step.terminal, **ends))
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(run.updates_due(self.utd_ratio)):
@@ -192,7 +191,7 @@ class ProposedAgent(Agent):
 
     def critic_loss(self, batch: Batch, *, listen: bool = True) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error, summed over the critics."""
-        targets, own = self._bellman_targets(batch, listen=listen)
+        targets, own = self.bellman_targets(batch, listen=listen)
         values = self._critics.network(self._apart(batch.obs)[0], batch.actions)
         loss = ((values - targets) ** 2).mean(1).sum()
         spread = values.detach().std(0, correction=0).mean().item()
@@ -200,7 +199,7 @@ class ProposedAgent(Agent):
         return loss, {"critic/loss": loss.item(), **found}
 
     @torch.no_grad()
-    def _bellman_targets(self, batch: Batch, *, listen: bool) -> tuple[Tensor, float]:
+    def bellman_targets(self, batch: Batch, *, listen: bool) -> tuple[Tensor, float]:
         """Return ``r + gamma * (min over Z of Q'(s', a'))`` (B,), and how often a' was the actor's."""
         obs, proposed, known = self._apart(batch.next_obs)
         own = self._actor_target.network(obs[:, None, :-1])[:, 0]

@@ -30,10 +30,11 @@ from torch import Tensor
 
 from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.off_policy import RandomActions, collect_step
+from aerial_il.algorithms.rl.off_policy import RandomActions
 from aerial_il.algorithms.rl.offline import OfflineFirst
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_positive, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -65,21 +66,19 @@ class ImplicitQLearning(OfflineFirst):
         agent = ImplicitAgent(self, run.build_actor(SquashedGaussian), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=self.absorbing, reward=None)
-        buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
-        parts = {"agent": agent, "demonstrations": demos, "replay_buffer": buffer, "random_actions": blind}
-        run.begin(agent.actor, parts)
+        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, absorbing=self.absorbing)
+        run.begin(agent.actor, {"agent": agent, "demonstrations": demos, **replay.parts, "random_actions": blind})
 
         for _ in run.offline(self.offline_steps):
             run.log(agent.update(demos.sample(self.batch_size)))
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            step = collect_step(run.collector, run.interface, agent if self.offline_steps or not warming_up else blind)
-            buffer.add(step.rows(absorbing=self.absorbing & step.success))
+            replay.step(agent if self.offline_steps or not warming_up else blind)
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(self.minibatch(demos, buffer)))
+                run.log(agent.update(self.minibatch(demos, replay.buffer)))
             run.end_turn()
 
         return run.finish()

@@ -76,6 +76,9 @@ class NaturalGradientLearning(Reinforcement, OnPolicy):
         require_not_negative(self, "cg_damping")
         require_compared(self, "batch_size")
 
+    def flown_before_learning(self, worlds: int) -> dict[str, int]:
+        return {}  # its steps do not shrink: even a single rollout moves the actor
+
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = NaturalGradientAgent(self, run.build_actor(StochasticNetwork), run.sizes[0])
         obs_norm, reward_norm = RunningMoments(run.sizes[0]), RewardNorm(run.collector.n, self.gamma)

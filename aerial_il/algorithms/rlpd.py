@@ -12,7 +12,8 @@ at every ``actor_every``-th update, and alpha is adjusted so that the entropy st
 pulls the actor to demonstrated actions besides, which the source does not.
 
 An episode that ends by success goes on in an absorbing state with the reward of its end (``absorbing``): a reward for
-every step would otherwise teach to stop just short of success. One that ends by a crash is terminal.
+every step would otherwise teach to stop just short of success. One that ends by a crash is terminal. With ``hindsight``
+there is no absorbing state: flights are stored with other goals too, and critics bootstrap through success.
 
 ``control=random_actions`` puts as many transitions of random flights, with their rewards, in the demonstrations' place.
 
@@ -37,10 +38,11 @@ from torch import Tensor, nn
 from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss
 from aerial_il.algorithms.rl.critics import Target, check_ensemble
-from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
-from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
+from aerial_il.algorithms.rl.demonstrated import RelabelledDemonstrated
+from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, concatenated
 from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -48,8 +50,8 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class PriorDataLearning(DemonstratedReinforcement, SoftOffPolicy):
-    """Settings of a run; see :class:`DemonstratedReinforcement` and :class:`SoftOffPolicy`.
+class PriorDataLearning(RelabelledDemonstrated, SoftOffPolicy):
+    """Settings of a run; see :class:`RelabelledDemonstrated` and :class:`SoftOffPolicy`.
 
     Attributes:
         critics: ensemble size E. subset: how many of its targets Z the backup takes the minimum of.
@@ -75,20 +77,18 @@ class PriorDataLearning(DemonstratedReinforcement, SoftOffPolicy):
         agent = EnsembleActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=self.absorbing, reward=None)
-        buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
-        parts = {"agent": agent, "demonstrations": demos, "replay_buffer": buffer, "random_actions": blind}
-        run.begin(agent.actor, parts)
+        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, absorbing=self.absorbing)
+        run.begin(agent.actor, {"agent": agent, "demonstrations": demos, **replay.parts, "random_actions": blind})
 
         while run.goes_on():
             warming_up = run.collector.steps < self.warmup
-            step = collect_step(run.collector, run.interface, blind if warming_up else agent)
-            buffer.add(step.rows(absorbing=self.absorbing & step.success))
+            replay.step(blind if warming_up else agent)
 
             agent.set_lr(self.lr_at(run.left))
             for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
                 half = self.batch_size // 2
                 shown = demos.sample(half)
-                run.log(agent.update(concatenated(shown, buffer.sample(self.batch_size - half)), shown))
+                run.log(agent.update(concatenated(shown, replay.sample(self.batch_size - half)), shown))
             run.end_turn()
 
         return run.finish()
@@ -135,12 +135,12 @@ class EnsembleActorCritic(Agent):
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error, summed over the critics."""
         values = self._critics.network(batch.obs, batch.actions)
-        loss = ((values - self._bellman_targets(batch)) ** 2).mean(1).sum()
+        loss = ((values - self.bellman_targets(batch)) ** 2).mean(1).sum()
         spread = values.detach().std(0, correction=0).mean().item()
         return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item(), "critic/spread": spread}
 
     @torch.no_grad()
-    def _bellman_targets(self, batch: Batch) -> Tensor:
+    def bellman_targets(self, batch: Batch) -> Tensor:
         """Return ``r + gamma * (min over Z of Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
         alive = 1.0 - batch.next_obs[:, -1]
         actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])

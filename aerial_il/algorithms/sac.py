@@ -50,7 +50,7 @@ class SoftActorCriticLearning(BegunFromPrior, SoftOffPolicy):
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes, smoothness=self.smoothness)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        replay = ExperienceReplay(self, run, self.buffer_size)
+        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, obs_norm=self.obs_norm)
         run.begin(agent.actor, {"agent": agent, "random_actions": blind, **replay.parts})
 
         while run.goes_on():
@@ -129,13 +129,13 @@ class SoftActorCritic(Agent):
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error of both critics."""
-        targets = self._bellman_targets(batch)
+        targets = self.bellman_targets(batch)
         values = self._critics.network(batch.obs, batch.actions)
         loss = ((values - targets) ** 2).mean(1).sum()
         return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
 
     @torch.no_grad()
-    def _bellman_targets(self, batch: Batch) -> Tensor:
+    def bellman_targets(self, batch: Batch) -> Tensor:
         """Return ``r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
         alive = 1.0 - batch.next_obs[:, -1]
         actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])

@@ -44,6 +44,7 @@ SECTIONS = {
     ACTING: [
         Place("aerial_il.algorithms.rl.collector"),
         Place("aerial_il.algorithms.rl.off_policy", "collect_step"),
+        Place("aerial_il.algorithms.rl.replay.experience_replay", "step"),
         Place("aerial_il.algorithms.rl.on_policy", "collect_rollout"),
         Place("aerial_il.algorithms.decisions.rollout", "collect_decisions"),
         Place("aerial_il.algorithms.rl.proposals"),

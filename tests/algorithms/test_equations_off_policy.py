@@ -23,6 +23,7 @@ from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 from aerial_il.algorithms.rl.interface import encode
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, split
+from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.rlpd import EnsembleActorCritic, PriorDataLearning
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SoftActorCritic, SoftActorCriticLearning
@@ -81,7 +82,7 @@ def smoothed(name: str, centre: float, **changes: Any) -> Any:
         return agent, agent.bellman_targets
     settings = ImitationBootstrapped(critics=2, subset=2, critic_norm=False, **ONE, **changes)
     agent = ProposedAgent(settings, actor_at([centre]), (2, 1))
-    return agent, lambda step: agent._bellman_targets(unproposed(step), listen=True)[0]
+    return agent, lambda step: agent.bellman_targets(unproposed(step), listen=True)[0]
 
 
 def unproposed(step: Batch) -> Batch:
@@ -252,10 +253,10 @@ def test_a_soft_backup_pays_for_surprise_beside_the_smaller_critic_and_nothing_i
     set_critics(agent._targets.network, *CROSSING)
     mislead(agent)
     draws(agent, monkeypatch, [-0.3, 0.7, 0.7], [-1.5, 0.8, 0.8])
-    found = agent._bellman_targets(step_of([0.0] * 3, rewards=0.25, continues=[1.0, 1.0, 0.0]))
+    found = agent.bellman_targets(step_of([0.0] * 3, rewards=0.25, continues=[1.0, 1.0, 0.0]))
     wanted = [0.25 + 0.9 * (0.9 + 0.3 * 1.5), 0.25 + 0.9 * (1.8 - 0.3 * 0.8), 0.25]
     assert found.tolist() == pytest.approx(wanted, abs=1e-4)
-    absorbed = agent._bellman_targets(step_of([0.0] * 3, rewards=0.25, absorbed=True))
+    absorbed = agent.bellman_targets(step_of([0.0] * 3, rewards=0.25, absorbed=True))
     assert absorbed.tolist() == pytest.approx([0.25 + 0.9 * 1.5] * 3, abs=1e-4), "of an action of 0, without entropy"
 
 
@@ -264,7 +265,7 @@ def test_critics_are_drawn_anew_for_each_backup(monkeypatch: pytest.MonkeyPatch)
     set_critics(agent._targets.network, [[0.0] * 4] * 3, [1.0, 5.0, 9.0])
     draws(agent, monkeypatch, [0.0], [0.0])
     torch.manual_seed(0)
-    found = {round(agent._bellman_targets(step_of([0.0])).item(), 3) for _ in range(40)}
+    found = {round(agent.bellman_targets(step_of([0.0])).item(), 3) for _ in range(40)}
     assert found == {0.9, 4.5}, "of two drawn from 1, 5 and 9"
 
 
@@ -464,6 +465,23 @@ def test_what_was_flown_goes_on_beyond_a_cut_but_not_beyond_an_end(
 
 
 @each
+def test_what_the_last_step_cost_is_not_subtracted_for_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Neither after flights nor after demonstrations: an absorbing state is paid what success is."""
+    memory, env = Memory(monkeypatch), Drift(8, ends_at_success=True)
+    rough = {"reward": "sparse", "smoothness": Smoothness(rate_penalty=0.3)}
+    train(name, tmp_path, env, demonstrations(6, ends_at_success=True), **rough)
+    for rows in (memory.shown[-1], np.concatenate(memory.flown)):
+        kept = apart(rows)
+        after = kept.obs[:, -1] == 1.0
+        led = (kept.next_obs[:, -1] == 1.0) & ~after
+        assert (kept.rewards[led] < 1.0).any(), "some come there with a rough action"
+        assert after.sum() == led.sum()
+        assert (kept.rewards[after] == 1.0).all()
+
+
+@each
 @with_and_without
 @pytest.mark.parametrize("how", ["cut", "success", "crash"])
 def test_what_was_shown_goes_on_beyond_a_cut_but_not_beyond_an_end(
@@ -473,7 +491,7 @@ def test_what_was_shown_goes_on_beyond_a_cut_but_not_beyond_an_end(
     if how == "crash":
         demos = [replace(d, success=False, terminated=np.arange(len(d)) == len(d) - 1) for d in demos]
     env = Drift(8, ends_at_success=how != "cut")
-    train(name, tmp_path, env, demos, absorbing=absorbing, failures=True, steps=8)
+    train(name, tmp_path, env, demos, absorbing=absorbing, failures=True, steps=16, warmup=8)
     last = np.cumsum([len(demo) for demo in demos]) - 1
     kept, count = apart(memory.shown[-1]), last[-1] + 1
     over, absorbed = how != "cut", how == "success" and absorbing

@@ -40,7 +40,8 @@ NAMES = algorithms.list_algorithms()
 each = pytest.mark.parametrize("name", NAMES)
 POLICY = SquashedGaussianConfig(hidden=(32, 32))
 CHOICES = CategoricalConfig(hidden=(32, 32), choices="bounds")
-LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to what its first step has reached
+FIRST = 24  # steps that are few, and yet more than a warm-up or a rollout
+LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to what its first steps have reached
 
 CLONES = BehaviourCloning(
     steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0, validate_every=0, checkpoint_every=60
@@ -145,7 +146,7 @@ def test_it_fulfils_the_contract(name: str) -> None:
 @each
 def test_it_learns_more_than_its_start(tmp_path: Path, name: str) -> None:
     """On unseen seeds, with its own machinery alone; what never learns gains nothing, see the test below."""
-    begun = train(short(name, 1), tmp_path / "start")
+    begun = train(short(name, FIRST), tmp_path / "start")
     learned = train(small(name), tmp_path / "learned")
     assert gain(begun, learned) > LEAST
 
@@ -155,7 +156,7 @@ def gain(begun: Any, learned: Any) -> float:
 
 
 def test_what_does_not_learn_gains_nothing(tmp_path: Path) -> None:
-    begun = train(short("sac", 1), tmp_path / "start")
+    begun = train(short("sac", FIRST), tmp_path / "start")
     idle = train(replace(small("sac"), lr=1e-12), tmp_path / "idle")
     assert gain(begun, idle) < LEAST
 
@@ -237,7 +238,7 @@ def test_what_is_no_number_is_refused(tmp_path: Path, name: str) -> None:
 
 @each
 def test_the_run_of_another_environment_is_refused(tmp_path: Path, name: str) -> None:
-    settings, elsewhere = short(name, 8), replace(SPEC, robot="crane")
+    settings, elsewhere = short(name, FIRST), replace(SPEC, robot="crane")
     train(settings, tmp_path / "run")
     env, moved = Drift(8), [replace(demo, spec=elsewhere, obs=shifted(demo.obs)) for demo in demonstrations(10)]
     env.spec = elsewhere
@@ -265,7 +266,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Any, l
 @each
 def test_it_trains_on_a_real_cell(tmp_path: Path, name: str, cell: tuple[Any, Any, list[Episode]]) -> None:
     env, expert, demos = cell
-    settings = short(name, 24)
+    settings = short(name, FIRST)
     if "expert" in settings.needs:
         settings = replace(settings, **known(type(settings), {"rounds": 1, "episodes": 1}))
     options = {"expert": expert} if "expert" in settings.needs else {}

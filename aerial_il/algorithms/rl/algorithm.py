@@ -14,6 +14,7 @@ from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import make_tuples
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -21,6 +22,11 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+
+TOO_SHORT = (
+    "steps is {} and {} {}: the run would end before its policy has learned anything. Set algorithm.steps well above "
+    "{}, or lower algorithm.{}."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +92,11 @@ class OnlineAlgorithm(ABC):
             progress: show a progress bar.
 
         Raises:
-            InvalidValueError: nothing to learn from, another kind of policy or environment, or ``run`` holds another.
+            InvalidValueError: nothing to learn from, or in too few steps; another kind of policy or environment; or
+                ``run`` holds another.
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
+        check_steps(self, env.num_envs)
         problem = self.problem(dataset, check_policy(policy, self.trains), env, seed)
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
             return self.learn(opened) if opened else load_policy(run)
@@ -96,6 +104,10 @@ class OnlineAlgorithm(ABC):
     @abstractmethod
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         """Collect and learn until the run has no steps left; return the trained policy."""
+
+    def flown_before_learning(self, worlds: int) -> dict[str, int]:
+        """Return the environment steps of so many ``worlds`` that pass before the policy learns, by the settings."""
+        return {}
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Return what is learned on: here the environment and its reward alone."""
@@ -106,3 +118,15 @@ class OnlineAlgorithm(ABC):
     def scheme(self) -> RewardScheme:
         """How its steps are rewarded: here by the environment alone."""
         return RewardScheme()
+
+
+def check_steps(settings: OnlineAlgorithm, worlds: int) -> None:
+    """Raise :class:`InvalidValueError` where a run in so many ``worlds`` would end before its policy learns."""
+    for name, flown in settings.flown_before_learning(worlds).items():
+        if settings.steps <= flown:
+            raise InvalidValueError(TOO_SHORT.format(settings.steps, name, getattr(settings, name), flown, name))
+
+
+def whole_turns(steps: int, worlds: int) -> int:
+    """Return the environment steps, ``steps`` or a few more, after which all ``worlds`` have taken equally many."""
+    return -(-steps // worlds) * worlds

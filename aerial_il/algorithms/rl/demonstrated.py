@@ -1,8 +1,8 @@
 """Settings of reinforcement learning with demonstrations, and the rewards of these.
 
 A demonstration is rewarded as the learner itself is: by the environment, as it was recorded; or, where the reward is
-sparse, with 1 for the step that solved the task, which is its last where success ends an episode. Penalties for rough
-actions are subtracted in either case.
+sparse, with 1 for the step that solved the task, which is its last where success ends an episode; or, with hindsight,
+by the rule of its goal. Penalties for rough actions are subtracted in every case.
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.rl.collector import RECENT, RewardScheme
+from aerial_il.algorithms.rl.collector import RewardScheme
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.online_run import Problem
-from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.rl.reinforcement import Reinforcement, RelabelledReinforcement
+from aerial_il.algorithms.rl.replay.demonstrations import Transitions
+from aerial_il.algorithms.rl.replay.hindsight import goal_columns
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.goals import GoalColumns
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.network import PolicyConfig
@@ -77,6 +79,11 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
         return self.failures
 
     @property
+    def learns_recorded_rewards(self) -> bool:
+        """Whether what demonstrations were paid, or their success, has to say something."""
+        return self.control == "none"
+
+    @property
     def forfeits_by_success(self) -> bool:
         return super().forfeits_by_success and not self.absorbing
 
@@ -88,9 +95,40 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
         """
         episodes = list(dataset or ())
         check_lengths(episodes, env.spec)
-        if self.control == "none":
+        if self.learns_recorded_rewards:
             check_paid(episodes, sparse=self.reward == "sparse")
         return super().problem([with_rewards(e, self.scheme, env) for e in episodes], policy, env, seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelabelledDemonstrated(RelabelledReinforcement, DemonstratedReinforcement):
+    """Settings of those whose own flights can be relabelled with other goals.
+
+    With ``hindsight`` demonstrations count for their own goals, rewarded by the same rule, and there is no absorbing
+    state: critics bootstrap through success.
+    """
+
+    @property
+    def learns_recorded_rewards(self) -> bool:
+        return super().learns_recorded_rewards and not self.hindsight.goals
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        """Read the demonstrations, and reward them as the learner is rewarded.
+
+        Raises:
+            InvalidValueError: also where hindsight finds no goal that it could exchange.
+        """
+        found = super().problem(dataset, policy, env, seed)
+        if not self.hindsight.goals or found.demos is None:
+            return found
+        goal = goal_columns(env, found.interface.layout)
+        return replace(found, demos=rewarded_by(goal, found.demos, tolerance=self.hindsight.tolerance))
+
+
+def rewarded_by(goal: GoalColumns, demos: Transitions, *, tolerance: float) -> Transitions:
+    """Return transitions rewarded by the rule of their own goals, in which success is no end."""
+    rewards = goal.rewards(demos.next_frames, tolerance=tolerance) - demos.penalties
+    return demos._replace(rewards=rewards, terminal=demos.terminal & ~demos.success)
 
 
 def check_paid(episodes: Sequence[Episode], *, sparse: bool) -> None:
@@ -110,7 +148,7 @@ def check_lengths(episodes: Sequence[Episode], spec: EnvSpec) -> None:
 
 
 def with_rewards(episode: Episode, scheme: RewardScheme, env: BatchEnv) -> Episode:
-    """Return a demonstration rewarded by ``scheme`` as if it had been flown in ``env``.
+    """Return a demonstration rewarded by ``scheme`` as if it had been flown in ``env``, penalties left out.
 
     Raises:
         InvalidValueError: a reward is not finite, or it is not known which step solved the task.
@@ -121,7 +159,7 @@ def with_rewards(episode: Episode, scheme: RewardScheme, env: BatchEnv) -> Episo
     elif not np.isfinite(paid).all():
         step = int(np.argmin(np.isfinite(paid)))
         raise InvalidValueError(f"Episode {episode.uid}: the reward is not finite at step {step}.")
-    return replace(episode, rewards=paid - _penalties(episode, scheme.smoothness))
+    return replace(episode, rewards=paid)
 
 
 def _solved(episode: Episode, env: BatchEnv) -> np.ndarray:
@@ -135,13 +173,3 @@ def _solved(episode: Episode, env: BatchEnv) -> np.ndarray:
         raise InvalidValueError(FLOWN_ON.format(episode.uid))
     found[-1] = 1.0
     return found
-
-
-def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
-    """Return the penalties for the roughness of an episode's actions, (T,)."""
-    low, high = episode.spec.action.low, episode.spec.action.high
-    steps = np.arange(len(episode))
-    when = np.maximum(steps[:, None] + 1 - RECENT + np.arange(RECENT), 0)
-    if not (smoothness.rate_penalty or smoothness.jerk_penalty):
-        return np.zeros(len(steps))
-    return smoothness.penalties((2.0 * episode.executed_actions[when] - low - high) / (high - low), steps + 1)

@@ -66,6 +66,7 @@ class Imitation(OnlineAlgorithm):
             labels=self.labels,
             rewarded=self.rewarded,
             failures=self.learns_from_failures,
+            smoothness=self.scheme.smoothness,
             seed=seed,
         )
         check_same(layout.spec, env.spec)

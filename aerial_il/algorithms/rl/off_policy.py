@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm, whole_turns
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import decode, encode
 from aerial_il.algorithms.rl.replay.replay_buffer import rows_of
@@ -43,6 +43,10 @@ class OffPolicy(OnlineAlgorithm):
         super().__post_init__()
         require_positive(self, "warmup", "utd_ratio", "batch_size", "buffer_size", "lr", "tau")
         require_share(self, "lr_floor", "tau")
+
+    def flown_before_learning(self, worlds: int) -> dict[str, int]:
+        last = 0 if self.lr_floor else worlds  # the last turn, where no learning rate is left
+        return {"warmup": whole_turns(self.warmup, worlds) + last}
 
     def lr_at(self, left: float) -> float:
         """Return the learning rate when the share ``left`` of the training is left."""
@@ -98,8 +102,9 @@ class Collected(NamedTuple):
     Attributes:
         obs, next_obs: (n, Do) encoded; ``next_obs`` was seen before any reset.
         actions: (n, Da) normalised.
-        rewards: (n,) of the environment.
+        rewards: (n,) of the environment, penalties subtracted.
         terminal: (n,) bool, the episode ended because of what happened. success: (n,) bool, the task is done.
+        penalties: (n,) for rough actions.
     """
 
     obs: np.ndarray
@@ -108,10 +113,11 @@ class Collected(NamedTuple):
     next_obs: np.ndarray
     terminal: np.ndarray
     success: np.ndarray
+    penalties: np.ndarray
 
     def rows(self, *, absorbing: bool | np.ndarray) -> np.ndarray:
         """Return them as rows of a replay buffer; see :func:`rows_of`."""
-        return rows_of(*self[:-1], absorbing=absorbing)
+        return rows_of(*self[:5], absorbing=absorbing, penalties=self.penalties)
 
 
 class Explorer(Protocol):
@@ -140,4 +146,5 @@ def collect_step(collector: Collector, interface: Interface, explorer: Explorer)
     obs = encode(interface, collector.frames)
     actions = explorer.explore(obs)
     step = collector.step(decode(interface, np.asarray(actions, np.float32), collector.frames))
-    return Collected(obs, actions, step.rewards, encode(interface, step.next_frames), step.terminal, step.success)
+    after = encode(interface, step.next_frames)
+    return Collected(obs, actions, step.rewards, after, step.terminal, step.success, step.penalties)

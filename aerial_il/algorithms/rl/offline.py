@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
+from aerial_il.algorithms.rl.demonstrated import RelabelledDemonstrated
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfflineFirst(DemonstratedReinforcement, OffPolicyActorCritic):
+class OfflineFirst(RelabelledDemonstrated, OffPolicyActorCritic):
     """Their settings; ``warmup`` are the environment steps that the policy flies before it goes on learning.
 
     Attributes:
@@ -28,6 +28,9 @@ class OfflineFirst(DemonstratedReinforcement, OffPolicyActorCritic):
         super().__post_init__()
         require_not_negative(self, "offline_steps")
         require_share(self, "demos_share")
+
+    def flown_before_learning(self, worlds: int) -> dict[str, int]:
+        return {} if self.offline_steps else super().flown_before_learning(worlds)
 
     def minibatch(self, demos: ReplayBuffer, flown: ReplayBuffer) -> Batch:
         """Return transitions of both, in the shares that the settings specify."""

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm, whole_turns
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import decode, encode
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share, require_widths
@@ -37,6 +37,9 @@ class OnPolicy(OnlineAlgorithm):
         require_compared(self, "rollout")
         require_share(self, "gae_lambda")
         require_widths(self, "critic_hidden")
+
+    def flown_before_learning(self, worlds: int) -> dict[str, int]:
+        return {"rollout": whole_turns(self.rollout, worlds)}  # for the last rollout no learning rate is left
 
 
 @dataclass(frozen=True, kw_only=True)

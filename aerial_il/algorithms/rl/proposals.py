@@ -71,4 +71,5 @@ def demonstrated_rows(demos: Transitions, interface: Interface, *, absorbing: bo
         np.concatenate([encode(interface, demos.next_frames), following], axis=1),
         demos.terminal,
         absorbing=absorbing & demos.success,
+        penalties=demos.penalties,
     )

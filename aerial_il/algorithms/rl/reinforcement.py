@@ -11,8 +11,13 @@ from aerial_il.algorithms.rl.collector import RewardScheme
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.checks import require_choice, require_not_negative
+from aerial_il.core.errors import InvalidValueError
 
 Reward = Literal["environment", "sparse"]
+BY_GOAL = (
+    "hindsight.goals is {} and reward {}; with hindsight each step is rewarded by the rule of its goal and by nothing "
+    "else: leave algorithm.reward=environment, or set algorithm.hindsight.goals=0."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +25,8 @@ class Reinforcement(OnlineAlgorithm):
     """Settings of reinforcement learning; stands before :class:`OffPolicy` or :class:`OnPolicy` among the bases.
 
     Attributes:
-        reward: the ``environment``'s own, dense in the suite; or ``sparse``, 1 for success.
+        reward: the ``environment``'s own, dense in the suite; or ``sparse``, 1 for success. With hindsight it is the
+            environment's own rule for goals.
         reward_patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
         smoothness: penalties for rough actions, and regularisers that hold the actor back from them.
     """
@@ -56,16 +62,19 @@ class Reinforcement(OnlineAlgorithm):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffPolicyReinforcement(Reinforcement):
-    """Further settings of those that learn from a replay buffer.
+class RelabelledReinforcement(Reinforcement):
+    """Further settings of those whose past episodes can be relabelled with other goals.
 
     Attributes:
-        hindsight: the other goals that past episodes are relabelled with.
-        obs_norm: standardise observations by their moments in the warm-up, which are fixed from then on.
+        hindsight: those goals.
     """
 
     hindsight: Hindsight = field(default_factory=Hindsight)
-    obs_norm: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.hindsight.goals and self.reward != "environment":
+            raise InvalidValueError(BY_GOAL.format(self.hindsight.goals, self.reward))
 
     @property
     def forfeits_by_success(self) -> bool:
@@ -74,4 +83,16 @@ class OffPolicyReinforcement(Reinforcement):
     def ways_to_reward(self) -> Iterator[str]:
         yield from super().ways_to_reward()
         if not self.hindsight.goals:
-            yield "hindsight, where the task exposes a goal (algorithm.hindsight.goals=4)"
+            also = " algorithm.reward=environment" if self.reward == "sparse" else ""
+            yield f"hindsight, where the task exposes a goal (algorithm.hindsight.goals=4{also})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicyReinforcement(RelabelledReinforcement):
+    """Further settings of those that learn from their own flights alone, by a replay buffer.
+
+    Attributes:
+        obs_norm: standardise observations by their moments in the warm-up, which are fixed from then on.
+    """
+
+    obs_norm: bool = False

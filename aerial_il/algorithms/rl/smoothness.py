@@ -20,6 +20,11 @@ from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.network import ChunkNetwork
 
+OF_CHOICES = (
+    "smoothness.temporal is {:g} and smoothness.spatial {:g}; choices among discrete actions have no gradient to be "
+    "regularised by. Set both to 0, and algorithm.smoothness.rate_penalty instead."
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Smoothness:
@@ -43,6 +48,11 @@ class Smoothness:
     def __post_init__(self) -> None:
         require_not_negative(self, "temporal", "spatial", "radius", "rate_penalty", "jerk_penalty")
 
+    def check_for_choices(self) -> None:
+        """Raise :class:`InvalidValueError` where discrete actions are to be regularised."""
+        if self.temporal or self.spatial:
+            raise InvalidValueError(OF_CHOICES.format(self.temporal, self.spatial))
+
     def loss(self, actor: ChunkNetwork, obs: Tensor, next_obs: Tensor, *, execute: int = 1) -> Tensor | float:
         """Return the term of the actor's loss for encoded observations (B, Do) and the next ones (B, Do).
 
@@ -56,7 +66,7 @@ class Smoothness:
             return 0.0
         here, found = actor(obs[:, None]), torch.zeros(())
         if not here.requires_grad:
-            raise InvalidValueError("Choices cannot be regularised by temporal and spatial: use rate_penalty instead.")
+            self.check_for_choices()
         if self.temporal:
             flown = torch.cat([here[:, :execute], actor(next_obs[:, None])[:, :1]], 1)
             found = found + self.temporal * (flown.diff(dim=1) ** 2).mean()

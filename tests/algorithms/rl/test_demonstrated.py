@@ -113,8 +113,11 @@ def test_a_demonstration_is_paid_as_its_flight_would_be() -> None:
     scheme = RewardScheme(smoothness=Smoothness(rate_penalty=0.3, jerk_penalty=0.1))
     demo = demonstrations(1)[0]
     collector = Collector(Flown(demo), Layout.of(SPEC, POLICY), seed=0, scheme=scheme)
-    paid = [collector.step(action[None]).rewards[0] for action in demo.executed_actions]
-    np.testing.assert_allclose(with_rewards(demo, scheme, Drift(1)).rewards, paid)
+    flown = [collector.step(action[None]) for action in demo.executed_actions]
+    rewarded, whole = with_rewards(demo, scheme, Drift(1)), {"trajectories": None, "subsample": 1, "seed": 0}
+    _, shown, _ = read_transitions([rewarded], POLICY, smoothness=scheme.smoothness, **whole)
+    np.testing.assert_allclose(shown.rewards, [step.rewards[0] for step in flown])
+    np.testing.assert_allclose(shown.penalties, [step.penalties[0] for step in flown])
     solved = demonstrations(1, ends_at_success=True)[0]
     sparse = with_rewards(solved, RewardScheme(sparse=True), Drift(1, ends_at_success=True)).rewards
     np.testing.assert_array_equal(sparse, np.arange(len(solved)) == len(solved) - 1)
@@ -161,7 +164,7 @@ def test_a_backup_believes_the_least_of_the_critics_that_were_drawn() -> None:
     agent, seen = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch()
     seen = seen._replace(next_obs=torch.cat([seen.next_obs[:, :-1], torch.ones(7, 1)], 1))  # absorbing: action 0
     worth = agent._targets.network(seen.next_obs, torch.zeros(7, 1))
-    targets = agent._bellman_targets(seen)
+    targets = agent.bellman_targets(seen)
     assert torch.allclose(targets, seen.rewards + settings.gamma * worth.min(0).values, atol=1e-5)
     assert (worth.max(0).values - worth.min(0).values > 0).all(), "critics that are alike would tell nothing"
 
@@ -206,6 +209,14 @@ def test_rows_of_demonstrations_keep_their_rewards() -> None:
     np.testing.assert_allclose(rows[:, -2], [0.5, 2.0, 2.0])
 
 
+def test_in_an_absorbing_state_no_action_is_rough() -> None:
+    """What the last step cost is not subtracted for ever."""
+    ends, penalties = np.array([True, True]), np.array([0.3, 0.0])
+    transitions = (np.zeros((2, 2)), np.zeros((2, 1)), 1.0 - penalties, np.ones((2, 2)), ends)
+    rows = rows_of(*transitions, absorbing=True, penalties=penalties)
+    np.testing.assert_allclose(rows[:, -2], [0.7, 1.0, 1.0, 1.0])
+
+
 @each
 def test_what_an_expert_meant_is_not_paired_with_the_rewards_of_what_was_executed(name: str) -> None:
     with pytest.raises(InvalidValueError, match=r"labels=expert.*labels=executed"):
@@ -235,5 +246,6 @@ def test_a_crash_is_not_absorbed_where_rewards_teach() -> None:
 
 def test_advice_names_what_the_algorithm_has() -> None:
     assert "algorithm.reward=environment" in short("iql", reward="sparse").scheme.advice
-    assert "algorithm.reward=environment" not in short("iql").scheme.advice
-    assert "hindsight" not in short("iql", reward="sparse").scheme.advice
+    assert "algorithm.reward=environment" not in short("ibrl").scheme.advice
+    assert "hindsight.goals=4 algorithm.reward=environment" in short("iql", reward="sparse").scheme.advice
+    assert "hindsight" not in short("ibrl", reward="sparse").scheme.advice

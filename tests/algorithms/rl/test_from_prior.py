@@ -44,17 +44,25 @@ def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return cloned(tmp_path_factory.mktemp("prior") / "run")
 
 
-def train(name: str, run: Path, **changes: Any) -> Any:
+def train(name: str, run: Path, *, evaluate: Any = None, **changes: Any) -> Any:
     settings = algorithms.settings_of(name)(**{**SMALL, **changes})
-    return settings.train(None, POLICY, env=Drift(8), run=run, seed=1, progress=False)
+    return settings.train(None, POLICY, env=Drift(8), run=run, seed=1, progress=False, evaluate=evaluate)
 
 
 @each
 def test_through_the_warm_up_the_prior_flies_and_critics_alone_learn(tmp_path: Path, name: str, prior: Path) -> None:
-    begun, random = train(name, tmp_path / "begun", prior=str(prior), steps=160), train(name, tmp_path / "random")
-    obs = Drift(20).reset(0)
-    np.testing.assert_array_equal(begun.act(obs), load_policy(prior).act(obs))
-    first, blind = (read_metrics(tmp_path / run)[0] for run in ("begun", "random"))
+    obs, taken = Drift(20).reset(0), {}
+
+    def evaluate(policy: Any, step: int) -> dict[str, float]:
+        taken[step] = policy.act(obs)
+        return {}
+
+    watched = {"evaluate": evaluate, "evaluate_every": 160}
+    begun, random = train(name, tmp_path / "begun", prior=str(prior), **watched), train(name, tmp_path / "random")
+    np.testing.assert_array_equal(taken[160], load_policy(prior).act(obs))
+    assert not np.array_equal(taken[320], taken[160]), "the actor learns when the warm-up is over"
+    rows = (read_metrics(tmp_path / run) for run in ("begun", "random"))
+    first, blind = (next(row for row in found if "episode/return" in row) for found in rows)
     assert first["episode/return"] > blind["episode/return"] + 1.0
     assert "critic/loss" in first
     assert "actor/loss" not in first

@@ -8,9 +8,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.rl.collector import Collector, RewardScheme
+from aerial_il.algorithms.rl.collector import RECENT, Collector, RewardScheme
 from aerial_il.algorithms.rl.interface import action_bounds, encode, encode_actions
 from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
@@ -29,7 +30,8 @@ class Transitions(NamedTuple):
 
     Attributes:
         frames, next_frames: (T, Do). actions: (T, Da). terminal: (T,) bool; see :class:`Transition`.
-        rewards: (T,) of the environment. success: (T,) bool, the task was done by the action.
+        rewards: (T,) of the environment, penalties subtracted. success: (T,) bool, the task was done by the action.
+        penalties: (T,) for rough actions.
     """
 
     frames: np.ndarray
@@ -38,6 +40,7 @@ class Transitions(NamedTuple):
     terminal: np.ndarray
     rewards: np.ndarray
     success: np.ndarray
+    penalties: np.ndarray
 
     def buffer(
         self, interface: Interface, rng: np.random.Generator, *, absorbing: bool, reward: float | None = 0.0
@@ -60,12 +63,13 @@ class Transitions(NamedTuple):
             encode(interface, self.next_frames),
             self.terminal,
             absorbing=absorbing & self.success if reward is None else absorbing,
+            penalties=self.penalties if reward is None else 0.0,
         )
 
     def digest(self, *, rewarded: bool) -> str:
         """Return the SHA-256 of all that is learned from: rewards too, where the algorithm is ``rewarded``."""
-        seal = hashlib.sha256()
-        for array in (*self[:-2], self.rewards) if rewarded else self[:-2]:
+        seal, learned = hashlib.sha256(), (self.frames, self.actions, self.next_frames, self.terminal)
+        for array in (*learned, self.rewards) if rewarded else learned:
             seal.update(np.ascontiguousarray(array).tobytes())
         return seal.hexdigest()
 
@@ -79,6 +83,7 @@ def read_transitions(
     labels: Labels = "executed",
     rewarded: bool = False,
     failures: bool = False,
+    smoothness: Smoothness | None = None,
     seed: int,
 ) -> tuple[Layout, Transitions, dict[str, Any]]:
     """Return the layout, the transitions of the episodes, and which they are, for the run's record.
@@ -89,6 +94,7 @@ def read_transitions(
         labels: which actions, ``executed`` or what the ``expert`` meant.
         rewarded: whether rewards are learned from, and so belong to the record.
         failures: whether failed episodes count too.
+        smoothness: what rough actions cost; None for nothing.
         seed: decides where the counting begins.
 
     Raises:
@@ -101,7 +107,8 @@ def read_transitions(
         )
     demos = demos[:trajectories]
     rng = named_rng(seed, "subsample")
-    parts = [_thin(_transitions_of(episode, layout, labels), subsample, rng) for episode in demos]
+    asked = smoothness or Smoothness()
+    parts = [_thin(_transitions_of(episode, layout, labels, asked), subsample, rng) for episode in demos]
     found = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     record = {"demonstrations": len(demos), "transitions": len(found.frames)}
     return layout, found, {**record, "digest": found.digest(rewarded=rewarded)}
@@ -128,12 +135,23 @@ def random_transitions(
     return Transitions(*(np.concatenate(array) for array in arrays))
 
 
-def _transitions_of(episode: Episode, layout: Layout, labels: Labels) -> Transitions:
+def _transitions_of(episode: Episode, layout: Layout, labels: Labels, smoothness: Smoothness) -> Transitions:
     frames = layout.flatten(episode.obs)
     terminal = np.asarray(episode.terminated, bool).copy()
     terminal[-1] |= episode.success and not episode.truncated[-1]
     actions = episode.labels if labels == "expert" else episode.executed_actions
-    return Transitions(frames[:-1], actions, frames[1:], terminal, episode.rewards, terminal & bool(episode.success))
+    penalties, success = _penalties(episode, smoothness), terminal & bool(episode.success)
+    return Transitions(frames[:-1], actions, frames[1:], terminal, episode.rewards - penalties, success, penalties)
+
+
+def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
+    """Return the penalties for the roughness of an episode's actions, (T,)."""
+    low, high = episode.spec.action.low, episode.spec.action.high
+    steps = np.arange(len(episode))
+    when = np.maximum(steps[:, None] + 1 - RECENT + np.arange(RECENT), 0)
+    if not (smoothness.rate_penalty or smoothness.jerk_penalty):
+        return np.zeros(len(steps))
+    return smoothness.penalties((2.0 * episode.executed_actions[when] - low - high) / (high - low), steps + 1)
 
 
 def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitions:

@@ -9,31 +9,37 @@ import numpy as np
 from aerial_il.algorithms.rl.interface import decode, encode, standardised
 from aerial_il.algorithms.rl.off_policy import Explorer
 from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
-from aerial_il.algorithms.rl.replay.hindsight import Relabeller
+from aerial_il.algorithms.rl.replay.hindsight import Hindsight, Relabeller, goal_columns
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of
 from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.algorithms.run.state import Snapshot, Stateful
-from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.goals import GoalColumns
 
 
 class ExperienceReplay:
     """The replay buffer of a run, and all that is done to its flights before they are stored.
 
     Args:
-        settings: of the algorithm. run: whose flights these are. buffer_size: transitions kept.
+        run: whose flights these are. buffer_size: transitions kept.
+        hindsight: the other goals that episodes are relabelled with.
+        obs_norm: standardise observations by their moments in the warm-up.
+        absorbing: whether success that ends an episode leads to an absorbing state. With hindsight it ends nothing.
+
+    Attributes:
+        buffer: the transitions.
     """
 
-    def __init__(self, settings: OffPolicyReinforcement, run: OnlineRun, buffer_size: int) -> None:
-        self._run, self._buffer = run, ReplayBuffer(buffer_size, *run.sizes, run.rng("minibatches"))
-        self._norm = WarmupNorm(run) if settings.obs_norm else None
-        self._relabeller = relabeller(settings, run) if settings.hindsight.goals else None
+    def __init__(
+        self, run: OnlineRun, buffer_size: int, *, hindsight: Hindsight, obs_norm: bool = False, absorbing: bool = False
+    ) -> None:
+        self._run, self._absorbing = run, absorbing
+        self.buffer = ReplayBuffer(buffer_size, *run.sizes, run.rng("minibatches"))
+        self._norm = WarmupNorm(run) if obs_norm else None
+        self._relabeller = relabeller(hindsight, run) if hindsight.goals else None
 
     @property
     def parts(self) -> Mapping[str, Stateful]:
         """What of it changes while the run goes on."""
-        found = {"replay_buffer": self._buffer, "obs_norm": self._norm, "hindsight": self._relabeller}
+        found = {"replay_buffer": self.buffer, "obs_norm": self._norm, "hindsight": self._relabeller}
         return {name: part for name, part in found.items() if part is not None}
 
     def step(self, explorer: Explorer) -> None:
@@ -45,7 +51,8 @@ class ExperienceReplay:
         if self._norm:
             self._norm.add(step.frames)
         if self._relabeller is None:
-            self._keep(frames, actions, step.rewards, step.next_frames, step.terminal)
+            flown = (frames, actions, step.rewards, step.next_frames, step.terminal)
+            self._keep(*flown, absorbing=self._absorbing & step.success, penalties=step.penalties)
             return
         rewards = self._relabeller.rewards(step)
         self._keep(frames, actions, rewards, step.next_frames, step.terminal & ~step.success)
@@ -54,13 +61,13 @@ class ExperienceReplay:
 
     def sample(self, count: int) -> Batch:
         """Sample ``count`` transitions with replacement."""
-        return self._buffer.sample(count)
+        return self.buffer.sample(count)
 
     def finish_warmup(self) -> None:
         """End the warm-up: where observations are to be standardised they are from now on, those in the buffer too."""
         if self._norm and not self._norm.frozen:
             self._norm.freeze()
-            self._buffer.standardise(self._run.interface)
+            self.buffer.standardise(self._run.interface)
 
     def _keep(
         self,
@@ -69,9 +76,12 @@ class ExperienceReplay:
         rewards: np.ndarray,
         next_frames: np.ndarray,
         terminal: np.ndarray,
+        *,
+        absorbing: bool | np.ndarray = False,
+        penalties: np.ndarray | float = 0.0,
     ) -> None:
         obs, next_obs = (encode(self._run.interface, seen) for seen in (frames, next_frames))
-        self._buffer.add(rows_of(obs, actions, rewards, next_obs, terminal, absorbing=False))
+        self.buffer.add(rows_of(obs, actions, rewards, next_obs, terminal, absorbing=absorbing, penalties=penalties))
 
 
 class WarmupNorm:
@@ -103,16 +113,7 @@ class WarmupNorm:
             self.freeze()
 
 
-def relabeller(settings: OffPolicyReinforcement, run: OnlineRun) -> Relabeller:
-    """Return what relabels episodes with other goals.
-
-    Raises:
-        InvalidValueError: the environment exposes no goal, or the policy does not see it.
-    """
-    env, layout = run.collector.env, run.interface.layout
-    if env.goal_spec is None:
-        hint = "Set algorithm.hindsight.goals=0."
-        raise InvalidValueError(f"{env.spec.robot}:{env.spec.task} tells no goal that could be exchanged. {hint}")
-    env.goal_spec.check(env.spec.observation)
-    columns = GoalColumns(env.goal_spec, layout.spec.observation.parts(layout.names))
-    return Relabeller(settings.hindsight, columns, run.collector.n, run.rng("hindsight"))
+def relabeller(settings: Hindsight, run: OnlineRun) -> Relabeller:
+    """Return what relabels the episodes of a run with other goals."""
+    goal = goal_columns(run.collector.env, run.interface.layout)
+    return Relabeller(settings, goal, run.collector.n, run.rng("hindsight"))

@@ -18,8 +18,10 @@ import numpy as np
 from aerial_il.algorithms.rl.collector import Transition
 from aerial_il.algorithms.run.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns
+from aerial_il.policies.parts.layout import Layout
 
 Strategy = Literal["future", "final"]
 
@@ -47,6 +49,19 @@ class Hindsight:
         require_choice(self, "strategy", Strategy)
         if self.strategy == "final" and self.goals > 1:
             raise InvalidValueError(f"goals is {self.goals}; an episode has one final goal: set goals=1.")
+
+
+def goal_columns(env: BatchEnv, layout: Layout) -> GoalColumns:
+    """Return where the frames of ``layout`` tell the goal of ``env``.
+
+    Raises:
+        InvalidValueError: the environment exposes no goal, or the policy does not see it.
+    """
+    if env.goal_spec is None:
+        hint = "Set algorithm.hindsight.goals=0."
+        raise InvalidValueError(f"{env.spec.robot}:{env.spec.task} tells no goal that could be exchanged. {hint}")
+    env.goal_spec.check(env.spec.observation)
+    return GoalColumns(env.goal_spec, layout.spec.observation.parts(layout.names))
 
 
 class Flown(NamedTuple):

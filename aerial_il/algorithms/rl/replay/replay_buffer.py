@@ -46,6 +46,7 @@ def rows_of(
     terminal: np.ndarray,
     *,
     absorbing: bool | np.ndarray,
+    penalties: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Lay transitions out as rows ``obs, 0, actions, next_obs, absorbed, reward, continues``.
 
@@ -55,6 +56,8 @@ def rows_of(
         absorbing: whether a terminal action leads to an absorbing state (``next_obs`` and a one), which leads to itself
             with an action of zeros and the same reward; that transition is one more row for each of them. Otherwise
             the value after a terminal action is zero. One for all, or (T,) bool.
+        penalties: (T,) subtracted in ``rewards`` for rough actions. In an absorbing state nobody acts: its reward is
+            the one without.
 
     Returns:
         (T + number of ends, 2 Do + Da + 4) float32.
@@ -67,7 +70,8 @@ def rows_of(
         return rows.astype(np.float32)
     width, ends = obs.shape[1] + 1, rows[absorbed]
     after = ends[:, -width - 2 : -2]  # the end's observation and its mark
-    loop = np.concatenate([after, np.zeros((len(ends), actions.shape[1])), ends[:, -width - 2 :]], axis=1)
+    paid = (rewards + penalties)[absorbed, None]
+    loop = np.concatenate([after, np.zeros((len(ends), actions.shape[1])), after, paid, ends[:, -1:]], axis=1)
     return np.concatenate([rows, loop]).astype(np.float32)
 
 

@@ -146,7 +146,7 @@ def test_where_success_forfeits_the_dense_reward_a_line_says_so(
     home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(home)
-    short = ["algorithm=ppo", "policy=squashed_gaussian", "algorithm.steps=64", "algorithm.rollout=64", "num_envs=4"]
+    short = ["algorithm=ppo", "policy=squashed_gaussian", "algorithm.steps=64", "algorithm.rollout=32", "num_envs=4"]
     words = ["train", *short, "robot=z1", "task=reach", "action=velocity", QUIET]
     for run, said, warned in (
         ("dense", [], True),
