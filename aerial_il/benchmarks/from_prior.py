@@ -58,7 +58,7 @@ from aerial_il.suite import tasks
 CLONE, SHOWN_MORE = "bc, first demonstrations", "bc, many demonstrations"
 BEGUN = "beginning"
 BASELINES = ("filtered_bc", "ppo")  # flown beside the methods, and not judged
-FROM_SCRATCH_STEPS = 20_000_000
+SCRATCH: dict[str, Any] = {"steps": 20_000_000, "rollout": 65_536, "batch_size": 1024, "epochs": 5}  # as bc_ppo learns
 SHORTER: Mapping[str, int] = {"pick_place_10": 8_000_000, "pick_place_40": 4_000_000, "insert_peg_40": 4_000_000}
 FEWER: Mapping[str, int] = {"dapg": 1, "residual": 1, "jsrl": 1, "ibrl": 1, "rlpd": 1, "ppo": 1}
 ONLY_FROM: Mapping[str, tuple[str, ...]] = {
@@ -94,7 +94,7 @@ def _all_practising() -> dict[str, Practising]:
     found: list[Practising] = [ExpertIteration(), FilteredCloning()]
     found += [ClonedProximalOptimisation(), ResidualLearning(), DemonstrationAugmented(), JumpStart()]
     found += [ImitationBootstrapped(**CRITICS), PriorDataLearning(**CRITICS)]
-    found += [ProximalPolicyOptimisation(reward="sparse", reward_patience=0, steps=FROM_SCRATCH_STEPS, rollout=16_384)]
+    found += [ProximalPolicyOptimisation(reward="sparse", reward_patience=0, **SCRATCH)]
     return {algorithm.name: algorithm for algorithm in found}
 
 

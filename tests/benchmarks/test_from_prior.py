@@ -125,7 +125,15 @@ def test_the_heavy_vehicle_is_asked_for_success_in_both_tiers_of_more_than_filte
 
 def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
     study = build(groups.read_option("bench", "from_prior"))
-    paid_for_success = {"reward", "reward_patience", "bounds", "steps", "rollout"}  # what is not their own default
+    paid_for_success = {
+        "reward",
+        "reward_patience",
+        "bounds",
+        "steps",
+        "rollout",
+        "batch_size",
+        "epochs",
+    }  # what is not their own default
     for name, algorithm in study.practising.items():
         shipped = build(groups.read_option("algorithm", name))
         changed = {s.name for s in fields(shipped) if getattr(shipped, s.name) != getattr(algorithm, s.name)}
