@@ -95,7 +95,7 @@ class Adroit:
     name: ClassVar[str] = "adroit"
     question: ClassVar[str] = "How well are the Adroit hand's experts cloned, from many and from few demonstrations?"
 
-    data: str = "../shared/data/adroit"
+    data: str = "datasets/adroit"
     policies: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"mlp": {"chunk": 1}}, hash=False)
     algorithm: BehaviourCloning = field(default_factory=BehaviourCloning)
     training: Mapping[str, Mapping[str, Any]] = field(default_factory=dict, hash=False)

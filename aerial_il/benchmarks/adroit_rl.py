@@ -97,7 +97,7 @@ class AdroitRl:
     name: ClassVar[str] = "adroit_rl"
     question: ClassVar[str] = "Does reinforcement learning from few demonstrations solve what cloning them does not?"
 
-    data: str = "../shared/data/adroit"
+    data: str = "datasets/adroit"
     policy: PolicyConfig = field(default_factory=lambda: MlpConfig(chunk=1, ensemble=None, hidden=(64, 64)))
     dapg: DemonstrationAugmented = field(default_factory=DemonstrationAugmented)
     scratch: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)

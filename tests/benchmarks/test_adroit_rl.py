@@ -25,6 +25,7 @@ from tests.benchmarks.results import result_with
 DATA = Path("../shared/data/adroit")
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
 SMALL: dict[str, Any] = {
+    "data": str(DATA),
     "policy": MlpConfig(chunk=1, ensemble=None, hidden=(8,)),
     "dapg": DemonstrationAugmented(
         steps=1_200,
@@ -81,7 +82,7 @@ def test_the_page_names_what_sets_the_control_apart() -> None:
 
 @needs_data
 def test_draws_of_the_experts_flights_differ_and_those_of_people_cannot(tmp_path: Path) -> None:
-    study, stages = AdroitRl(), OutsideStages(record=Record(tmp_path))
+    study, stages = AdroitRl(data=str(DATA)), OutsideStages(record=Record(tmp_path))
     expert, people = (
         [study.training(Arm(task, ASKED, "environment"), draw, stages).shown for draw in (0, 1)]
         for task in ("relocate", "door")
@@ -103,7 +104,7 @@ def test_what_a_target_asks_for_is_trained_on_every_draw_and_the_rest_on_the_fir
 
 @needs_data
 def test_a_control_that_never_sees_a_reward_flies_all_its_steps(tmp_path: Path) -> None:
-    study, stages = AdroitRl(), OutsideStages(record=Record(tmp_path))
+    study, stages = AdroitRl(data=str(DATA)), OutsideStages(record=Record(tmp_path))
     arms = (Arm("door", CONTROL, reward) for reward in ("sparse", "environment"))
     sparse, dense = (study.training(arm, 0, stages).algorithm for arm in arms)
     assert sparse.reward_patience == 0
