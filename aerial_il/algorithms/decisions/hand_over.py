@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from aerial_il.algorithms.decisions.cut_short import uncut
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.run.state import Snapshot
@@ -54,15 +55,15 @@ class HandOver:
 
     def after_learning(self) -> dict[str, float]:
         """Hold a trial of what has been learned, where one is due; return its metrics: both sides' mean returns."""
-        collector, turn = self._run.collector, self._run.collector.steps // self._every
+        collector = self._run.collector
         if not len(self._seeds):
             self._pass()
-        if not len(self._seeds) or (turn == self._turn and self._run.left):
+        if not len(self._seeds) or (collector.steps // self._every == self._turn and self._run.left):
             return {}
-        self._turn = turn
         if not len(self._wanted):
             self._wanted = flown_returns(collector, self._prior, self._seeds)
         found = flown_returns(collector, self._run.policy_of(self._network), self._seeds)
+        self._turn = collector.steps // self._every
         more = found - self._wanted
         if more.mean() >= -ERRORS * more.std() / math.sqrt(len(more)):
             self._pass()
@@ -95,7 +96,7 @@ class HandOver:
 
 
 def flown_returns(collector: Collector, policy: ChunkPolicy, seeds: np.ndarray) -> np.ndarray:
-    """Return the undiscounted returns (B * n,) of a policy's flights in a collector's worlds.
+    """Return the undiscounted returns (B * n,) of a policy's flights in a collector's worlds, never cut short.
 
     What these show is as it was afterwards; the steps flown count among the collector's.
 
@@ -103,7 +104,7 @@ def flown_returns(collector: Collector, policy: ChunkPolicy, seeds: np.ndarray) 
         seeds: (B, n) of the episodes.
     """
     with collector.lent() as env:
-        flights = [_flown(env, policy, batch, sparse=collector.scheme.sparse) for batch in seeds]
+        flights = [_flown(uncut(env), policy, batch, sparse=collector.scheme.sparse) for batch in seeds]
     collector.steps += sum(steps for _, steps in flights)
     return np.concatenate([returns for returns, _ in flights])
 

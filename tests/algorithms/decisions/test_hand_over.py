@@ -91,6 +91,14 @@ def test_a_lent_environment_goes_on_as_if_nothing_had_been_flown() -> None:
         np.testing.assert_array_equal(one.truncated, other.truncated)
 
 
+def test_a_slow_prior_is_given_the_time_that_it_has_when_it_is_used(tmp_path: Path, prior: Path) -> None:
+    """Episodes of practice are cut after three steps; those of a trial last twelve, and return more."""
+    train("bc_ppo", tmp_path, prior=str(prior), patience=0.25, steps=2_560, **TRIAL)
+    rows = [row for row in read_metrics(tmp_path) if "trial/return" in row]
+    assert max(row["episode/length"] for row in rows) <= 3
+    assert rows[0]["trial/prior"] == pytest.approx(12 * mean_reward(load_policy(prior)), rel=0.15)
+
+
 def test_flights_of_trials_count_as_flown(tmp_path: Path, prior: Path) -> None:
     """A rollout has 128 steps; 32 flights of the prior take up to 12 each, and so do those of the learner."""
     train("bc_ppo", tmp_path, prior=str(prior), steps=1_280, trial=32, trial_every=512)
