@@ -78,8 +78,6 @@ SUITED: Mapping[str, Mapping[str, Any]] = {
     },
 }
 CRITICS: dict[str, Any] = {"reward": "sparse", "reward_patience": 0, "bounds": "demonstrations", "steps": SLOWEST_STEPS}
-
-
 WANTED: Mapping[tuple[str, str, int], Wanted] = {  # robot, task, demonstrations
     ("fa_hexa_arm4", "pick_place", 10): Wanted(90.0),
     ("fa_hexa_arm4", "pick_place", 40): Wanted(98.0),
@@ -186,7 +184,7 @@ class FromPrior:
         results = {key: stages.judged(key[0].training, key[1], self._seeds) for key in bar(work, self.name, progress)}
         groups = list(grouped(arms))
         pooled = [_row(group, tier, results, stages) for group in groups for tier in (self.tier, self.harder)]
-        gains = list(self._gains(groups, stages))
+        gains = list(self._gains(groups, results, stages))
         practice = Practice(stages, [arm for arm in arms if not isinstance(arm.training, Cloned)], BASELINES)
         return Report(
             name=self.name,
@@ -298,14 +296,13 @@ class FromPrior:
         usual = self.beginning if name == BEGUN else self.practising[name]
         return changed(usual, self.suited.get(task, {}).get(name, {}))
 
-    def _gains(self, groups: Sequence[Sequence[Arm]], stages: Stages) -> Iterator[Row]:
+    def _gains(self, groups: Sequence[Sequence[Arm]], results: Results, stages: Stages) -> Iterator[Row]:
         """Yield what each arm added to the policies that its trainings began with, where there are any."""
         for group, tier in product(groups, (self.tier, self.harder)):
-            begun = [arm.training for arm in group if isinstance(arm.training, Continued)]
             pairs = [
-                (stages.judged(training.prior, tier, self._seeds), stages.judged(training, tier, self._seeds))
-                for training in begun
-                if training.prior
+                (stages.judged(arm.training.prior, tier, self._seeds), results[arm, tier])
+                for arm in group
+                if isinstance(arm.training, Continued) and arm.training.prior
             ]
             if pairs:
                 task, demos = group[0].cell

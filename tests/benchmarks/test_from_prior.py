@@ -348,7 +348,7 @@ def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(
     """All of them, from one clone, once, beside the two that have none."""
     monkeypatch.setattr(practised, "WATCHED_FLIGHTS", 2)
     small = {"steps": 128, "rollout": 64, "warmup": 64, "critic_hidden": (8,), "log_every": 64, "batch_size": 16}
-    small |= {"critics": 2, "subset": 1}
+    small |= {"critics": 2, "subset": 1, "trial": 0}
     usual = FromPrior().practising
     arms = {
         n: replace(a, **{k: v for k, v in small.items() if hasattr(a, k)})
