@@ -52,14 +52,7 @@ class AdversarialInverseLearning(AdversarialImitation):
         require_choice(self, "reward_on", RewardOn)
 
     def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussian) -> RewardNet:
-        shape: Shape = {
-            "hidden": self.reward_hidden,
-            "spectral": self.spectral_norm,
-            "dropout": self.dropout,
-            "running_norm": True,
-            "actions": self.reward_on == "state_action",
-            "form": self.reward,
-        }
+        shape: Shape = {**self.reward_shape(running_norm=True), "actions": self.reward_on == "state_action"}
         return ShapedReward(*sizes, shape, lr=self.reward_lr, gamma=self.gamma, actor=actor)
 
 

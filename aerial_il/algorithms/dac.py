@@ -30,37 +30,26 @@ from typing import ClassVar
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
 from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
-from aerial_il.algorithms.rl.imitation import Imitation
+from aerial_il.algorithms.adversarial.settings import Adversarial
 from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
-from aerial_il.algorithms.run.checks import (
-    require_choice,
-    require_not_negative,
-    require_positive,
-    require_share,
-    require_widths,
-)
+from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
-    """Settings of a run, beside those of :class:`Imitation` and :class:`SoftOffPolicy`.
+class DiscriminatorActorCritic(Adversarial, SoftOffPolicy):
+    """Settings of a run, beside those of :class:`Adversarial` and :class:`SoftOffPolicy`.
 
     Attributes:
-        bc_pretrain_steps: minibatches of behavioural cloning before the first flight; the clone then acts in place of
-            random actions, and until ``warmup`` critics and discriminator alone learn from it.
+        bc_pretrain_steps: minibatches of behavioural cloning before the first flight. Afterwards the clone acts in
+            place of random actions, and until ``warmup`` critics and discriminator alone learn from it.
         bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
         expert_share: share of demonstrated transitions in the agent's minibatches, rewarded like all others.
-        action_noise: give the discriminator demonstrated actions with the noise that the agent explores with; see
-            ``gail``.
-        reward: form of the discriminator's reward, ``gail``, ``airl`` or ``exit``.
-        reward_hidden: its widths. reward_lr: its learning rate. reward_updates: its steps for each of the agent's.
-        gradient_penalty: weight of that penalty, 0 for none. spectral_norm: normalise its matrices.
-        dropout: of its inputs and hidden units.
+        reward_updates: the discriminator's steps for each of the agent's.
     """
 
     name: ClassVar[str] = "dac"
@@ -75,22 +64,11 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
     reward_lr: float = 3e-4
     reward_updates: float = 0.5
     gradient_penalty: float = 10.0
-    spectral_norm: bool = False
-    dropout: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "reward_lr", "reward_updates")
         require_share(self, "expert_share")
-        require_not_negative(self, "bc_pretrain_steps", "bc_weight", "gradient_penalty")
-        require_share(self, "dropout", below_one=True)
-        require_widths(self, "reward_hidden")
-        require_choice(self, "reward", Reward)
-
-    @property
-    def begins_cloned(self) -> bool:
-        """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
-        return self.bc_pretrain_steps > 0 and self.control != "constant_reward"
+        require_not_negative(self, "bc_weight")
 
     def flown_before_learning(self, worlds: int) -> dict[str, int]:
         return {} if self.begins_cloned else super().flown_before_learning(worlds)
@@ -143,15 +121,4 @@ class DiscriminatorActorCritic(Imitation, SoftOffPolicy):
 
     def _build_reward_net(self, sizes: tuple[int, int]) -> RewardNet:
         """Return a new discriminator; the interface has standardised its inputs by the demonstrations."""
-        return RewardNet(
-            *sizes,
-            {
-                "hidden": self.reward_hidden,
-                "spectral": self.spectral_norm,
-                "dropout": self.dropout,
-                "running_norm": False,
-                "actions": True,
-                "form": self.reward,
-            },
-            lr=self.reward_lr,
-        )
+        return RewardNet(*sizes, self.reward_shape(running_norm=False), lr=self.reward_lr)

@@ -26,69 +26,40 @@ from typing import ClassVar
 import numpy as np
 
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
-from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
+from aerial_il.algorithms.adversarial.settings import Adversarial
 from aerial_il.algorithms.ppo import ProximalActorCritic
-from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.rl.returns import RunningMoments
-from aerial_il.algorithms.run.checks import (
-    require_choice,
-    require_not_negative,
-    require_positive,
-    require_share,
-    require_widths,
-)
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdversarialImitation(Imitation, ProximalOnPolicy):
-    """Settings of a run, beside those of :class:`Imitation` and :class:`ProximalOnPolicy`.
+class AdversarialImitation(Adversarial, ProximalOnPolicy):
+    """Settings of a run, beside those of :class:`Adversarial` and :class:`ProximalOnPolicy`.
 
     Attributes:
-        bc_pretrain_steps: minibatches of behavioural cloning before the first flight. warmup: environment steps in
-            which the clone acts as it is, and critic and discriminator alone learn.
-        action_noise: give the discriminator demonstrated actions with the noise that the agent explores with. Else that
-            noise is what it recognises the agent by, long before it sees where the agent errs.
-        reward: form of the discriminator's reward, ``gail``, ``airl`` or ``exit``.
-        reward_hidden: its widths. reward_lr: its learning rate. reward_batch: its minibatch.
-        reward_updates: its steps for each rollout. buffer_size: newest transitions of the agent that it is given.
-        gradient_penalty: weight of that penalty, 0 for none. spectral_norm: normalise its matrices.
-        dropout: of its inputs and hidden units.
+        warmup: environment steps in which the clone acts as it is, and critic and discriminator alone learn.
+        reward_updates: the discriminator's steps for each rollout. reward_batch: its minibatch.
+        buffer_size: newest transitions of the agent that it is given.
     """
 
     name: ClassVar[str] = "gail"
 
-    bc_pretrain_steps: int = 0
     warmup: int = 0
-    action_noise: bool = False
-    reward: Reward = "gail"
-    reward_hidden: tuple[int, ...] = (64, 64)
-    reward_lr: float = 1e-3
-    reward_batch: int = 1024
     reward_updates: int = 12
+    reward_batch: int = 1024
     buffer_size: int = 16_384
-    gradient_penalty: float = 1.0
-    spectral_norm: bool = False
-    dropout: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "reward_lr", "reward_batch", "reward_updates", "buffer_size")
-        require_share(self, "dropout", below_one=True)
-        require_widths(self, "reward_hidden")
-        require_not_negative(self, "bc_pretrain_steps", "warmup", "gradient_penalty")
-        require_choice(self, "reward", Reward)
-
-    @property
-    def begins_cloned(self) -> bool:
-        """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
-        return self.bc_pretrain_steps > 0 and self.control != "constant_reward"
+        require_positive(self, "reward_batch", "buffer_size")
+        require_not_negative(self, "warmup")
 
     def flown_before_learning(self, worlds: int) -> dict[str, int]:
         if self.begins_cloned:
@@ -145,18 +116,7 @@ class AdversarialImitation(Imitation, ProximalOnPolicy):
 
     def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussian) -> RewardNet:
         """Return a new discriminator for observations and actions of these ``sizes``."""
-        return RewardNet(
-            *sizes,
-            {
-                "hidden": self.reward_hidden,
-                "spectral": self.spectral_norm,
-                "dropout": self.dropout,
-                "running_norm": True,
-                "actions": True,
-                "form": self.reward,
-            },
-            lr=self.reward_lr,
-        )
+        return RewardNet(*sizes, self.reward_shape(running_norm=True), lr=self.reward_lr)
 
 
 def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:

@@ -190,12 +190,11 @@ class Collector:
     def _penalties(self) -> np.ndarray:
         """Return the penalty for the roughness of each world's last action, (n,)."""
         smoothness = self.scheme.smoothness
-        if not (smoothness.rate_penalty or smoothness.jerk_penalty):
+        if not smoothness.penalises:
             return np.zeros(self.n)
-        low, high = self.env.spec.action.low, self.env.spec.action.high
         when = np.maximum(self._ages[:, None] - RECENT + np.arange(RECENT), 0)
         recent = self._actions[np.arange(self.n)[:, None], when]
-        return smoothness.penalties((2.0 * recent - low - high) / (high - low), self._ages)
+        return smoothness.penalties(recent, self._ages, self.env.spec.action)
 
     def _listen(self, what: str, values: np.ndarray) -> None:
         """Note whether any of ``values`` (k,) differs from the first one."""

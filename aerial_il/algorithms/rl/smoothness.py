@@ -18,6 +18,7 @@ from torch import Tensor
 
 from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import ActionSpec
 from aerial_il.policies.parts.network import ChunkNetwork
 
 OF_CHOICES = (
@@ -75,15 +76,21 @@ class Smoothness:
             found = found + self.spatial * ((here - actor(near[:, None]))[:, :execute] ** 2).mean()
         return found
 
-    def penalties(self, recent: np.ndarray, ages: np.ndarray) -> np.ndarray:
+    @property
+    def penalises(self) -> bool:
+        """Whether rough actions cost anything."""
+        return self.rate_penalty > 0 or self.jerk_penalty > 0
+
+    def penalties(self, recent: np.ndarray, ages: np.ndarray, bounds: ActionSpec) -> np.ndarray:
         """Return the penalty for the last action of each world, (n,).
 
         Args:
-            recent: (n, 4, Da) its last actions from -1 to 1, the newest last. ages: (n,) how many of them there are.
+            recent: (n, 4, Da) its last actions, the newest last. ages: (n,) how many of them there are. bounds: theirs.
         """
-        cost = np.zeros(len(recent))
+        cost, low, high = np.zeros(len(recent)), bounds.low, bounds.high
+        scaled = (2.0 * recent - low - high) / (high - low)
         for weight, order in ((self.rate_penalty, 1), (self.jerk_penalty, 3)):
             if weight:
-                change = np.diff(recent, n=order, axis=1)[:, -1]
+                change = np.diff(scaled, n=order, axis=1)[:, -1]
                 cost += np.where(ages > order, weight * (change**2).mean(axis=1), 0.0)
         return cost

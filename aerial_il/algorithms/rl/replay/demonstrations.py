@@ -146,12 +146,11 @@ def _transitions_of(episode: Episode, layout: Layout, labels: Labels, smoothness
 
 def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
     """Return the penalties for the roughness of an episode's actions, (T,)."""
-    low, high = episode.spec.action.low, episode.spec.action.high
     steps = np.arange(len(episode))
-    when = np.maximum(steps[:, None] + 1 - RECENT + np.arange(RECENT), 0)
-    if not (smoothness.rate_penalty or smoothness.jerk_penalty):
+    if not smoothness.penalises:
         return np.zeros(len(steps))
-    return smoothness.penalties((2.0 * episode.executed_actions[when] - low - high) / (high - low), steps + 1)
+    when = np.maximum(steps[:, None] + 1 - RECENT + np.arange(RECENT), 0)
+    return smoothness.penalties(episode.executed_actions[when], steps + 1, episode.spec.action)
 
 
 def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitions:
