@@ -44,6 +44,17 @@ def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return cloned(tmp_path_factory.mktemp("prior") / "run")
 
 
+@pytest.fixture(scope="module")
+def chunked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    policy = MlpConfig(hidden=(16,), chunk=3, anchor=None, blind_to=())
+    return cloned(tmp_path_factory.mktemp("chunked") / "run", policy)
+
+
+@pytest.fixture(scope="module")
+def narrow(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return cloned(tmp_path_factory.mktemp("narrow") / "run", SquashedGaussianConfig(hidden=(8,)))
+
+
 def train(name: str, run: Path, *, evaluate: Any = None, **changes: Any) -> Any:
     settings = algorithms.settings_of(name)(**{**SMALL, **changes})
     return settings.train(None, POLICY, env=Drift(8), run=run, seed=1, progress=False, evaluate=evaluate)
@@ -82,13 +93,13 @@ def test_it_goes_on_from_its_prior(tmp_path: Path, name: str, prior: Path) -> No
 
 
 @each
-def test_weights_of_another_class_or_size_are_refused(tmp_path: Path, name: str, prior: Path) -> None:
-    other = cloned(tmp_path / "chunked", MlpConfig(hidden=(16,), chunk=3, anchor=None, blind_to=()))
+def test_weights_of_another_class_or_size_are_refused(
+    tmp_path: Path, name: str, prior: Path, chunked: Path, narrow: Path
+) -> None:
     with pytest.raises(InvalidValueError, match=r"cannot begin with.*chunk: 3 there, 1 here.*algorithm=ibrl"):
-        train(name, tmp_path / "run", prior=str(other))
-    wide = cloned(tmp_path / "wide", SquashedGaussianConfig(hidden=(8,)))
+        train(name, tmp_path / "run", prior=str(chunked))
     with pytest.raises(InvalidValueError, match=r"hidden: \[?\(?8.*there.*16"):
-        train(name, tmp_path / "run", prior=str(wide))
+        train(name, tmp_path / "run", prior=str(narrow))
     with pytest.raises(InvalidValueError, match="obs_norm=false"):
         train(name, tmp_path / "run", prior=str(prior), obs_norm=True)
     assert not (tmp_path / "run").exists()

@@ -87,10 +87,16 @@ def code_digest(files: list[Path], apart: tuple[str, ...] = ()) -> str:
     """
     found = hashlib.sha256()
     for file in sorted(files):
-        tree = _without_docstrings(ast.parse(file.read_text(encoding="utf-8")))
         found.update(file.relative_to(file.parents[1]).as_posix().encode())
-        found.update(ast.dump(_Without(apart).visit(tree) if apart else tree).encode())
+        found.update(_effective(file.read_text(encoding="utf-8"), apart).encode())
     return found.hexdigest()[:16]
+
+
+@cache
+def _effective(source: str, apart: tuple[str, ...]) -> str:
+    """Return what counts of a file's source; see :func:`code_digest`."""
+    tree = _without_docstrings(ast.parse(source))
+    return ast.dump(_Without(apart).visit(tree) if apart else tree)
 
 
 def imports(file: Path, modules: tuple[str, ...]) -> bool:
