@@ -20,6 +20,7 @@ from aerial_il.benchmarks.parts.reporting.notes import About, Note, notes_on
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target
 from aerial_il.benchmarks.parts.sb3.cells import DIFFERENCES, Cell, cells
+from aerial_il.benchmarks.parts.sb3.curves import kept, return_curves
 from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, learn
 from aerial_il.benchmarks.parts.training.outside import Learned, OutsideStages
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, check_fewer
@@ -100,7 +101,8 @@ class Sb3:
             targets=tuple(target for name, pairs in found.items() for target in _targets(name, chosen[name], pairs)),
             tables={"Both sides": rows},
             notes=tuple(notes_on(chosen, NOTES)),
-            details={name: [[asdict(side) for side in pair] for pair in pairs] for name, pairs in found.items()},
+            details={name: [[kept(side) for side in pair] for pair in pairs] for name, pairs in found.items()},
+            figures={"sb3.svg": return_curves(found, (OURS, THEIRS))},
             wall_time_s=sum(side.seconds for pairs in found.values() for pair in pairs for side in pair),
         )
 
@@ -124,11 +126,11 @@ class Sb3:
             **cell.learned().stands_on,
         }
         label = f"{cell.task}/{cell.theirs.algorithm}/{seed}".replace(":", "-")
-        kept = stages.record.place("peer", label, decided_by) / FOUND
-        if not kept.exists():
+        file = stages.record.place("peer", label, decided_by) / FOUND
+        if not file.exists():
             found = learn(cell.theirs, cell.maker(), steps=steps, worlds=cell.worlds, seed=seed, **judging)
-            write_json(kept, asdict(found))
-        return Found(**json.loads(kept.read_text()))
+            write_json(file, asdict(found))
+        return Found(**json.loads(file.read_text()))
 
 
 def _rows(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[Row]:

@@ -11,6 +11,7 @@ import pytest
 
 from aerial_il.benchmarks.parts.reporting.notes import notes_on
 from aerial_il.benchmarks.parts.sb3.cells import Cell, cells
+from aerial_il.benchmarks.parts.sb3.curves import kept
 from aerial_il.benchmarks.parts.sb3.theirs import INSTALLED, Found, keywords, schedule
 from aerial_il.benchmarks.parts.training.outside import mean_of_last
 from aerial_il.benchmarks.sb3 import NOTES, Sb3, _ends, _rows, _targets, _times_sooner
@@ -40,6 +41,16 @@ def test_sooner_is_the_time_to_what_both_reach() -> None:
     assert _times_sooner([(found(100.0, 2.0), found(100.0, 6.0))]) == [3.0]
     assert _times_sooner([(found(200.0, 2.0), found(100.0, 6.0))]) == [6.0], "ours was there with its first half"
     assert _times_sooner([(Found([1.0], 1.0, []), found(1.0, 1.0))]) is None
+
+
+def test_a_study_keeps_the_end_of_a_long_curve_and_a_short_one_whole() -> None:
+    curve = [(8 * k, 0.123456 * k, 1.0 / (k + 1)) for k in range(1001)]
+    long, short = kept(Found([1.23456], 9.0, curve)), kept(Found([], 9.0, curve[:3]))
+    assert len(long["curve"]) <= 200
+    assert long["curve"][-1] == (8000, 123.46, 0.001)
+    assert long["returns"] == [1.235]
+    assert [point[0] for point in short["curve"]] == [0, 8, 16]
+    assert kept(Found([], 9.0, []))["curve"] == []
 
 
 def test_every_target_can_be_missed() -> None:
