@@ -12,7 +12,7 @@ from aerial_il.benchmarks.parts.sb3.theirs import Found
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-POINTS = 200  # that are kept of a curve
+POINTS = 100  # that are kept of a curve
 
 
 def kept(found: Found) -> dict[str, Any]:
