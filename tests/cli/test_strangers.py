@@ -74,6 +74,7 @@ def trap(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trap]:
         assert main(["train", "dataset=demos", "run=run", *CLONE, QUIET]) == 0
         (home / "policy").symlink_to(home / "run" / "policy")
         yield Trap(home, home / "imported")
+    sys.modules.pop("bait", None)
 
 
 @pytest.fixture

@@ -93,7 +93,8 @@ def small(name: str) -> Any:
     cls = algorithms.settings_of(name)
     if issubclass(cls, OnlineAlgorithm):
         if not issubclass(cls, OnPolicy):
-            return cls(**known(cls, OFF_POLICY))
+            shown = {"steps": 600} if cls.demonstrated else {}  # half as many suffice
+            return cls(**known(cls, OFF_POLICY | shown))
         paid = {"reward": "environment"} if issubclass(cls, Reinforcement) else {}  # elsewhere it names a learned one
         fewer = {"steps": 6_144} if known(cls, {"reward_updates": 0}) else {}  # a learned reward says more per step
         return cls(**known(cls, ON_POLICY | paid | fewer))

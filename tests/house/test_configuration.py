@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import defaultdict
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,21 @@ CHOICES = [
 ONCE = {(group, option): (command, group, option) for command, group, option in reversed(CHOICES)}
 FIRST = {(command, group): (command, group, option) for command, group, option in reversed(CHOICES)}
 BRIEFLY = sorted({*ONCE.values(), *FIRST.values()})  # each option in one command, each group of each command
+
+
+def together() -> list[tuple[str, list[str]]]:
+    """Return commands with words that choose one option of each of their groups, until every brief choice is made.
+
+    An experiment, which changes what other groups say, is chosen alone.
+    """
+    composed = list[tuple[str, list[str]]]()
+    for command in dict.fromkeys(command for command, _, _ in BRIEFLY):
+        words = defaultdict[str, list[str]](list)
+        for _, group, option in (choice for choice in BRIEFLY if choice[0] == command):
+            words[group].append(f"{group}={option}")
+        composed += [(command, [word]) for word in words.pop("experiment", [])]
+        composed += [(command, [w for w in each if w is not None]) for each in zip_longest(*words.values())]
+    return composed
 
 
 @pytest.mark.parametrize("group", REGISTRIES)
@@ -126,12 +143,21 @@ def test_a_policy_file_of_that_name_builds_that_policy(name: str) -> None:
 def test_the_brief_choices_leave_out_no_option_and_no_group() -> None:
     assert {(group, option) for _, group, option in BRIEFLY} == {(group, option) for _, group, option in CHOICES}
     assert {(command, group) for command, group, _ in BRIEFLY} == {(command, group) for command, group, _ in CHOICES}
+    chosen = [(command, *word.split("=")) for command, words in together() for word in words]
+    assert sorted(chosen) == BRIEFLY
 
 
 @pytest.mark.parametrize(
-    ("command", "group", "option"),
-    [choice if choice in BRIEFLY else pytest.param(*choice, marks=pytest.mark.slow) for choice in CHOICES],
+    ("command", "words"), together(), ids=lambda value: value if isinstance(value, str) else "+".join(value)
 )
+def test_every_choice_composes(command: str, words: list[str]) -> None:
+    """Several at once, each of another group."""
+    found = commands.find(command)
+    assert isinstance(compose(found, [*_required(command), *words]), found.config)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "group", "option"), CHOICES)
 def test_every_choice_of_every_command_composes(command: str, group: str, option: str) -> None:
     found = commands.find(command)
     chosen = compose(found, [*_required(command), f"{group}={option}"])

@@ -76,8 +76,8 @@ class Ends(Paid):
 def test_a_time_limit_is_no_end_of_what_is_to_come(tmp_path: Path, name: str) -> None:
     """One step of 1 is worth 1, steps without end 10 at gamma 0.9: only who goes on in the estimate tells the two."""
     entropy = {"alpha": 1e-6, "entropy": -20.0} if name == "sac" else {}
-    often = {"rollout": 16, "lr": 1e-2} if issubclass(algorithms.settings_of(name), OnPolicy) else {}
-    settings = short(name, steps=800, **entropy, **often)
+    often = {"rollout": 16, "lr": 1e-2, "steps": 800} if issubclass(algorithms.settings_of(name), OnPolicy) else {}
+    settings = short(name, **({"steps": 400} | entropy | often))
     values = {}
     for env in (Paid(8), Ends(8)):
         train(settings, tmp_path / type(env).__name__, env)
