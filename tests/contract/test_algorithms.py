@@ -166,7 +166,7 @@ def test_what_does_not_learn_gains_nothing(tmp_path: Path) -> None:
 @each
 def test_killed_in_the_middle_it_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
     """Killed by the system, in its second evaluation: nothing can tidy up."""
-    settings = short(name, 96)
+    settings = short(name, 48)
     train(settings, tmp_path / "whole", evaluate=weight)
 
     def killed(calls: list[int] = []) -> Callable[[Any, int], dict[str, float]]:  # noqa: B006 - one list per process
