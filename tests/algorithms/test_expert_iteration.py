@@ -27,7 +27,7 @@ from tests.algorithms.drift import SPEC, Drift, demonstrations
 from tests.algorithms.point_mass import StepResult
 
 STARTS = 48
-FEW = BehaviourCloning(steps=600, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
+FEW = BehaviourCloning(steps=300, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
 POLICY = SquashedGaussianConfig(hidden=(32,))
 LAMPLIT = replace(SPEC, observation=ObservationSpec((*SPEC.observation.fields, Field("lamp", (1,)))))
 
@@ -48,7 +48,7 @@ def by_lamplight(count: int) -> list[Episode]:
 
 
 def trained(run: Path, *, seed: int = 3, env: Any = None, **settings: Any) -> Path:
-    usual = {"training": FEW, "between_steps": 600, "rounds": 2, "episodes": STARTS, "attempts": 4, "hold": 1e3}
+    usual = {"training": FEW, "between_steps": 300, "rounds": 2, "episodes": STARTS, "attempts": 4, "hold": 1e3}
     usual["demos_share"] = 0.02
     options = {"env": env or Lamplit(8, ends_at_success=True), "collect": collect, "seed": seed, "progress": False}
     ExpertIteration(**{**usual, **settings}).train(by_lamplight(12), POLICY, run=run, **options)
