@@ -1,7 +1,7 @@
 """Success is what the instruction says, judged a second time from raw positions.
 
 Each task's worlds are put into random states: where the object belongs, and where it does not. A predicate written
-here, from the instruction, must agree with the task's own assessment in every one: of 1,000, of 10,000 (slow).
+here, from the instruction, must agree with the task's own assessment in every one: of 2,000, of 10,000 (slow).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.props.skids import STAND_M
 from aerial_il.suite.tasks import land, track
 
-PLACEMENTS, AT_LENGTH, WORLDS = 1_000, 10_000, 100
+PLACEMENTS, AT_LENGTH, WORLDS = 2_000, 10_000, 100
 DT_S = 0.02
 ALL, NONE, SOME, ANY = "all", "none", "some", "any"  # of a family's placements count as success; both outcomes occur
 Predicate = Callable[["Placed"], np.ndarray]

@@ -148,20 +148,14 @@ def test_the_brief_choices_leave_out_no_option_and_no_group() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "words"), together(), ids=lambda value: value if isinstance(value, str) else "+".join(value)
+    ("command", "words"),
+    [*together(), *(pytest.param(c, [f"{group}={option}"], marks=pytest.mark.slow) for c, group, option in CHOICES)],
+    ids=lambda value: value if isinstance(value, str) else "+".join(value),
 )
-def test_every_choice_composes(command: str, words: list[str]) -> None:
-    """Several at once, each of another group."""
+def test_every_choice_of_every_command_composes(command: str, words: list[str]) -> None:
+    """Several at once, each of another group; each by itself (slow)."""
     found = commands.find(command)
     assert isinstance(compose(found, [*_required(command), *words]), found.config)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("command", "group", "option"), CHOICES)
-def test_every_choice_of_every_command_composes(command: str, group: str, option: str) -> None:
-    found = commands.find(command)
-    chosen = compose(found, [*_required(command), f"{group}={option}"])
-    assert isinstance(chosen, found.config)
 
 
 @pytest.mark.parametrize("name", commands.names())
