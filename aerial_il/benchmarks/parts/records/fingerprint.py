@@ -14,6 +14,7 @@ from aerial_il.core.contracts import BatchEnv, Expert
 from aerial_il.core.provenance import package_versions
 
 PROBED_SEEDS, PROBE_NOISE, LONGEST_PROBE = (4_000_000, 4_000_001), 0.3, 1500
+RESOLUTION, OFFSET = 1e-4, 0.381966  # of what is hashed; round values, which many are, lie far from where cells meet
 PACKAGE = Path(aerial_il.__file__).parent
 SET_APART = (  # groups of parts that only some algorithms use: the code of the others is what it would be without them
     ("algorithms.decisions", "algorithms.run.judged_first", "policies.parts.residual"),
@@ -27,12 +28,15 @@ LEARNING = (PACKAGE / "policies", *ROOMS, *(PACKAGE / "data" / f"{name}.py" for 
 def flight_fingerprint(robot: str, task: str, tier: str, horizon: int | None = None) -> str:
     """Return a fingerprint of how an environment behaves: a hash over two noisy flights of its expert.
 
-    Observations, rewards, successes and crashes are hashed. Records keep it under the key ``ground``, an older name
-    that is part of their digests.
+    Observations, rewards, successes and crashes are hashed, in cells of ``RESOLUTION``. Records keep it under the key
+    ``ground``, an older name that is part of their digests.
 
-    Whatever moves a flight by one bit gives another fingerprint: physics, controller, observation, reward, success,
-    disturbance or expert. What leaves flights as they are, a faster kernel or a renamed function, gives the same one.
-    Whatever these two flights do not meet goes unnoticed.
+    Whatever moves flights visibly gives another fingerprint: physics, controller, observation, reward, success,
+    disturbance or expert. A flight has some ten thousand values, so that moving them all by 1e-7 already takes several
+    into other cells. What leaves flights as they are, a faster kernel or a renamed function, gives the same one, and
+    so does another processor, on which the mathematical functions round otherwise: with and without fused
+    multiply-add, values differ by 1e-13, and by 1e-8 at the moment of a contact. Whatever these two flights do not
+    meet goes unnoticed.
 
     Args:
         robot, task, tier: registry names. horizon: of the episodes, in steps; None for the task's own.
@@ -55,11 +59,16 @@ def _flown(env: BatchEnv, expert: Expert) -> str:
         obs, success = result.obs, result.info["success"]
         parts = (*(obs[name] for name in sorted(obs)), result.reward, success, result.terminated)
         for values in parts:
-            found.update(np.ascontiguousarray(values[flying]).tobytes())
+            found.update(_cells(values[flying]).tobytes())
         flying &= ~(success & env.ends_at_success | result.terminated | result.truncated)
         if not flying.any():
             break
     return found.hexdigest()[:16]
+
+
+def _cells(values: np.ndarray) -> np.ndarray:
+    """Return which cells of ``RESOLUTION`` values lie in, as whole numbers without negative zeros."""
+    return np.floor(np.ascontiguousarray(values, float) / RESOLUTION + OFFSET) + 0.0
 
 
 @cache

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import itertools
 import logging
+import os
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -98,25 +101,47 @@ class Flown:
     def __init__(self, **altered: float) -> None:
         self.num_envs, self.spec, self.ends_at_success = 2, SimpleNamespace(max_steps=5), True
         self.altered, self.step_count = altered, 0
+        self.values = np.random.default_rng(0).normal(size=(2, 2000))
 
     def reset(self, seeds: np.ndarray) -> dict[str, np.ndarray]:
         return {"x": np.zeros((2, 1))}
 
     def step(self, actions: np.ndarray, mask: np.ndarray) -> Any:
         self.step_count += 1
-        values = {name: np.full(2, self.step_count + self.altered.get(name, 0.0)) for name in ("obs", "reward")}
-        success = np.full(2, self.step_count >= 4 + self.altered.get("success", 0.0))
-        none, obs = np.zeros(2, bool), {"x": values["obs"][:, None]}
-        return SimpleNamespace(
-            obs=obs, reward=values["reward"], info={"success": success}, terminated=none, truncated=none
-        )
+        obs = {"x": self.step_count * self.values + self.altered.get("obs", 0.0)}
+        reward = np.full(2, self.step_count + self.altered.get("reward", 0.0))
+        success, none = np.full(2, self.step_count >= 4 + self.altered.get("success", 0.0)), np.zeros(2, bool)
+        return SimpleNamespace(obs=obs, reward=reward, info={"success": success}, terminated=none, truncated=none)
 
 
-@pytest.mark.parametrize("altered", [{"obs": 1e-12}, {"reward": 1e-12}, {"success": 1.0}])
-def test_the_fingerprint_changes_with_any_observation_reward_or_success(altered: dict[str, float]) -> None:
+def flown(**altered: float) -> str:
     expert = SimpleNamespace(act=lambda obs: obs["x"], reset=lambda: None, attach=lambda env: None)
-    assert fingerprint._flown(Flown(), expert) == fingerprint._flown(Flown(), expert)
-    assert fingerprint._flown(Flown(**altered), expert) != fingerprint._flown(Flown(), expert)
+    return fingerprint._flown(Flown(**altered), expert)
+
+
+@pytest.mark.parametrize("altered", [{"obs": 1e-6}, {"obs": -1e-3}, {"reward": 1e-4}, {"success": 1.0}])
+def test_the_fingerprint_changes_with_any_observation_reward_or_success(altered: dict[str, float]) -> None:
+    assert flown(**altered) != flown()
+
+
+@pytest.mark.parametrize("altered", [{}, {"obs": 1e-12}, {"obs": -1e-12}, {"reward": -1e-9}])
+def test_the_fingerprint_is_the_same_where_only_rounding_differs(altered: dict[str, float]) -> None:
+    assert flown(**altered) == flown()
+
+
+@pytest.mark.slow
+def test_a_processor_without_fused_multiply_add_gives_the_same_fingerprint() -> None:
+    """Records that were made on another machine count: results take hours, and need not be made on each anew."""
+    program = (
+        "from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint as told\n"
+        "print(told('fa_hexa_arm4', 'insert_peg', 'gusts'))"
+    )
+    without = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-FMA4"}
+    found = [
+        subprocess.run([sys.executable, "-c", program], env={**os.environ, **env}, capture_output=True, check=True)
+        for env in ({}, without)
+    ]
+    assert found[0].stdout == found[1].stdout
 
 
 def test_each_tier_has_a_fingerprint_of_its_own() -> None:
