@@ -9,8 +9,12 @@ the better action is taken: learning starts from the value of the prior, and lea
 Better is the actor's own action whose value exceeds the prior's, on average over the ensemble, by ``caution`` standard
 deviations of that difference over the critics; the source compares the minimum of two critics, which is near to no
 caution, and with little caution a prior was lost here (``docs/reinforcement_trials.md``). The actor ascends the mean of
-the critics, as in TD3 with noise on its actions and on the target's. Up to ``warmup`` the prior flies alone, and
-critics learn its value.
+the critics, as in TD3 with noise on its actions and on the target's, and is held near the prior's action b: it descends
+
+    ``-mean Q(s, mu(s)) + prior_weight * mean |Q| * |mu(s) - b|^2 / Da``,
+
+for critics have seen nothing but what the prior does, and far from it they agree by mistake. Up to ``warmup`` the prior
+flies alone, and critics learn its value.
 
 What is evaluated and saved at the end is what flew: actor, prior and critics in one policy.
 
@@ -19,8 +23,9 @@ critics learn), ``actor/loss``; ``episode/return``, ``episode/length``, ``episod
 ``evaluate/<name>``; ``elapsed_s``.
 
 Source: H. Hu, S. Mirchandani, D. Sadigh, "Imitation Bootstrapped Reinforcement Learning", 2023, algorithm 1. Ours are
-the caution, half demonstrations in each minibatch (from RLPD), and that a prior's action in a demonstrated state is
-what was demonstrated there.
+the caution, the pull towards the prior (as S. Fujimoto, S. Gu, "A Minimalist Approach to Offline Reinforcement
+Learning", 2021, equation 5, pull towards a dataset), half demonstrations in each minibatch (from RLPD), and that a
+prior's action in a demonstrated state is what was demonstrated there.
 """
 
 from __future__ import annotations
@@ -64,6 +69,8 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
         prior: a run or policy of any class; None for a clone of the demonstrations by a network like the actor's.
         bc_pretrain_steps: minibatches of which that clone is made.
         caution: standard deviations over the critics by which the actor's action must be better than the prior's.
+        prior_weight: of the actor's mean squared distance from the prior's action, in units of the mean value; 0 to let
+            it go wherever critics expect more.
         critics: ensemble size. subset: how many of its targets Z the backup takes the minimum of.
         noise, target_noise, noise_clip: as in ``td3``. demos_share: share of demonstrations in each minibatch.
     """
@@ -75,6 +82,7 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
     prior: str | None = None
     bc_pretrain_steps: int = 5_000
     caution: float = 4.0
+    prior_weight: float = 10.0
     critics: int = 5
     subset: int = 2
     noise: float = 0.1
@@ -86,7 +94,9 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
         super().__post_init__()
         check_ensemble(self)
         require_share(self, "demos_share")
-        require_not_negative(self, "bc_pretrain_steps", "caution", "noise", "target_noise", "noise_clip")
+        require_not_negative(
+            self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip"
+        )
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations, and refuse a prior that cannot fly here."""
@@ -213,12 +223,15 @@ class ProposedAgent(Agent):
         return batch.rewards + self.settings.gamma * batch.continues * worth, better.float().mean().item()
 
     def actor_loss(self, batch: Batch) -> Tensor:
-        """Return ``-mean Q(s, mu(s))`` without the absorbing state, plus the smoothness loss."""
-        (obs, _, _), (next_obs, _, _) = self._apart(batch.obs), self._apart(batch.next_obs)
+        """Return what the actor descends, see the module, without the absorbing state, plus the smoothness loss."""
+        (obs, proposed, known), (next_obs, _, _) = self._apart(batch.obs), self._apart(batch.next_obs)
         alive = 1.0 - obs[:, -1]
-        worth = self._critics.network(obs, self.actor(obs[:, None, :-1])[:, 0]).mean(0)
+        own = self.actor(obs[:, None, :-1])[:, 0]
+        worth = self._critics.network(obs, own).mean(0)
+        apart = ((own - proposed) ** 2).mean(1) * known
+        held = self.settings.prior_weight * worth.detach().abs().mean() * apart
         smooth = self.settings.smoothness.loss(self.actor, obs[:, :-1], next_obs[:, :-1])
-        return -(alive * worth).sum() / alive.sum().clamp(min=1.0) + smooth
+        return (alive * (held - worth)).sum() / alive.sum().clamp(min=1.0) + smooth
 
     def _apart(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return observations with their mark (B, Do + 1), proposals (B, Da), and where there is one (B,) bool."""

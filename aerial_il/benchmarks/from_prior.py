@@ -91,7 +91,7 @@ def _all_practising() -> dict[str, Practising]:
     """Return the arms that practise, as they are shipped, paid for success alone; ``ppo`` is shown nothing."""
     found: list[Practising] = [ExpertIteration(), FilteredCloning()]
     found += [ClonedProximalOptimisation(), ResidualLearning(), DemonstrationAugmented(), JumpStart()]
-    found += [ImitationBootstrapped(**CRITICS), PriorDataLearning(**CRITICS)]
+    found += [ImitationBootstrapped(**CRITICS, warmup=10_000), PriorDataLearning(**CRITICS)]
     found += [ProximalPolicyOptimisation(reward="sparse", reward_patience=0, **SCRATCH)]
     return {algorithm.name: algorithm for algorithm in found}
 
