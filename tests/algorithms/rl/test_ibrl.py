@@ -199,6 +199,27 @@ def test_where_there_is_no_proposal_the_actor_alone_is_asked() -> None:
     assert torch.allclose(one.bellman_targets(seen, listen=True)[0], seen.rewards + 0.9 * worth, atol=1e-5)
 
 
+@pytest.mark.parametrize("known", [0.0, 1.0])
+def test_the_actor_descends_its_value_and_its_distance_from_the_proposal_in_units_of_that_value(known: float) -> None:
+    one, seen = agent(prior_weight=3.0), batch(known=known)
+    obs = torch.cat([seen.obs[:, :2], seen.obs[:, -1:]], 1)
+    own = one.actor(obs[:, None, :2])[:, 0]
+    worth = one._critics.network(obs, own).mean(0)
+    wanted = -worth.mean() + 3.0 * known * worth.abs().mean() * ((own - seen.obs[:, 2:3]) ** 2).mean()
+    assert one.actor_loss(seen).item() == pytest.approx(wanted.item(), rel=1e-5)
+
+
+def test_with_more_weight_the_actor_stays_nearer_to_the_prior_and_with_none_it_goes_where_critics_point() -> None:
+    apart = []
+    for weight in (0.0, 1.0, 100.0):
+        one, seen = agent(prior_weight=weight, lr=1e-2), batch()
+        for _ in range(300):
+            one._actor_state.descend(one.actor_loss(seen))
+        own = one.actor(seen.obs[:, None, :2])[:, 0]
+        apart.append(((own - seen.obs[:, 2:3]) ** 2).mean().item())
+    assert apart[0] > 1.5 * apart[1] > 1.5 * apart[2]
+
+
 def test_what_follows_in_a_demonstration_is_what_is_proposed() -> None:
     demos = demonstrations(3)
     _, transitions, _ = read_transitions(demos, POLICY, trajectories=None, subsample=1, seed=0)
