@@ -115,8 +115,9 @@ class Flown:
 
 
 def flown(**altered: float) -> str:
-    expert = SimpleNamespace(act=lambda obs: obs["x"], reset=lambda: None, attach=lambda env: None)
-    return fingerprint._flown(Flown(**altered), expert)
+    env: Any = Flown(**altered)
+    expert: Any = SimpleNamespace(act=lambda obs: obs["x"], reset=lambda: None, attach=lambda env: None)
+    return fingerprint._flown(env, expert)
 
 
 @pytest.mark.parametrize("altered", [{"obs": 1e-6}, {"obs": -1e-3}, {"reward": 1e-4}, {"success": 1.0}])
