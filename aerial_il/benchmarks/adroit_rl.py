@@ -39,16 +39,18 @@ from aerial_il.policies.mlp import MlpConfig
 from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
-CLONE, ASKED, CONTROL = "clone", "dapg", "npg, nothing shown"
+CLONE, ASKED, CONTROL = "clone", "dapg", "npg, no demonstrations"
 MOST_WITHOUT = 5.0  # % that the control may solve at the same steps
 NOTES = (
     "Success: the goal is held in more than 25 steps of an episode (DAPG), of 200 steps in relocate and 400 in door, "
     "because people took up to 300. Rewards are those of the published returns; sparse: 1 for the step that makes a "
     "success.",
     "relocate: 25 flights of DAPG's expert with the noise it was trained with, other seeds for each draw. door: the "
-    "same 25 demonstrations by people in all draws; most of them fail the criterion, for they end as the door is open.",
+    "same 25 demonstrations by people in all draws; most of them fail the criterion, "
+    "because they end as soon as the door is open.",
     "Clone: what dapg begins with, of the demonstrations alone. npg: a natural policy gradient without demonstrations, "
-    "from random weights, for as many steps. It, and what learns from the sparse reward, are trained less often.",
+    "from random weights, for as many steps. It, and what learns from the sparse reward, are trained less "
+    "often where there are several draws.",
     "The final policy of each training, on the same fixed seeds. Trainings of an arm differ in their draw. Flights: "
     "Wilson's 95 % interval over the episodes of these very policies. Trainings: Student's 95 % interval with a "
     "training as the unit.",

@@ -74,9 +74,9 @@ MANOEUVRES = "manoeuvres.json"
 NOTES = (
     "Learners are paid by the environment's dense reward, have no demonstration and command collective thrust and body "
     "rates 50 times a second, which the vehicle follows 250 times a second; they have learned in gusts. Trainings "
-    "differ in weights and in the episodes they fly. sac flies far fewer steps, which take it as long, and is trained "
-    "less often; ppo explores less where it lands. Judged is the final policy. Laws command the rotors 250 times a "
-    "second; the scripted expert of the task tells them where to go.",
+    "differ in weights and in the episodes they fly. sac flies far fewer steps, in about the same time, and is "
+    "trained less often; ppo has a smaller entropy bonus in `land`. Judged is the final policy. Laws command the "
+    "rotors 250 times a second; the scripted expert of the task tells them where to go.",
     "Manoeuvres, all of `hover`: the mean of all seeds, of each training by itself and then of the trainings. Laws "
     "have the target for their reference, which jumps with it; no planner smooths the way. Forward 40 cm, up 30 cm, "
     "heading 30°, attitude: set at rest to a roll of 30°. Settling: to within 10 % for good. Push: a blow that "

@@ -241,7 +241,8 @@ class FromPrior:
         )
         yield (
             f"Robot: {demonstrator(self.robot, self.expert['noise'])}. Demonstrated, and practised in the same tier: "
-            f"{'; '.join(begun)}; many are {self.many}. Judged: on the seeds {self._seeds[0]} to {self._seeds[-1]}."
+            f'{"; ".join(begun)}; "many demonstrations" are {self.many}. Judged: on the seeds {self._seeds[0]} to '
+            f"{self._seeds[-1]}."
         )
         yield from notes_on({arm.name for arm in arms}, NOTES, watched=self.watched)
 

@@ -35,10 +35,12 @@ NOTES: tuple[Note, ...] = (
     (
         "Return: mean over the episodes of each training's final policy, its mean action, on held-out seeds; then over "
         "trainings, which differ in weights, exploration and episodes. Its interval: Student's 95 % with a training as "
-        f"the unit, within what a return can be where that is known, else of {FEWEST} trainings or more.",
+        f"the unit, given for {FEWEST} trainings or more, or where it is known what a return can be, and clipped to "
+        "that.",
     ),
     (
-        "Both sides: the settings that the authors of Stable-Baselines3 publish for it, one thread.",
+        "Theirs: the settings that the authors of Stable-Baselines3 publish for it, one thread. Ours: the same but for "
+        "what is named below.",
         About(
             ("ppo_reach",),
             "On `reach`, for which they publish none, both have the same; its worlds have a process each "

@@ -61,8 +61,8 @@ NOTES = (
     "Jerk: root mean square of the commanded action's third derivative up to success, in the unit of the action level; "
     "compare it within one level. Fast: share of the action's changes that lies above 5 Hz, by power.",
     "Held: the first hundred of these seeds flown for 4 s through success; of the last 2 s how far the action moves "
-    "from step to step (share of half its bounds), how often it turns about (at most 50 times a second), and the "
-    "distance from the target that is kept 95 % of the time.",
+    "from step to step (share of half its range), how often it turns about (at most 50 times a second), and the "
+    "distance from the target within which the tool stays 95 % of the time.",
     "Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % interval with "
     "a training as the unit. Curves: tuning seeds, mean of the trainings, from the lowest to the highest.",
 )

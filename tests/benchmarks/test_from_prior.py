@@ -188,7 +188,8 @@ def test_a_task_can_be_practised_in_another_tier() -> None:
     study = FromPrior(starts=starts, arms=("bc_ppo", "ppo"), draws=(0,), practised_in={"insert_peg": "hard"})
     tiers = {(a.training.source.task, a.training.source.tier) for a in study._all_arms()}
     assert tiers == {("pick_place", "calm"), ("insert_peg", "hard")}
-    assert "pick_place in calm, 10 times; insert_peg in hard, 40 times; many are 400." in next(study._notes([]))
+    told = 'pick_place in calm, 10 times; insert_peg in hard, 40 times; "many demonstrations" are 400.'
+    assert told in next(study._notes([]))
     assert study._panel("pick_place", 10) == "pick_place from 10, in calm"
     assert study._panel("insert_peg", 40) == "insert_peg from 40, in hard, final in calm", "which is not judged in hard"
     assert FromPrior()._panel("insert_peg", 40) == "insert_peg from 40, in gusts"

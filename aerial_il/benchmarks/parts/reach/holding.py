@@ -16,7 +16,7 @@ class Holding:
     """What was seen while poses were held; means over flights.
 
     Attributes:
-        change: mean distance between two actions of the arm, element by element, as a share of half its bounds.
+        change: mean distance between two actions of the arm, element by element, as a share of half its range.
         reversals_hz: how often an element of the action turns about, 1/s; half the control rate, 25 Hz, is a swing
             there and back, 50 reversals in a second.
         away_cm: 95 % of the time the tool is no further from the target.

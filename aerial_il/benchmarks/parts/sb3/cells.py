@@ -37,7 +37,10 @@ DIFFERENCES: Note = (
         ("dqn_cartpole", "dqn_mountain_car", "ddpg_mountain_car", "ppo_cartpole", "ppo_reach", "ppo_half_cheetah"),
         "What differs by design, ours first.",
     ),
-    About(("ppo_reach", "ppo_half_cheetah"), "`ppo` commands a squashed Gaussian, theirs one that is cut off."),
+    About(
+        ("ppo_reach", "ppo_half_cheetah"),
+        "`ppo` commands a squashed Gaussian, theirs a Gaussian clipped to the bounds.",
+    ),
     About(
         ("ppo_cartpole", "ppo_reach", "ppo_half_cheetah"),
         "The critic of `ppo` has an optimiser and a gradient limit of its own, theirs shares the actor's.",
@@ -54,8 +57,8 @@ DIFFERENCES: Note = (
     ),
     About(
         ("dqn_cartpole", "dqn_mountain_car"),
-        "`dqn` is a double one, whose learning rate falls to zero, theirs neither; its targets follow by updates, "
-        "theirs by steps.",
+        "`dqn` is a double one, whose learning rate falls to zero, theirs neither; its target networks are "
+        "updated every so many updates, theirs every so many steps.",
     ),
     About(
         ("dqn_cartpole",),

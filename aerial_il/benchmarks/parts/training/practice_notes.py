@@ -36,7 +36,7 @@ NOTES: tuple[Note, ...] = (
             (BEGINNING,),
             "{}: a clone of the same demonstrations, trained with fields of the observation hidden at random.",
         ),
-        About(IN_ROUNDS, "Own clones are made by {}."),
+        About(IN_ROUNDS, "Clones of their own are made by {}."),
     ),
     (
         About(("ppo",), "{} is shown nothing and begins with random weights; it stands for learning from scratch."),
@@ -48,7 +48,12 @@ NOTES: tuple[Note, ...] = (
         ),
         About(
             SLOW,
-            "Slow methods have one training run (`bench.fewer`), from some of the starts (`bench.only_from`).",
+            "Slow methods have one training run, on the first draw (`bench.fewer`), some of them from some of the "
+            "starts (`bench.only_from`).",
+        ),
+        About(
+            ("filtered_bc", "ppo"),
+            "{} stand beside the methods for comparison: no target judges their success or their dips.",
         ),
     ),
     (
