@@ -53,7 +53,7 @@ NOTES: tuple[Note, ...] = (
         ),
         About(
             ("filtered_bc", "ppo"),
-            "{} stand beside the methods for comparison: no target judges their success or their dips.",
+            "No target judges success or dips of {}, flown for comparison.",
         ),
     ),
     (
