@@ -14,30 +14,34 @@ the critics, as in TD3 with noise on its actions and on the target's, and is hel
     ``-mean Q(s, mu(s)) + prior_weight * mean |Q| * |mu(s) - b|^2 / Da``,
 
 for critics have seen nothing but what the prior does, and far from it they agree by mistake. Up to ``warmup`` the prior
-flies alone, and critics learn its value.
+flies alone, critics learn its value, and the actor what to propose.
 
-What is evaluated and saved at the end is what flew: actor, prior and critics in one policy.
+What is evaluated and saved is the prior, until what was learned, actor, prior and critics in one policy, flies as well
+without noise (``trial``).
 
 Metrics: ``critic/loss``, ``critic/value``, ``critic/spread``, ``critic/own`` (share of decisions for the actor in what
-critics learn), ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
-``evaluate/<name>``; ``elapsed_s``.
+critics learn), ``actor/loss``; ``trial/return`` and ``trial/prior`` (mean returns of what was learned and of the prior
+in a trial); ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>`` of
+what would be handed over; ``elapsed_s``.
 
 Source: H. Hu, S. Mirchandani, D. Sadigh, "Imitation Bootstrapped Reinforcement Learning", 2023, algorithm 1. Ours are
 the caution, the pull towards the prior (as S. Fujimoto, S. Gu, "A Minimalist Approach to Offline Reinforcement
-Learning", 2021, equation 5, pull towards a dataset), half demonstrations in each minibatch (from RLPD), and that a
-prior's action in a demonstrated state is what was demonstrated there.
+Learning", 2021, equation 5, pull towards a dataset), the trials, half demonstrations in each minibatch (from RLPD), and
+that a prior's action in a demonstrated state is what was demonstrated there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
+from aerial_il.algorithms.decisions.hand_over import HandOver
 from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
 from aerial_il.algorithms.rl.critics import Target, check_ensemble
@@ -47,7 +51,7 @@ from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
 from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
 from aerial_il.algorithms.rl.proposals import Proposals, columns, demonstrated_rows
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed, rows_of
-from aerial_il.algorithms.run.checks import require_not_negative, require_share
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.checkpoint import digest
@@ -73,6 +77,9 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             it go wherever critics expect more.
         critics: ensemble size. subset: how many of its targets Z the backup takes the minimum of.
         noise, target_noise, noise_clip: as in ``td3``. demos_share: share of demonstrations in each minibatch.
+        trial: flights in which what was learned is compared with the prior, before it is handed over; 0 for none.
+        trial_every: environment steps between two such trials, whose own steps count. See
+            :mod:`aerial_il.algorithms.decisions.hand_over`.
     """
 
     name: ClassVar[str] = "ibrl"
@@ -89,13 +96,16 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
     target_noise: float = 0.2
     noise_clip: float = 0.5
     demos_share: float = 0.5
+    trial: int = 128
+    trial_every: int = 400_000
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_ensemble(self)
         require_share(self, "demos_share")
+        require_positive(self, "trial_every")
         require_not_negative(
-            self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip"
+            self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip", "trial"
         )
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
@@ -118,12 +128,9 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             for size, name in ((2 * len(run.demos.frames), "demonstrations"), (self.buffer_size, "minibatches"))
         )
         demos.add(demonstrated_rows(run.demos, interface, absorbing=self.absorbing))
-        run.wrap = lambda own: (
-            GatedPolicy(own, prior.fresh(), agent.critics, hidden=self.critic_hidden, caution=self.caution)
-            if run.collector.steps
-            else prior.fresh()  # before anything is flown, it is the prior that is evaluated
-        )
-        parts = {"agent": agent, "clone": cloned, "proposals": proposals}
+        gated = partial(self._gated, run, prior)
+        hand_over = HandOver(run, prior, agent.choosing, gated, flights=self.trial, every=self.trial_every)
+        parts = {"agent": agent, "clone": cloned, "proposals": proposals, "hand_over": hand_over}
         run.begin(agent.actor, {**parts, "demonstrations": demos, "replay_buffer": buffer})
 
         while run.goes_on():
@@ -140,10 +147,20 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             agent.set_lr(self.lr_at(run.left))
             for _ in range(run.updates_due(self.utd_ratio)):
                 batch = mixed(demos, buffer, self.batch_size, self.demos_share)
-                run.log(agent.update(batch, improve=not warming_up))
+                run.log(agent.update(batch, listen=not warming_up))
+            run.log({} if warming_up else hand_over.after_learning())
             run.end_turn()
 
-        return run.finish()
+        return hand_over.finish()
+
+    def _gated(self, run: OnlineRun, prior: ChunkPolicy, networks: nn.ModuleDict) -> GatedPolicy:
+        """Return actor, prior and critics as one policy."""
+        actor, critics = networks["actor"], networks["critics"]
+        assert isinstance(actor, SquashedGaussian)
+        assert isinstance(critics, Critics)
+        return GatedPolicy(
+            run.policy_of(actor), prior.fresh(), critics, hidden=self.critic_hidden, caution=self.caution
+        )
 
 
 class ProposedAgent(Agent):
@@ -171,6 +188,11 @@ class ProposedAgent(Agent):
         """What chooses: the target critics."""
         return self._critic_targets.network
 
+    @property
+    def choosing(self) -> nn.ModuleDict:
+        """The networks that fly beside the prior."""
+        return nn.ModuleDict({"actor": self.actor, "critics": self.critics})
+
     @torch.no_grad()
     def explore(self, obs: np.ndarray, proposed: np.ndarray) -> np.ndarray:
         """Return the better actions (n, Da) of the prior's, and of the actor's with noise, for (n, Do)."""
@@ -181,18 +203,18 @@ class ProposedAgent(Agent):
         chosen = prefers_own(self.critics, marked, own, other, caution=self.settings.caution)
         return torch.where(chosen[:, None], own, other).numpy()
 
-    def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
+    def update(self, batch: Batch, *, listen: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of the actor and all targets.
 
         Args:
-            batch: with proposals. improve: whether the actor is updated and may be chosen; else the prior alone is
-                evaluated, but for the step after a cut, where there is no proposal and the actor stands in for it.
+            batch: with proposals. listen: whether the actor may be chosen; else critics learn the value of the prior
+                alone, but for the step after a cut, where there is no proposal and the actor stands in for it.
         """
-        loss, metrics = self.critic_loss(batch, listen=improve)
+        loss, metrics = self.critic_loss(batch, listen=listen)
         self._critics.descend(loss)
         self._critic_targets.follow(self.settings.tau)
         self.updates += 1
-        if improve and self.updates % self.settings.actor_every == 0:
+        if self.updates % self.settings.actor_every == 0:
             loss = self.actor_loss(batch)
             self._actor_state.descend(loss)
             self._actor_target.follow(self.settings.tau)
