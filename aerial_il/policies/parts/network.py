@@ -20,9 +20,9 @@ Encoder = Literal["cnn", "resnet18"]
 class ChunkNetwork(nn.Module, ABC):
     """Maps normalised observation histories to normalised action chunks, and knows what it is trained on.
 
-    A network that draws random numbers to act takes them as a second argument, ``forward(obs, noise=None)`` with
-    ``noise`` (B, S) standard normal, so that what they depend on is decided outside (see ``policies/parts/noise.py``).
-    Without them it answers with its most ordinary chunk.
+    A network that acts at random takes its random numbers as a second argument, ``forward(obs, noise=None)`` with
+    ``noise`` (B, S) standard normal, so that the caller decides what they depend on (see ``policies/parts/noise.py``).
+    Without them it returns its most typical chunk.
 
     Attributes:
         noise_size: numbers S that one prediction takes.
@@ -48,9 +48,9 @@ class ChunkNetwork(nn.Module, ABC):
 
 
 class StochasticNetwork(ChunkNetwork, ABC):
-    """A network that draws its actions and knows how likely each was: what policy gradients move.
+    """A network that samples its actions and knows their likelihood, so that policy gradients can train it.
 
-    Its distribution is given by some tensors, as :meth:`distribution` returns them.
+    The parameters of its distribution are tensors, as :meth:`distribution` returns them.
 
     Attributes:
         execute: actions of a sample that are flown before the next one.
@@ -60,23 +60,23 @@ class StochasticNetwork(ChunkNetwork, ABC):
 
     @abstractmethod
     def distribution(self, obs: Tensor) -> tuple[Tensor, ...]:
-        """Return what tells the distributions for ``obs`` (B, To, Do)."""
+        """Return the parameters of the distributions for ``obs`` (B, To, Do)."""
 
     @abstractmethod
     def sample(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Draw for ``obs`` (B, To, Do).
+        """Sample for ``obs`` (B, To, Do).
 
         Returns:
-            Actions (B, Ta * Da); what was drawn to make them (B, R); the logarithm of their density (B,).
+            Actions (B, Ta * Da); the samples that they were made of (B, R); the log density of these (B,).
         """
 
     @abstractmethod
     def judge(self, obs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
-        """Return log densities (B,) of what was ``drawn`` (B, R), and entropies (B,) but for a constant."""
+        """Return log densities (B,) of samples ``drawn`` (B, R), and entropies (B,) up to a constant."""
 
     @abstractmethod
     def divergence(self, of: tuple[Tensor, ...], against: tuple[Tensor, ...]) -> Tensor:
-        """Return Kullback-Leibler divergences (B,) between two of :meth:`distribution`'s answers."""
+        """Return Kullback-Leibler divergences (B,) between two results of :meth:`distribution`."""
 
 
 @dataclass(frozen=True, kw_only=True)
