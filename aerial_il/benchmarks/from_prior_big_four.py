@@ -1,15 +1,20 @@
 """Reinforcement learning from a prior on a heavy vehicle: a peg inserted in gusts, from a clone of few demonstrations.
 
-The study of :mod:`from_prior` on ``big_four_z1``, which weighs 20.7 kg and has to tilt to move sideways.
+The study of :mod:`from_prior` on ``big_four_z1``, which weighs 20.7 kg and has to tilt to move sideways. Where half of
+the flights succeed, the usual 128 flights of a trial have let something 13.5 points worse than its prior pass: here a
+trial has 512, and practice lasts longer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from aerial_il.benchmarks.from_prior import FromPrior
+from aerial_il.benchmarks.from_prior import SUITED, FromPrior
+
+TRIAL = {"trial": 512, "trial_every": 1_600_000}
+HERE = {"insert_peg": {**SUITED["insert_peg"], "bc_ppo": {**SUITED["insert_peg"]["bc_ppo"], **TRIAL}}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +27,8 @@ class BigFour(FromPrior):
     arms: tuple[str, ...] = ("expert_iteration", "filtered_bc", "bc_ppo")
     robot: str = "big_four_z1"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"insert_peg": (40,)})
+    shorter: Mapping[str, int] = field(default_factory=dict)
+    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(HERE))
 
 
 BENCHMARK = BigFour
