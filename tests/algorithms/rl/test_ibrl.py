@@ -151,7 +151,7 @@ def judged_at(run: Path, **settings: Any) -> tuple[Any, list[float]]:
         found.append(mean_reward(policy))
         return {}
 
-    return train(run, evaluate=evaluate, evaluate_every=40, **settings), found
+    return train(run, evaluate=evaluate, evaluate_every=64, **settings), found
 
 
 def test_what_flies_worse_than_the_prior_is_not_handed_over(
@@ -173,7 +173,7 @@ def test_what_flies_worse_than_the_prior_is_not_handed_over(
 
 
 def test_what_flies_better_is_handed_over(tmp_path: Path) -> None:
-    settings = {"bc_pretrain_steps": 0, "control": "random_actions", "steps": 3_200, **TRIAL}
+    settings = {"bc_pretrain_steps": 0, "control": "random_actions", "steps": 2_400, **TRIAL}
     learned, judged = judged_at(tmp_path, **settings)
     assert mean_reward(learned) > judged[0] + 0.05
 
