@@ -16,32 +16,28 @@ the critics, as in TD3 with noise on its actions and on the target's, and is hel
 for critics have seen nothing but what the prior does, and far from it they agree by mistake. Up to ``warmup`` the prior
 flies alone, critics learn its value, and the actor what to propose.
 
-What is evaluated and saved is the prior, until what was learned, actor, prior and critics in one policy, flies as well
-without noise (``trial``).
+What is evaluated and saved is what flies: the prior up to ``warmup``, then actor, prior and critics in one policy.
 
 Metrics: ``critic/loss``, ``critic/value``, ``critic/spread``, ``critic/own`` (share of decisions for the actor in what
-critics learn), ``actor/loss``; ``trial/return`` and ``trial/prior`` (mean returns of what was learned and of the prior
-in a trial); ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>`` of
-what would be handed over; ``elapsed_s``.
+critics learn), ``actor/loss``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
+``evaluate/<name>``; ``elapsed_s``.
 
 Source: H. Hu, S. Mirchandani, D. Sadigh, "Imitation Bootstrapped Reinforcement Learning", 2023, algorithm 1. Ours are
 the caution, the pull towards the prior (as S. Fujimoto, S. Gu, "A Minimalist Approach to Offline Reinforcement
-Learning", 2021, equation 5, pull towards a dataset), the trials, half demonstrations in each minibatch (from RLPD), and
-that a prior's action in a demonstrated state is what was demonstrated there.
+Learning", 2021, equation 5, pull towards a dataset), half demonstrations in each minibatch (from RLPD), and that a
+prior's action in a demonstrated state is what was demonstrated there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from aerial_il.algorithms.decisions.hand_over import HandOver
 from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
 from aerial_il.algorithms.rl.critics import Target, check_ensemble
@@ -51,7 +47,7 @@ from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
 from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
 from aerial_il.algorithms.rl.proposals import Proposals, columns, demonstrated_rows
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed, rows_of
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.checkpoint import digest
@@ -77,9 +73,6 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             it go wherever critics expect more.
         critics: ensemble size. subset: how many of its targets Z the backup takes the minimum of.
         noise, target_noise, noise_clip: as in ``td3``. demos_share: share of demonstrations in each minibatch.
-        trial: flights in which what was learned is compared with the prior, before it is handed over; 0 for none.
-        trial_every: environment steps between two such trials, whose own steps count. See
-            :mod:`aerial_il.algorithms.decisions.hand_over`.
     """
 
     name: ClassVar[str] = "ibrl"
@@ -96,16 +89,13 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
     target_noise: float = 0.2
     noise_clip: float = 0.5
     demos_share: float = 0.5
-    trial: int = 128
-    trial_every: int = 400_000
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_ensemble(self)
         require_share(self, "demos_share")
-        require_positive(self, "trial_every")
         require_not_negative(
-            self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip", "trial"
+            self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip"
         )
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
@@ -128,9 +118,12 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             for size, name in ((2 * len(run.demos.frames), "demonstrations"), (self.buffer_size, "minibatches"))
         )
         demos.add(demonstrated_rows(run.demos, interface, absorbing=self.absorbing))
-        gated = partial(self._gated, run, prior)
-        hand_over = HandOver(run, prior, agent.choosing, gated, flights=self.trial, every=self.trial_every)
-        parts = {"agent": agent, "clone": cloned, "proposals": proposals, "hand_over": hand_over}
+        run.wrap = lambda own: (
+            GatedPolicy(own, prior.fresh(), agent.critics, hidden=self.critic_hidden, caution=self.caution)
+            if run.collector.steps > self.warmup
+            else prior.fresh()
+        )
+        parts = {"agent": agent, "clone": cloned, "proposals": proposals}
         run.begin(agent.actor, {**parts, "demonstrations": demos, "replay_buffer": buffer})
 
         while run.goes_on():
@@ -148,19 +141,9 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             for _ in range(run.updates_due(self.utd_ratio)):
                 batch = mixed(demos, buffer, self.batch_size, self.demos_share)
                 run.log(agent.update(batch, listen=not warming_up))
-            run.log({} if warming_up else hand_over.after_learning())
             run.end_turn()
 
-        return hand_over.finish()
-
-    def _gated(self, run: OnlineRun, prior: ChunkPolicy, networks: nn.ModuleDict) -> GatedPolicy:
-        """Return actor, prior and critics as one policy."""
-        actor, critics = networks["actor"], networks["critics"]
-        assert isinstance(actor, SquashedGaussian)
-        assert isinstance(critics, Critics)
-        return GatedPolicy(
-            run.policy_of(actor), prior.fresh(), critics, hidden=self.critic_hidden, caution=self.caution
-        )
+        return run.finish()
 
 
 class ProposedAgent(Agent):
@@ -187,11 +170,6 @@ class ProposedAgent(Agent):
     def critics(self) -> Critics:
         """What chooses: the target critics."""
         return self._critic_targets.network
-
-    @property
-    def choosing(self) -> nn.ModuleDict:
-        """The networks that fly beside the prior."""
-        return nn.ModuleDict({"actor": self.actor, "critics": self.critics})
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray, proposed: np.ndarray) -> np.ndarray:

@@ -51,7 +51,7 @@ ALONE |= {"cloning": replace(CLONES, steps=1)}  # no clone does the work
 NETWORKS = {"critic_hidden": (32, 32), "reward_hidden": (32,), "gamma": 0.9, "gradient_penalty": 1.0}
 ONLINE: dict[str, Any] = {**NETWORKS, **ALONE, "steps": 1_200, "warmup": 200, "batch_size": 64, "lr": 3e-3}
 OFF_POLICY = {**ONLINE, "utd_ratio": 0.5, "tau": 0.05, "actor_every": 1, "reward_lr": 2e-3, "reward_updates": 1.0}
-OFF_POLICY |= {"exploration": 0.5, "target_every": 1, "offline_steps": 200, "trial": 8}
+OFF_POLICY |= {"exploration": 0.5, "target_every": 1, "offline_steps": 200}
 ON_POLICY = {**ONLINE, "steps": 10_240, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
 ON_POLICY |= {"step_size": 0.1, "critic_lr": 3e-3, "noise": 0.5, "kl": 0.0, "trial": 8}
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}

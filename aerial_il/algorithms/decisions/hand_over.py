@@ -1,10 +1,9 @@
 """What practice hands over: the newest weights that flew no worse than the prior by itself; until then, the prior.
 
-What learns can be worse than its prior from the start. Learners of chunks fly otherwise than most priors, which plan
-anew in every step and average overlapping chunks: with the very same weights a policy of single chunks can be the
-poorer one. Critics that choose between an actor and its prior can be wrong. Now and then both therefore fly the same
-start states as they would be used, without noise. These trials decide what is evaluated on the way, saved and
-returned; what is learned does not depend on them.
+Learners of chunks fly otherwise than most priors, which plan anew in every step and average overlapping chunks: with
+the very same weights a policy of single chunks can be the poorer one, until it has learned enough. Now and then both
+therefore fly the same start states as they would be used, without noise. These trials decide what is evaluated on the
+way, saved and returned; what is learned does not depend on them.
 """
 
 from __future__ import annotations
@@ -12,11 +11,8 @@ from __future__ import annotations
 import copy
 import logging
 import math
-from collections.abc import Callable
-from functools import partial
 
 import numpy as np
-from torch import nn
 
 from aerial_il.algorithms.decisions.cut_short import uncut
 from aerial_il.algorithms.rl.collector import Collector
@@ -25,6 +21,7 @@ from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import load_weights, weights_of
 from aerial_il.core.contracts import BatchEnv, begin_episodes
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import ChunkNetwork
 from aerial_il.policies.parts.prefixed import below, under
 
 log = logging.getLogger(__name__)
@@ -41,25 +38,14 @@ class HandOver:
     """Lets the prior and what was learned from it fly the same start states, and keeps the weights that passed.
 
     Args:
-        run: whose policies it decides, from now on. prior: as it flies by itself.
-        network: what learns. flown: makes a policy of it, or of a copy.
+        run: whose policies it decides, from now on. prior: as it flies by itself. network: what learns.
         flights: of a trial, rounded up to whole batches of worlds; with 0 whatever was learned passes.
         every: environment steps between two trials; the last one is where the training ends.
     """
 
-    def __init__[Network: nn.Module](
-        self,
-        run: OnlineRun,
-        prior: ChunkPolicy,
-        network: Network,
-        flown: Callable[[Network], ChunkPolicy],
-        *,
-        flights: int,
-        every: int,
-    ) -> None:
-        self._run, self._prior, self._every = run, prior.fresh(), every
-        self._network, self._handed, self._passed = network, copy.deepcopy(network), False
-        self._learned, self._kept = partial(flown, self._network), partial(flown, self._handed)
+    def __init__(self, run: OnlineRun, prior: ChunkPolicy, network: ChunkNetwork, *, flights: int, every: int) -> None:
+        self._run, self._prior, self._network, self._every = run, prior.fresh(), network, every
+        self._handed, self._passed = copy.deepcopy(network), False
         self._wanted, self._turn = np.zeros(0), 0
         worlds = run.collector.n
         batches = math.ceil(flights / worlds)
@@ -76,7 +62,7 @@ class HandOver:
             return {}
         if not len(self._wanted):
             self._wanted = flown_returns(collector, self._prior, self._seeds)
-        found = flown_returns(collector, self._learned(), self._seeds)
+        found = flown_returns(collector, self._run.policy_of(self._network), self._seeds)
         self._turn = collector.steps // self._every
         more = found - self._wanted
         if more.mean() >= -ERRORS * more.std() / math.sqrt(len(more)):
@@ -95,9 +81,8 @@ class HandOver:
 
     def _policy(self, own: ChunkPolicy) -> ChunkPolicy:
         """Return what may be used in place of the learner's ``own`` policy."""
-        policy = self._kept() if self._passed else self._prior.fresh()
-        policy.origin = own.origin
-        return policy
+        config, network = (own.config, self._handed) if self._passed else (self._prior.config, self._prior.network)
+        return ChunkPolicy(config, own.interface, network, own.origin)
 
     def snapshot(self) -> Snapshot:
         handed = {name: array.copy() for name, array in weights_of(self._handed).items()}

@@ -258,8 +258,7 @@ class PractisedChunks(PractisedPolicy):
 
     def hand_over(self, practice: Practice, actor: ChunkActor) -> HandOver:
         """Return what decides which weights are evaluated and saved."""
-        run = practice.run
-        return HandOver(run, practice.begun, actor.network, run.policy_of, flights=self.trial, every=self.trial_every)
+        return HandOver(practice.run, practice.begun, actor.network, flights=self.trial, every=self.trial_every)
 
 
 def shown(dataset: Iterable[Episode], policy: PolicyConfig, env: BatchEnv) -> list[Episode]:
