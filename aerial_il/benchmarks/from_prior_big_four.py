@@ -1,8 +1,8 @@
 """Reinforcement learning from a prior on a heavy vehicle: a peg inserted in gusts, from a clone of few demonstrations.
 
 The study of :mod:`from_prior` on ``big_four_z1``, which weighs 20.7 kg and has to tilt to move sideways. Where half of
-the flights succeed, the usual 128 flights of a trial have let something 13.5 points worse than its prior pass: here a
-trial has 512, and practice lasts longer.
+the flights succeed, trials of the usual 128 flights have let pass what flew 13.5 points worse than its prior in 200
+others: here a trial has 512, and practice lasts longer.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from aerial_il.benchmarks.from_prior import SUITED, FromPrior
 TRIAL = {"trial": 512, "trial_every": 1_600_000}
 
 
-def _suited() -> dict[str, Mapping[str, Any]]:
+def _with_larger_trials() -> dict[str, Mapping[str, Any]]:
     arms = SUITED["insert_peg"]
     return {**SUITED, "insert_peg": {**arms, "bc_ppo": {**arms["bc_ppo"], **TRIAL}}}
 
@@ -32,7 +32,7 @@ class BigFour(FromPrior):
     robot: str = "big_four_z1"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=dict)
-    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: _suited())
+    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=_with_larger_trials)
 
 
 BENCHMARK = BigFour
