@@ -88,11 +88,12 @@ def compose(command: Command, words: list[str]) -> Any:
 def _composed(command: Command, overrides: list[str]) -> Any:
     register(command)
     from hydra import compose as hydra_compose
-    from hydra import initialize
+    from hydra import initialize_config_module
     from hydra.core.global_hydra import GlobalHydra
 
     GlobalHydra.instance().clear()
-    with explained(command), initialize(config_path=None, version_base="1.3"):
+    # `initialize` would look for who called it, through all frames and modules; this package has no configurations
+    with explained(command), initialize_config_module(__package__, version_base="1.3"):
         return typed(command, hydra_compose(command.name, overrides))
 
 
