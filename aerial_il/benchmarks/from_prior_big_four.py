@@ -13,12 +13,12 @@ from typing import Any, ClassVar
 
 from aerial_il.benchmarks.from_prior import SUITED, FromPrior
 
-TRIAL = {"trial": 512, "trial_every": 1_600_000}
-
-
-def _with_larger_trials() -> dict[str, Mapping[str, Any]]:
-    arms = SUITED["insert_peg"]
-    return {**SUITED, "insert_peg": {**arms, "bc_ppo": {**arms["bc_ppo"], **TRIAL}}}
+LARGER_TRIALS: Mapping[str, Mapping[str, Any]] = {
+    "insert_peg": {
+        **SUITED["insert_peg"],
+        "bc_ppo": {**SUITED["insert_peg"]["bc_ppo"], "trial": 512, "trial_every": 1_600_000},
+    }
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class BigFour(FromPrior):
     robot: str = "big_four_z1"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"insert_peg": (40,)})
     shorter: Mapping[str, int] = field(default_factory=dict)
-    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=_with_larger_trials)
+    suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(LARGER_TRIALS))
 
 
 BENCHMARK = BigFour

@@ -1,8 +1,9 @@
 """Constructor defaults of a dataclass as plain values, read from its source: nothing is imported to show them.
 
 Help and completion name every setting of a policy or an algorithm at once, where an import would take seconds. What is
-read is what a dataclass is written with: literals, constants, other dataclasses, and functions without arguments, which
-are called only if their value is wanted, as are constants that are computed.
+read is what a dataclass is written with: literals, constants, their items, mappings that unpack others, other
+dataclasses, and functions without arguments, which are called only if their value is wanted, as are constants that are
+computed.
 """
 
 from __future__ import annotations
@@ -151,11 +152,24 @@ def _value(node: ast.expr, module: str) -> Any:
             return _constant(found, home, node.id)
     if isinstance(node, (ast.Tuple, ast.List)):
         return [_value(item, module) for item in node.elts]
-    if isinstance(node, ast.Dict) and all(node.keys):
-        return {_value(k, module): _value(v, module) for k, v in zip(node.keys, node.values, strict=True) if k}
+    if isinstance(node, ast.Dict):
+        return _mapping(node, module)
+    if isinstance(node, ast.Subscript) and isinstance(within := _value(node.value, module), dict):
+        return within[_value(node.slice, module)]
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         return _call(node, node.func.id, module)
     raise InvalidValueError(f"{module}: the default {ast.unparse(node)} cannot be read without running it: name it.")
+
+
+def _mapping(node: ast.Dict, module: str) -> dict[Any, Any]:
+    """Return ``{key: value, **other}``, where ``other`` is a mapping that can be read, too."""
+    found: dict[Any, Any] = {}
+    for key, value in zip(node.keys, node.values, strict=True):
+        read = _value(value, module)
+        if key is None and isinstance(read, Deferred):
+            raise InvalidValueError(f"{module}: **{ast.unparse(value)} cannot be read without running it: name it all.")
+        found |= read if key is None else {_value(key, module): read}
+    return found
 
 
 def _constant(node: ast.expr, module: str, name: str) -> Any:
