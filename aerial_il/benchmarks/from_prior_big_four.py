@@ -1,8 +1,8 @@
 """Reinforcement learning from a prior on a heavy vehicle: a peg inserted in gusts, from a clone of few demonstrations.
 
 The study of :mod:`from_prior` on ``big_four_z1``, which weighs 20.7 kg and has to tilt to move sideways. Where half of
-the flights succeed, trials of the usual 128 flights have let pass what flew 13.5 points worse than its prior in 200
-others: here a trial has 512, and practice lasts longer.
+the flights succeed, the usual trials of 128 flights let a policy pass that was 13.5 points worse than its prior on 200
+other flights. A trial therefore has 512 here, a quarter as often, and practice lasts longer.
 """
 
 from __future__ import annotations

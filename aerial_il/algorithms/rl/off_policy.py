@@ -22,7 +22,8 @@ class OffPolicy(OnlineAlgorithm):
     """Settings of runs that learn from a replay buffer.
 
     Attributes:
-        warmup: environment steps with random actions (``dqn``: epsilon-greedy ones), before anything is learned.
+        warmup: environment steps with random actions (``dqn``: epsilon-greedy ones), before anything is learned;
+            ``ibrl`` flies its prior instead, and already learns.
         utd_ratio: gradient steps of the critics for each environment step (update-to-data ratio).
         batch_size: transitions in a minibatch.
         buffer_size: transitions kept.

@@ -92,7 +92,7 @@ def _composed(command: Command, overrides: list[str]) -> Any:
     from hydra.core.global_hydra import GlobalHydra
 
     GlobalHydra.instance().clear()
-    # `initialize` would look for who called it, through all frames and modules; this package has no configurations
+    # `initialize` would search all frames and modules for its caller; any package does: no configuration is in a file
     with explained(command), initialize_config_module(__package__, version_base="1.3"):
         return typed(command, hydra_compose(command.name, overrides))
 

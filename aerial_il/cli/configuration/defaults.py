@@ -162,12 +162,13 @@ def _value(node: ast.expr, module: str) -> Any:
 
 
 def _mapping(node: ast.Dict, module: str) -> dict[Any, Any]:
-    """Return ``{key: value, **other}``, where ``other`` is a mapping that can be read, too."""
+    """Return ``{key: value, **other}``, where ``other`` is a mapping that can itself be read."""
     found: dict[Any, Any] = {}
     for key, value in zip(node.keys, node.values, strict=True):
         read = _value(value, module)
         if key is None and isinstance(read, Deferred):
-            raise InvalidValueError(f"{module}: **{ast.unparse(value)} cannot be read without running it: name it all.")
+            unread = ast.unparse(value)
+            raise InvalidValueError(f"{module}: **{unread} cannot be read without running it: give the whole a name.")
         found |= read if key is None else {_value(key, module): read}
     return found
 

@@ -67,7 +67,7 @@ class StochasticNetwork(ChunkNetwork, ABC):
         """Sample for ``obs`` (B, To, Do).
 
         Returns:
-            Actions (B, Ta * Da); the samples that they were made of (B, R); the log density of these (B,).
+            Actions (B, Ta * Da); the samples they were made from (B, R); the log density of these (B,).
         """
 
     @abstractmethod

@@ -43,7 +43,7 @@ NOTES: tuple[Note, ...] = (
         About(("rlpd",), "{} is shown the demonstrations and begins with random weights."),
         About(
             ("ibrl", "rlpd"),
-            "A step of {} takes some five hundred to a thousand times as long as one of bc_ppo; practice stops at "
+            "A step of {} takes some three hundred to a thousand times as long as one of bc_ppo; practice stops at "
             f"{SLOWEST_STEPS:,}.",
         ),
         About(
@@ -62,8 +62,8 @@ NOTES: tuple[Note, ...] = (
         About(
             WATCHED,
             "Of {} it is that of the policy as it would be handed over, flown without exploration on the tuning seeds "
-            f"{TUNING_SEEDS.start} to {TUNING_SEEDS[WATCHED_FLIGHTS - 1]} in the tier it practises in, {{watched}} "
-            "times on the way.",
+            f"{TUNING_SEEDS.start} to {TUNING_SEEDS[WATCHED_FLIGHTS - 1]} in the tier it practises in, up to "
+            "{watched} times on the way.",
         ),
         About(
             IN_ROUNDS,
