@@ -93,7 +93,7 @@ def _composed(command: Command, overrides: list[str]) -> Any:
 
     GlobalHydra.instance().clear()
     # `initialize` would search all frames and modules for its caller; any package does: no configuration is in a file
-    with explained(command), initialize_config_module(__package__, version_base="1.3"):
+    with explained(command), initialize_config_module(commands.__name__, version_base="1.3"):
         return typed(command, hydra_compose(command.name, overrides))
 
 
