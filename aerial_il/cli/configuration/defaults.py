@@ -1,7 +1,7 @@
 """Constructor defaults of a dataclass as plain values, read from its source: nothing is imported to show them.
 
 Help and completion name every setting of a policy or an algorithm at once, where an import would take seconds. What is
-read is what a dataclass is written with: literals, constants, their items, mappings that unpack others, other
+read is what a dataclass is written with: literals, constants and their items, mappings that unpack others, other
 dataclasses, and functions without arguments, which are called only if their value is wanted, as are constants that are
 computed.
 """
