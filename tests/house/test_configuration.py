@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 from collections import defaultdict
 from collections.abc import Mapping
@@ -12,15 +13,16 @@ import pytest
 
 import aerial_il
 from aerial_il import algorithms, benchmarks, policies
+from aerial_il.benchmarks.from_prior import FEWER, SHORTER
 from aerial_il.cli import commands
-from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.configuration import defaults, groups, keys
 from aerial_il.cli.configuration.build import build, locate, parameters
 from aerial_il.cli.configuration.compose import compose
 from aerial_il.cli.configuration.defaults import defaults_of
 from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.cli.sweeps.sweep import launcher_of, parted
 from aerial_il.control import laws
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tiers
 
 REGISTRIES = {
@@ -96,6 +98,16 @@ def plain(value: object) -> object:
 def test_defaults_read_from_the_source_are_those_of_the_constructor(group: str, name: str) -> None:
     target = groups.target_of(group, name)
     assert plain(build(defaults_of(target))) == plain(locate(target)())
+
+
+def test_a_mapping_that_unpacks_what_is_computed_is_refused_and_one_that_unpacks_a_constant_is_read() -> None:
+    """Of two constants of one module."""
+    home = "aerial_il.benchmarks.from_prior"
+    read = defaults._value(ast.parse("{**SHORTER, 'more': FEWER['dapg']}", mode="eval").body, home)
+    assert read == {**SHORTER, "more": FEWER["dapg"]}
+    home = "aerial_il.benchmarks.parts.records.fingerprint"
+    with pytest.raises(InvalidValueError, match=r"\*\*ROOMS.* cannot be read without running it: name it"):
+        defaults._value(ast.parse("{**ROOMS}", mode="eval").body, home)
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.with_suffix("").parts[-2:]))

@@ -158,7 +158,7 @@ def _value(node: ast.expr, module: str) -> Any:
         return within[_value(node.slice, module)]
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         return _call(node, node.func.id, module)
-    raise InvalidValueError(f"{module}: the default {ast.unparse(node)} cannot be read without running it: name it.")
+    raise _unreadable(node, module)
 
 
 def _mapping(node: ast.Dict, module: str) -> dict[Any, Any]:
@@ -167,8 +167,7 @@ def _mapping(node: ast.Dict, module: str) -> dict[Any, Any]:
     for key, value in zip(node.keys, node.values, strict=True):
         read = _value(value, module)
         if key is None and isinstance(read, Deferred):
-            unread = ast.unparse(value)
-            raise InvalidValueError(f"{module}: **{unread} cannot be read without running it: give the whole a name.")
+            raise _unreadable(node, module)
         found |= read if key is None else {_value(key, module): read}
     return found
 
@@ -189,7 +188,11 @@ def _call(node: ast.Call, name: str, module: str) -> Any:
         return Deferred(home, found.name)
     if name in _CONTAINERS and found is None and len(node.args) <= 1:
         return _CONTAINERS[name](*(_value(argument, module) for argument in node.args))
-    raise InvalidValueError(f"{module}: the default {ast.unparse(node)} cannot be read without running it: name it.")
+    raise _unreadable(node, module)
+
+
+def _unreadable(node: ast.expr, module: str) -> InvalidValueError:
+    return InvalidValueError(f"{module}: the default {ast.unparse(node)} cannot be read without running it: name it.")
 
 
 def _plain(value: Any) -> Any:
