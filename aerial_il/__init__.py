@@ -209,10 +209,11 @@ def train(dataset: str | os.PathLike[str] | None = None, *, run: str | os.PathLi
         dataset: demonstrations; None for algorithms that learn without. run: folder of the run.
         keys: those of the command, e.g. ``policy={"name": "act", "chunk": 20}, algorithm={"steps": 2000}, seed=1``.
     """
-    from aerial_il.cli.called import call
+    from aerial_il.core.composition import build
+    from aerial_il.workflows import train as workflow
 
-    call("train", {"dataset": dataset, "run": run, **keys})
-    return load_policy(os.fspath(run))
+    given = {} if dataset is None else {"dataset": os.fspath(dataset)}
+    return workflow.train(build(workflow.Train, {"run": os.fspath(run), **given, **keys}))
 
 
 def evaluate(policy: str | os.PathLike[str], *, out: str | os.PathLike[str], **keys: Any) -> EvaluationResult:

@@ -37,10 +37,10 @@ from IPython.display import Image as Picture
 from PIL import Image
 
 import aerial_il
-from aerial_il import analysis
+from aerial_il.presentation import analysis
 from aerial_il.core.rendering import can_render
-from aerial_il.evaluation.films.scene_renderer import SceneRenderer
-from aerial_il.evaluation.films.stroboscope import stroboscope
+from aerial_il.presentation.films.scene_renderer import SceneRenderer
+from aerial_il.presentation.films.stroboscope import stroboscope
 
 analysis.use_style()
 os.chdir(tempfile.mkdtemp())  # the notebook leaves nothing behind

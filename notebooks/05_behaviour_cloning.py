@@ -30,7 +30,7 @@ import numpy as np
 import torch
 
 import aerial_il
-from aerial_il import analysis
+from aerial_il.presentation import analysis
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.rollouts import rollouts
 from aerial_il.experts import pick_place

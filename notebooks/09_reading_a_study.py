@@ -21,7 +21,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from aerial_il import analysis
+from aerial_il.presentation import analysis
 from aerial_il.evaluation import statistics
 
 analysis.use_style()

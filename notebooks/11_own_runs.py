@@ -12,7 +12,7 @@
 # %% [markdown]
 # # 11. Analysing your own runs
 #
-# After a week of training there are forty folders. `aerial_il.analysis` reads them as pandas data frames and draws the figures of the
+# After a week of training there are forty folders. `aerial_il.presentation.analysis` reads them as pandas data frames and draws the figures of the
 # report: runs, what they logged, evaluations, recordings. This notebook makes a few small runs of three kinds, cloning, DAgger and
 # reinforcement learning, and then only reads. To look at runs of your own, leave out the next section and set `runs` to your folder.
 #
@@ -35,7 +35,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 import aerial_il
-from aerial_il import analysis
+from aerial_il.presentation import analysis
 from aerial_il.evaluation import statistics
 
 analysis.use_style()

@@ -113,7 +113,7 @@ do_readme() { # its "Five minutes", with fewer flights
 }
 
 do_notebook() { newcomer 'make notebooks only=01 again=1'; }
-do_wheel() { newcomer 'OMP_NUM_THREADS=1 .venv/bin/python -m pytest -q -m slow tests/house/test_wheel.py'; }
+do_wheel() { newcomer 'OMP_NUM_THREADS=1 .venv/bin/python -m pytest -q -m slow tests/project/test_wheel.py'; }
 do_tests() { newcomer 'make test'; }
 do_all_tests() { newcomer 'make test-all'; }
 

@@ -21,67 +21,106 @@ defaults are its own for locomotion (for Adroit it takes beta 0.5).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.problems import from_demonstrations
+from aerial_il.algorithms.off_policy.settings import Critics, Demonstrations, Replay, Source, reward_scheme
 from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.offline import OfflineFirst
-from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
-from aerial_il.algorithms.run.checks import require_positive, require_share
+from aerial_il.algorithms.rl.replay.hindsight import Hindsight
+from aerial_il.algorithms.rl.replay.replay_buffer import Batch, mixed
+from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImplicitQLearning(OfflineFirst):
-    """Settings of a run, beside those of :class:`OfflineFirst`.
+class IQL(Algorithm):
+    """Implicit Q-learning (Kostrikov et al. 2022, algorithm 1).
 
     Attributes:
+        warmup: environment steps that the policy flies before it goes on learning; at random without offline_steps.
+        offline_steps: gradient steps on the dataset before the first flight.
+        demos_share: share of the dataset in each minibatch once it flies.
         expectile: tau, 0.5 for the mean of the tried actions, near 1 for the best of them.
         beta: how sharply the actor prefers actions by their advantage; near 0 it is behavioural cloning.
         weight_limit: what no weight exceeds.
     """
 
     name: ClassVar[str] = "iql"
+    demonstrated: ClassVar[bool] = True
 
+    steps: int = 300_000
+    offline_steps: int = 50_000
+    warmup: int = 1_000
+    gamma: float = 0.99
+    lr: float = 3e-4
+    lr_floor: float = 1.0
+    actor_every: int = 1
+    demos_share: float = 0.5
     expectile: float = 0.7
     beta: float = 3.0
     weight_limit: float = 100.0
+    replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
+    critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
+    demonstrations: Demonstrations = Demonstrations(
+        trajectories=None,
+        subsample=1,
+        bounds="environment",
+        labels="executed",
+        failures=False,
+        absorbing=True,
+        control="none",
+    )
+    reward: Source = "environment"
+    hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
+    smoothness: Smoothness = Smoothness()
+    cadence: Cadence = Cadence(
+        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
+    )
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_not_negative(self, "offline_steps")
+        require_share(self, "demos_share")
         require_share(self, "expectile", below_one=True)
         require_positive(self, "expectile", "beta", "weight_limit")
 
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
+        return from_demonstrations(self.name, policy, env, seed, reward_scheme(self), **found)
+
     def learn(self, run: OnlineRun) -> ChunkPolicy:
+        absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
         agent = ImplicitAgent(self, run.build_actor(SquashedGaussian), run.sizes)
-        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=self.absorbing, reward=None)
-        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, absorbing=self.absorbing)
-        run.begin(agent.actor, {"agent": agent, "demonstrations": demos, **replay.parts, "random_actions": blind})
+        pilot = agent if self.offline_steps else RandomActions(run.sizes[1], run.rng("warm-up"))
+        demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
 
-        for _ in run.offline(self.offline_steps):
-            run.log(agent.update(demos.sample(self.batch_size)))
+        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
+            flown = len(replay.buffer) > 0
+            return agent.update(mixed(demos, replay.buffer, size, self.demos_share) if flown else demos.sample(size))
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            replay.step(agent if self.offline_steps or not warming_up else blind)
-
-            agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(self.minibatch(demos, replay.buffer)))
-            run.end_turn()
-
-        return run.finish()
+        offline = self.offline_steps
+        return learn_off_policy(
+            run, self, agent, update, pilot=pilot, demos=demos, offline=offline, absorbing=absorbing
+        )
 
 
 class ImplicitAgent(Agent):
@@ -91,10 +130,10 @@ class ImplicitAgent(Agent):
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
-    def __init__(self, settings: ImplicitQLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: IQL, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
-        critics = settings.build_critics(sizes[0] + 1 + sizes[1])
-        value = settings.build_critics(sizes[0] + 1, 1)
+        critics = settings.critics.build(sizes)
+        value = replace(settings.critics, count=1).build((sizes[0], 0))
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._value = TrainState(value, adam(value, settings.lr))
@@ -122,7 +161,7 @@ class ImplicitAgent(Agent):
             metrics |= found
         self._value.descend(value_loss)
         self._critics.descend(critic_loss)
-        self._targets.follow(self.settings.tau)
+        self._targets.follow(self.settings.critics.tau)
         return {"value/loss": value_loss.item(), **metrics}
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:

@@ -28,6 +28,7 @@ algorithm 1; there 20 updates a step, here 4.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -35,63 +36,94 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.problems import from_demonstrations
+from aerial_il.algorithms.off_policy.settings import Critics, Demonstrations, Replay, Source, reward_scheme
 from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss
-from aerial_il.algorithms.rl.critics import Target, check_ensemble
-from aerial_il.algorithms.rl.demonstrated import RelabelledDemonstrated
-from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy
-from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.rl.off_policy import RandomActions
+from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, concatenated
-from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class PriorDataLearning(RelabelledDemonstrated, SoftOffPolicy):
-    """Settings of a run; see :class:`RelabelledDemonstrated` and :class:`SoftOffPolicy`.
+class RLPD(Algorithm):
+    """Reinforcement learning with prior data (Ball et al. 2023, algorithm 1).
 
     Attributes:
-        critics: ensemble size E. subset: how many of its targets Z the backup takes the minimum of.
+        warmup: of those, how many are flown at random before anything is learned.
+        subset: how many target critics Z the backup takes the minimum of.
         bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
     """
 
     name: ClassVar[str] = "rlpd"
+    demonstrated: ClassVar[bool] = True
 
-    utd_ratio: float = 4.0
+    steps: int = 300_000
+    warmup: int = 5_000
+    gamma: float = 0.99
+    lr: float = 3e-4
+    lr_floor: float = 1.0
     actor_every: int = 4
+    alpha: float = 0.1
     entropy: float = -0.5
-    critic_norm: bool = True
-    critics: int = 10
     subset: int = 2
     bc_weight: float = 0.0
+    replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=4.0)
+    critics: Critics = Critics(count=10, hidden=(256, 256), layer_norm=True, tau=0.005)
+    demonstrations: Demonstrations = Demonstrations(
+        trajectories=None,
+        subsample=1,
+        bounds="environment",
+        labels="executed",
+        failures=False,
+        absorbing=True,
+        control="none",
+    )
+    reward: Source = "environment"
+    hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
+    smoothness: Smoothness = Smoothness()
+    cadence: Cadence = Cadence(
+        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
+    )
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_ensemble(self)
+        require_positive(self, "subset")
         require_not_negative(self, "bc_weight")
+        if self.subset > self.critics.count:
+            raise InvalidValueError(f"subset is {self.subset}; it must be at most critics.count, {self.critics.count}.")
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        scheme = reward_scheme(self)
+        found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
+        return from_demonstrations(self.name, policy, env, seed, scheme, **found)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
+        absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
         agent = EnsembleActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=self.absorbing, reward=None)
-        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, absorbing=self.absorbing)
-        run.begin(agent.actor, {"agent": agent, "demonstrations": demos, **replay.parts, "random_actions": blind})
+        demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            replay.step(blind if warming_up else agent)
+        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
+            shown = demos.sample(half)
+            return agent.update(concatenated(shown, replay.sample(self.replay.batch_size - half)), shown)
 
-            agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                half = self.batch_size // 2
-                shown = demos.sample(half)
-                run.log(agent.update(concatenated(shown, replay.sample(self.batch_size - half)), shown))
-            run.end_turn()
-
-        return run.finish()
+        return learn_off_policy(run, self, agent, update, pilot=blind, demos=demos, absorbing=absorbing)
 
 
 class EnsembleActorCritic(Agent):
@@ -101,9 +133,9 @@ class EnsembleActorCritic(Agent):
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
-    def __init__(self, settings: PriorDataLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: RLPD, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
-        critics = settings.build_critics(sizes[0] + 1 + sizes[1], settings.critics)
+        critics = settings.critics.build(sizes)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
         self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
@@ -124,7 +156,7 @@ class EnsembleActorCritic(Agent):
         """
         loss, metrics = self.critic_loss(batch)
         self._critics.descend(loss)
-        self._targets.follow(self.settings.tau)
+        self._targets.follow(self.settings.critics.tau)
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
             loss, found = self.actor_and_alpha_loss(batch)
@@ -144,7 +176,7 @@ class EnsembleActorCritic(Agent):
         """Return ``r + gamma * (min over Z of Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
         alive = 1.0 - batch.next_obs[:, -1]
         actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])
-        chosen = torch.randperm(self.settings.critics)[: self.settings.subset]
+        chosen = torch.randperm(self.settings.critics.count)[: self.settings.subset]
         worth = self._targets.network(batch.next_obs, alive[:, None] * actions, chosen).min(0).values
         soft_value = worth - self._log_alpha.exp() * alive * log_prob
         return batch.rewards + self.settings.gamma * batch.continues * soft_value

@@ -20,52 +20,86 @@ I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, for the absorbing state
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.problems import from_reward
+from aerial_il.algorithms.off_policy.settings import Critics, Prior, Replay, Source, reward_scheme
 from aerial_il.algorithms.rl.agent import Agent, sampled
 from aerial_il.algorithms.rl.bc_pretraining import bc_loss, bc_pretrain
 from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.from_prior import BegunFromPrior
-from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy
-from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.off_policy import RandomActions
+from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
 from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class SoftActorCriticLearning(BegunFromPrior, SoftOffPolicy):
-    """Settings of a run; see :class:`BegunFromPrior` and :class:`SoftOffPolicy`."""
+class SAC(Algorithm):
+    """Soft actor-critic (Haarnoja et al. 2018, table 1)."""
 
     name: ClassVar[str] = "sac"
+
+    steps: int = 300_000
+    warmup: int = 5_000
+    gamma: float = 0.99
+    lr: float = 3e-4
+    lr_floor: float = 1.0
+    actor_every: int = 2
+    alpha: float = 0.1
+    entropy: float = -1.0
+    replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
+    critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
+    reward: Source = "environment"
+    prior: Prior | None = None
+    hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
+    smoothness: Smoothness = Smoothness()
+    obs_norm: bool = False
+    cadence: Cadence = Cadence(
+        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
+    )
+    threads: int = 1
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        scheme = reward_scheme(self)
+        return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes, smoothness=self.smoothness)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **replay.parts})
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            acts_blindly = warming_up and self.prior is None
-            replay.step(blind if acts_blindly else agent)
-            if not warming_up:
-                replay.finish_warmup()
+        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
+            return agent.update(replay.sample(self.replay.batch_size), improve=improve)
 
-            agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if acts_blindly else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(replay.sample(self.batch_size), improve=not warming_up))
-            run.end_turn()
+        pilot = None if self.prior else blind
+        return learn_off_policy(run, self, agent, update, pilot=pilot, obs_norm=self.obs_norm)
 
-        return run.finish()
+
+class SoftSettings(Protocol):
+    """What the agent reads of an algorithm's settings; :class:`DAC` and :class:`SQIL` train it too."""
+
+    gamma: float
+    lr: float
+    alpha: float
+    entropy: float
+    actor_every: int
+    critics: Critics
+    replay: Replay
 
 
 class SoftActorCritic(Agent):
@@ -80,7 +114,7 @@ class SoftActorCritic(Agent):
 
     def __init__(
         self,
-        settings: SoftOffPolicy,
+        settings: SoftSettings,
         actor: SquashedGaussian,
         sizes: tuple[int, int],
         *,
@@ -88,7 +122,7 @@ class SoftActorCritic(Agent):
     ) -> None:
         self.settings, self.actor = settings, actor
         self._smoothness = smoothness or Smoothness()
-        critics = settings.build_critics(sizes[0] + 1 + sizes[1])
+        critics = settings.critics.build(sizes)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
         self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
@@ -103,7 +137,7 @@ class SoftActorCritic(Agent):
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
         """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""
-        bc_pretrain(self._actor_state, self.actor, demos, steps=steps, batch_size=self.settings.batch_size)
+        bc_pretrain(self._actor_state, self.actor, demos, steps=steps, batch_size=self.settings.replay.batch_size)
 
     def update(
         self, batch: Batch, *, demos: Batch | None = None, bc_weight: float = 0.0, improve: bool = True
@@ -124,7 +158,7 @@ class SoftActorCritic(Agent):
             actor_loss, alpha_loss, found = self.actor_and_alpha_loss(batch)
             self._actor_state.descend(actor_loss + pull + alpha_loss)  # the first two reach the actor, the last alpha
             metrics |= found
-        self._targets.follow(self.settings.tau)
+        self._targets.follow(self.settings.critics.tau)
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:

@@ -19,6 +19,7 @@ defaults are those of its authors' code, but for the warm-up, there 25,000 steps
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -26,61 +27,82 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.problems import from_reward
+from aerial_il.algorithms.off_policy.settings import Critics, Prior, Replay, Source, reward_scheme
 from aerial_il.algorithms.rl.agent import Agent
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.exploration import ExplorationNoise
-from aerial_il.algorithms.rl.from_prior import BegunFromPrior
-from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic, RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.rl.off_policy import RandomActions
+from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
 from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
+from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
+from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicyConfig
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwinDelayedLearning(BegunFromPrior, OffPolicyActorCritic):
-    """Settings of a run, beside those of :class:`BegunFromPrior` and :class:`OffPolicyActorCritic`.
+class TD3(Algorithm):
+    """Twin delayed deep deterministic policy gradient (Fujimoto et al. 2018, algorithm 1).
 
     Attributes:
+        actor_every: how many of the critics' gradient steps for each one of the actor and of the targets.
         noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
         noise_correlation: of that from one step to the next; 0 for independent noise.
-        target_noise: the same of the target's actions. noise_clip: how far these are moved at most.
+        target_noise: standard deviation of the noise on the target's actions.
+        noise_clip: how far these are moved at most.
     """
 
     name: ClassVar[str] = "td3"
 
+    steps: int = 300_000
+    warmup: int = 5_000
+    gamma: float = 0.99
+    lr: float = 3e-4
+    lr_floor: float = 1.0
+    actor_every: int = 2
     noise: float = 0.1
     noise_correlation: float = 0.0
     target_noise: float = 0.2
     noise_clip: float = 0.5
+    replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
+    critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
+    reward: Source = "environment"
+    prior: Prior | None = None
+    hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
+    smoothness: Smoothness = Smoothness()
+    obs_norm: bool = False
+    cadence: Cadence = Cadence(
+        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
+    )
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(self, "noise", "target_noise", "noise_clip")
         require_share(self, "noise_correlation", below_one=True)
+        require_not_negative(self, "noise", "target_noise", "noise_clip")
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+        scheme = reward_scheme(self)
+        return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        run.begin(agent.actor, {"agent": agent, "random_actions": blind, **replay.parts})
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            acts_blindly = warming_up and self.prior is None
-            replay.step(blind if acts_blindly else agent)
-            if not warming_up:
-                replay.finish_warmup()
+        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
+            return agent.update(replay.sample(self.replay.batch_size), improve=improve)
 
-            agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if acts_blindly else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(replay.sample(self.batch_size), improve=not warming_up))
-            run.end_turn()
-
-        return run.finish()
+        pilot = None if self.prior else blind
+        return learn_off_policy(run, self, agent, update, pilot=pilot, obs_norm=self.obs_norm)
 
 
 class TwinDelayedAgent(Agent):
@@ -92,9 +114,9 @@ class TwinDelayedAgent(Agent):
         sizes: elements of an observation and of an action, Do and Da.
     """
 
-    def __init__(self, settings: TwinDelayedLearning, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: TD3, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
-        critics = settings.build_critics(sizes[0] + 1 + sizes[1])
+        critics = settings.critics.build(sizes)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))
         self._critics = TrainState(critics, adam(critics, settings.lr))
         self._actor_target, self._critic_targets = Target(actor), Target(critics)
@@ -120,7 +142,7 @@ class TwinDelayedAgent(Agent):
                 self._actor_state.descend(actor_loss)
                 metrics["actor/loss"] = actor_loss.item()
             for target in (self._actor_target, self._critic_targets):
-                target.follow(self.settings.tau)
+                target.follow(self.settings.critics.tau)
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:

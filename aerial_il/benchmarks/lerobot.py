@@ -172,7 +172,7 @@ class Lerobot:
             env = {
                 "type": "aerial_il", "task": self.task, "robot": self.robot, "cameras": json.dumps(list(self.cameras)),
                 "image_height": self.image_size[0], "image_width": self.image_size[1],
-                "discover_packages_path": "aerial_il.bridges",
+                "discover_packages_path": "aerial_il.suite.faces.lerobot",
             }  # fmt: skip
             words = [f"--env.{name}={value}" for name, value in env.items()]
             words += [f"--policy.path={checkpoint}", "--policy.device=cpu", f"--eval.n_episodes={self.episodes}"]

@@ -28,7 +28,7 @@ from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
-from aerial_il.inspection.chromium import BROWSER, BrowserError, Tab, browser
+from aerial_il.presentation.rerun.chromium import BROWSER, BrowserError, Tab, browser
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.flight import Site, fly
 from aerial_il.teleop.input.mapping import Bindings

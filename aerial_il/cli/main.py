@@ -81,6 +81,8 @@ def _dispatch(words: list[str]) -> int:
         print(help.version())
     elif name == "_job":
         _run_job(rest)
+    elif name == "train":
+        _train(rest)
     elif {"-h", "--help"} & set(rest):
         print(help.of_command(commands.find(name)))
     else:
@@ -103,6 +105,19 @@ def _completed(name: str, words: list[str]) -> str:
         if name == "completion"
         else "\n".join(completion.candidates(words))
     )
+
+
+def _train(words: list[str]) -> None:
+    from aerial_il.cli.typed import compose, help_of
+    from aerial_il.workflows.train import Train, train
+
+    if {"-h", "--help"} & set(words):
+        print(help_of(Train, words))
+        return
+    _log_to_stderr()
+    settings = compose(Train, words)
+    train(settings)
+    print(f"Policy: {settings.run}/policy")
 
 
 def _run_job(words: list[str]) -> None:

@@ -21,9 +21,28 @@ ALGORITHM_KEYS: Mapping[str, str] = {
     "warm": "warm_start",
 }
 
+#: Settings that moved into a group; only of algorithms whose keys hold the new one.
+MOVED: Mapping[str, str] = {
+    "buffer_size": "replay.capacity",
+    "batch_size": "replay.batch_size",
+    "utd_ratio": "replay.updates_per_step",
+    "critics": "critics.count",
+    "critic_hidden": "critics.hidden",
+    "critic_norm": "critics.layer_norm",
+    "tau": "critics.tau",
+    "reward_patience": "cadence.reward_patience",
+    "prior": "prior.path",
+    **{name: f"cadence.{name}" for name in ("log_every", "evaluate_every", "checkpoint_every", "keep_checkpoints")},
+    **{
+        name: f"demonstrations.{name}"
+        for name in ("trajectories", "subsample", "bounds", "labels", "failures", "absorbing", "control")
+    },
+}
+
 #: Settings of algorithms that earlier versions did not write, and the values by which they ran.
 ADDED: Mapping[str, object] = {
     "reward": "environment",
+    "critics.count": 2,
     "smoothness.temporal": 0.0,
     "smoothness.spatial": 0.0,
     "smoothness.radius": 0.05,

@@ -27,10 +27,10 @@ from IPython.display import Image as Film
 from PIL import Image
 
 import aerial_il
-from aerial_il import analysis
+from aerial_il.presentation import analysis
 from aerial_il.core.rendering import can_render
 from aerial_il.evaluation import statistics
-from aerial_il.evaluation.films.scene_renderer import SceneRenderer
+from aerial_il.presentation.films.scene_renderer import SceneRenderer
 
 analysis.use_style()
 torch.set_num_threads(1)

@@ -30,14 +30,14 @@ from PIL import Image
 from scipy.special import logsumexp
 
 import aerial_il
-from aerial_il import analysis
+from aerial_il.presentation import analysis
 from aerial_il.algorithms.adversarial.reward_net import load_reward
 from aerial_il.algorithms.gail import AdversarialImitation
 from aerial_il.algorithms.rl.interface import encode, encode_actions
 from aerial_il.collection.collect import collect
 from aerial_il.core.rendering import can_render
 from aerial_il.evaluation import statistics
-from aerial_il.evaluation.films.scene_renderer import SceneRenderer
+from aerial_il.presentation.films.scene_renderer import SceneRenderer
 from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
 
 analysis.use_style()

@@ -1,3 +1,3 @@
 """Registers the environments of aerial_il with lerobot, which imports this module because of its name."""
 
-import aerial_il.bridges.lerobot_env  # noqa: F401
+import aerial_il.suite.faces.lerobot.env  # noqa: F401

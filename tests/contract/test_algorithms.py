@@ -25,10 +25,13 @@ from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.rl.reinforcement import Reinforcement
 from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
+from aerial_il.algorithms.run.algorithm import Algorithm as Flying
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
+from aerial_il.core.composition import build, keys
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
+from aerial_il.core.renamed import MOVED
 from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import CategoricalConfig
 from aerial_il.policies.parts.network import PolicyConfig
@@ -82,6 +85,20 @@ def _one_thread() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
+def made(cls: type[Any], values: Mapping[str, Any], base: Any = None) -> Any:
+    """Return settings of ``cls`` with those of the values that are its own, in whichever group they stand."""
+    names, tree = {key.name for key in keys(cls)} | {field.name for field in fields(cls)}, dict[str, Any]()
+    for name, value in values.items():
+        moved = MOVED.get(name, name)
+        path = (moved if moved in names else name).split(".")
+        if ".".join(path) in names:
+            node = tree
+            for group in path[:-1]:
+                node = node.setdefault(group, {})
+            node[path[-1]] = value
+    return build(cls, tree, base=base)
+
+
 def known(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of the values that are settings of ``cls``."""
     names = {field.name for field in fields(cls)}
@@ -91,10 +108,10 @@ def known(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
 def small(name: str) -> Any:
     """Return settings that learn in seconds."""
     cls = algorithms.settings_of(name)
-    if issubclass(cls, OnlineAlgorithm):
+    if issubclass(cls, OnlineAlgorithm | Flying):
         if not issubclass(cls, OnPolicy):
             shown = {"steps": 600} if cls.demonstrated else {}  # half as many suffice
-            return cls(**known(cls, OFF_POLICY | shown))
+            return made(cls, OFF_POLICY | shown)
         paid = {"reward": "environment"} if issubclass(cls, Reinforcement) else {}  # elsewhere it names a learned one
         fewer = {"steps": 6_144} if known(cls, {"reward_updates": 0}) else {}  # a learned reward says more per step
         return cls(**known(cls, ON_POLICY | paid | fewer))
@@ -120,7 +137,7 @@ def short(name: str, steps: int) -> Any:
     if "training" in {field.name for field in fields(settings)}:
         training = replace(CLONES, steps=steps, batch_size=8)
         changes = {"rounds": 2, "episodes": 2, "training": training, "between_steps": steps, "evaluate_every": 1}
-    return replace(settings, **known(type(settings), changes))
+    return made(type(settings), changes, settings)
 
 
 def train(settings: Algorithm, run: Path, env: Any = None, demos: list[Episode] | None = None, **options: Any) -> Any:

@@ -12,7 +12,7 @@ import aerial_il
 from aerial_il import robots
 from aerial_il.cli.commands.project.list import as_text, catalogue
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.evaluation.pages import robot_pages, task_pages
+from aerial_il.presentation.pages import robot_pages, task_pages
 from aerial_il.robots.parts.arm import Arm
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import aerial_il
-from aerial_il.evaluation.films import video
+from aerial_il.presentation.films import video
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
 

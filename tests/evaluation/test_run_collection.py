@@ -8,7 +8,7 @@ import pytest
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.run_collection import RunCollection, read_runs
-from tests.evaluation.pages.test_run_report import make_run
+from tests.presentation.pages.test_run_report import make_run
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from aerial_il.inspection.chromium import BROWSER, Opener, Tab, browser
+from aerial_il.presentation.rerun.chromium import BROWSER, Opener, Tab, browser
 
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on this machine")
 

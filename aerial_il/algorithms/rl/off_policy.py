@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from aerial_il.algorithms.off_policy import settings
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm, whole_turns
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import decode, encode
@@ -95,6 +96,17 @@ class SoftOffPolicy(OffPolicyActorCritic):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "alpha")
+
+    @property
+    def critics(self) -> settings.Critics:
+        """As :class:`SAC` groups them, for those that train its networks, until they state groups of their own."""
+        return settings.Critics(count=2, hidden=self.critic_hidden, layer_norm=self.critic_norm, tau=self.tau)
+
+    @property
+    def replay(self) -> settings.Replay:
+        return settings.Replay(
+            capacity=self.buffer_size, batch_size=self.batch_size, updates_per_step=self.utd_ratio
+        )
 
 
 class Collected(NamedTuple):

@@ -27,7 +27,7 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
 from aerial_il.core.provenance import provenance
-from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS
+from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS, MOVED
 from aerial_il.core.renamed import METRICS as METRIC_NAMES
 from aerial_il.policies import FINAL
 
@@ -188,7 +188,7 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     text = yaml.dump(dict(config), Dumper=PlainDumper, sort_keys=False)
     if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
         before, now = _flat(_settings(path), cadence), _flat(parse_yaml(CONFIG, text), cadence)
-        before = {**_unsaid(now), **{_new_key(key): value for key, value in before.items()}}
+        before = {**_unsaid(now), **{_new_key(key, now): value for key, value in before.items()}}
         if differing := differences(before, now, dataset=_dataset(path)):
             changes = "; ".join(differing)
             raise InvalidValueError(f"{path} holds another run ({changes}). Choose another run=NAME or resume=false.")
@@ -223,10 +223,14 @@ def _unsaid(now: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in added.items() if key in now}
 
 
-def _new_key(key: str) -> str:
-    """Return what a setting that an earlier version wrote is called now."""
+def _new_key(key: str, now: Mapping[str, Any]) -> str:
+    """Return what a setting that an earlier version wrote is called ``now``."""
     group, _, name = key.partition(".")
-    return f"settings.{ALGORITHM_KEYS[name]}" if group == "settings" and name in ALGORITHM_KEYS else key
+    if group != "settings":
+        return key
+    name = ALGORITHM_KEYS.get(name, name)
+    moved = f"settings.{MOVED.get(name, name)}"
+    return moved if moved in now else f"settings.{name}"
 
 
 def _flat(tree: Any, cadence: tuple[str, ...], prefix: str = "") -> dict[str, Any]:

@@ -12,7 +12,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 
 if TYPE_CHECKING:
-    from aerial_il.inspection.chunks import Chunks
+    from aerial_il.presentation.rerun.chunks import Chunks
 
 
 def flown_now(source: str, tier: str, seed: int, like: Episode | None) -> Iterator[Episode]:
@@ -45,7 +45,7 @@ def predictor(source: str | None) -> Callable[[Episode], Chunks | None]:
     if source is None:
         return lambda episode: None
     from aerial_il.evaluation.predictions import predict
-    from aerial_il.inspection.chunks import Chunks
+    from aerial_il.presentation.rerun.chunks import Chunks
     from aerial_il.policies import load_policy
 
     policy = load_policy(source)

@@ -56,7 +56,7 @@ def greet(server: Server, open_page: bool, program: str | None = None) -> None:
     import socket
     import webbrowser
 
-    from aerial_il.evaluation.films.window import has_screen
+    from aerial_il.presentation.films.window import has_screen
     from aerial_il.teleop.web.window import open_window
 
     print(f"Fly here: {server.url}", flush=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from aerial_il.cli.flights import demonstrations, pilots, results
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.evaluation.films.video import Footage, film
+from aerial_il.presentation.films.video import Footage, film
 from aerial_il.evaluation.training_run import TrainingRun
 
 if TYPE_CHECKING:

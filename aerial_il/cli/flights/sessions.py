@@ -7,7 +7,7 @@ from pathlib import Path
 from aerial_il.cli.configuration import spelling
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.files import write_atomic
-from aerial_il.evaluation.pages.session import PAGE, session_page
+from aerial_il.presentation.pages.session import PAGE, session_page
 
 
 def summary(folder: str) -> str:

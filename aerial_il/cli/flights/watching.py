@@ -27,9 +27,9 @@ def watched[Env: BatchEnv](env: Env, threads: int, *, wanted: bool) -> Iterator[
         raise InvalidValueError(f"rerun=true works in this suite only; {env.spec.robot}/{env.spec.task} is external.")
     import rerun as rr
 
-    from aerial_il.evaluation.films.window import has_screen
-    from aerial_il.inspection.live import WatchedBatch
-    from aerial_il.inspection.program import program
+    from aerial_il.presentation.films.window import has_screen
+    from aerial_il.presentation.rerun.live import WatchedBatch
+    from aerial_il.presentation.rerun.program import program
 
     stream = rr.RecordingStream("aerial_il-live")
     if has_screen():

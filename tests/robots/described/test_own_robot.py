@@ -11,7 +11,7 @@ import aerial_il
 from aerial_il import robots
 from tests.contract import test_scene, test_solvable
 from tests.contract.test_feasibility import solved
-from tests.house.test_examples import FILE, found_beside_ours
+from tests.project.test_examples import FILE, found_beside_ours
 from tests.robots import test_figures, test_robots
 
 PAGE = Path(__file__).parents[3] / "docs" / "own_robot.md"

@@ -131,8 +131,8 @@ def _to_rerun(config: Config) -> None:
 def _to_views(config: Config) -> None:
     from aerial_il.core.progress import Progress
     from aerial_il.data.dataset import open_dataset
-    from aerial_il.inspection.geometry import plain
-    from aerial_il.inspection.ros2.view import write_view
+    from aerial_il.presentation.rerun.geometry import plain
+    from aerial_il.presentation.rerun.ros2.view import write_view
 
     cameras = True if config.cameras is None else [f"{name}_rgb" for name in config.cameras]
     out, dataset = _own_place(config), open_dataset(config.path, cameras=cameras)

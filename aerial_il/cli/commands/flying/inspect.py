@@ -21,7 +21,7 @@ from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from aerial_il.data.episode import Episode
-    from aerial_il.inspection.flight import Flight
+    from aerial_il.presentation.rerun.flight import Flight
 
 INSPECTIONS = "runs/inspections"
 METRICS = "metrics.jsonl"  # what a run has and a dataset has not
@@ -58,21 +58,21 @@ class Config:
 
 def run(config: Config) -> None:
     """Write the file, and show it as far as this machine can."""
-    from aerial_il.inspection.program import program
+    from aerial_il.presentation.rerun.program import program
 
     program()
     target = Path(config.save or f"{INSPECTIONS}/{_name(config)}.rrd")
     _write(config, target)
     print(f"{target}: {target.stat().st_size / 1e6:.1f} MB")
     if config.screenshot:
-        from aerial_il.inspection import screenshot
+        from aerial_il.presentation.rerun import screenshot
 
         print(f"Picture: {screenshot.take(target, Path(config.screenshot), at=config.at)}")
     _show(config, target)
 
 
 def _write(config: Config, target: Path) -> None:
-    from aerial_il.inspection.file import FlightFile
+    from aerial_il.presentation.rerun.file import FlightFile
 
     with FlightFile(target) as file:
         if config.beside is None:
@@ -85,8 +85,8 @@ def _write(config: Config, target: Path) -> None:
 
 def _compare(config: Config, file: object) -> None:
     """Add two flights, the second one aligned with the first."""
-    from aerial_il.inspection.comparison import align
-    from aerial_il.inspection.file import FlightFile
+    from aerial_il.presentation.rerun.comparison import align
+    from aerial_il.presentation.rerun.file import FlightFile
 
     assert isinstance(file, FlightFile)
     assert config.beside is not None
@@ -113,8 +113,8 @@ def _flights(config: Config, source: str, index: int | None, like: Episode | Non
     """
     from aerial_il.cli.flights.inspected import flown_now, predictor
     from aerial_il.cli.flights.scenes import SubtaskJudge
-    from aerial_il.inspection.flight import Flight
-    from aerial_il.inspection.sources import chosen, open_source
+    from aerial_il.presentation.rerun.flight import Flight
+    from aerial_il.presentation.rerun.sources import chosen, open_source
 
     with SubtaskJudge() as judge:
         predict = predictor(config.policy.path)
@@ -136,7 +136,7 @@ def _tell(flight: Flight) -> None:
 
 def _roots(first: str, second: str) -> tuple[str, str]:
     """Return short names of two things, as the first parts of entity paths."""
-    from aerial_il.inspection.geometry import plain
+    from aerial_il.presentation.rerun.geometry import plain
 
     names = [plain(Path(source).stem) or "flight" for source in (first, second)]
     return (f"{names[0]}/", f"{names[1]}/") if names[0] != names[1] else (f"{names[0]}/", f"{names[1]}_2/")
@@ -149,8 +149,8 @@ def _name(config: Config) -> str:
 
 def _show(config: Config, target: Path) -> None:
     """Open a window or a page, or say how."""
-    from aerial_il.evaluation.films.window import has_screen
-    from aerial_il.inspection import program
+    from aerial_il.presentation.films.window import has_screen
+    from aerial_il.presentation.rerun import program
 
     if config.web:
         data_port = config.port + 1 if config.port else 0

@@ -76,7 +76,7 @@ class Config:
 
 def run(config: Config) -> None:
     """Show the flight, and say where it went."""
-    from aerial_il.evaluation.films.window import has_screen
+    from aerial_il.presentation.films.window import has_screen
 
     viewer = config.viewer
     if viewer == "auto":
@@ -92,7 +92,7 @@ def run(config: Config) -> None:
 
 def _show_flight(config: Config, viewer: str) -> None:
     from aerial_il.cli.flights import pilots
-    from aerial_il.evaluation.films import window
+    from aerial_il.presentation.films import window
 
     pilot = pilots.pilot(
         config.policy.path,
@@ -125,7 +125,7 @@ def _show_flight(config: Config, viewer: str) -> None:
 def _show_recording(config: Config, viewer: str, file: Path) -> None:
     from aerial_il.cli.flights.scenes import same_scene
     from aerial_il.data.recording.reader import read_episode
-    from aerial_il.evaluation.films import window
+    from aerial_il.presentation.films import window
 
     episode = read_episode(file)
     if viewer == "window":
@@ -145,7 +145,7 @@ def _present(
     config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: BatchEnv | None, again: str
 ) -> None:
     """Write what shows one flight without a window, or hand it to rerun."""
-    from aerial_il.evaluation.films.video import end_of
+    from aerial_il.presentation.films.video import end_of
     from aerial_il.evaluation.outcome import subtask_flags
     from aerial_il.suite.batch import BatchEnvironment
 
@@ -165,7 +165,7 @@ def _present(
 
 def _rerun(file: Path, out: Path) -> None:
     from aerial_il.data.formats import rerun_view
-    from aerial_il.evaluation.films.window import has_screen
+    from aerial_il.presentation.films.window import has_screen
 
     if has_screen():
         rerun_view.open_viewer(file)
@@ -176,8 +176,8 @@ def _rerun(file: Path, out: Path) -> None:
 
 def _still(config: Config, episode: Any, out: Path) -> None:
     from aerial_il.core.rendering import RenderingError
-    from aerial_il.evaluation.films.scene_renderer import obstacle
-    from aerial_il.evaluation.films.stroboscope import write_stroboscope
+    from aerial_il.presentation.films.scene_renderer import obstacle
+    from aerial_il.presentation.films.stroboscope import write_stroboscope
 
     if problem := obstacle():
         raise RenderingError(f"No picture: {problem} viewer=page shows the traces without it.")
@@ -186,8 +186,8 @@ def _still(config: Config, episode: Any, out: Path) -> None:
 
 def _film(config: Config, episode: Any, out: Path, flags: Any) -> None:
     from aerial_il.core.rendering import RenderingError
-    from aerial_il.evaluation.films.scene_renderer import obstacle
-    from aerial_il.evaluation.films.video import film_recording
+    from aerial_il.presentation.films.scene_renderer import obstacle
+    from aerial_il.presentation.films.video import film_recording
 
     if problem := obstacle():
         raise RenderingError(f"No film: {problem} viewer=page shows the traces without it.")
@@ -197,9 +197,9 @@ def _film(config: Config, episode: Any, out: Path, flags: Any) -> None:
 def _page(config: Config, episode: Any, file: Path, out: Path, flags: Any, again: str) -> None:
     from tempfile import TemporaryDirectory
 
-    from aerial_il.evaluation.films.scene_renderer import obstacle
-    from aerial_il.evaluation.films.video import film_recording
-    from aerial_il.evaluation.pages.player import write_player
+    from aerial_il.presentation.films.scene_renderer import obstacle
+    from aerial_il.presentation.films.video import film_recording
+    from aerial_il.presentation.pages.player import write_player
 
     problem = obstacle()
     notes = [f"No film: {problem}"] if problem else []

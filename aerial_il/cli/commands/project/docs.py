@@ -38,7 +38,7 @@ def run(config: Config) -> None:
             print(path)
     if config.site:
         from aerial_il.cli import reference
-        from aerial_il.documentation.site import build
+        from aerial_il.presentation.documentation.site import build
 
         start = build(config.site, reference.pages(), strict=config.strict)
         print(f"Site: {start}")
@@ -48,7 +48,7 @@ def run(config: Config) -> None:
 
 def write_pages(folder: str, *, films: bool) -> list[Path]:
     """Write the pages of robots and tasks, and return their files."""
-    from aerial_il.evaluation.pages import robot_pages, task_pages
+    from aerial_il.presentation.pages import robot_pages, task_pages
 
     pictures = write_films(Path(folder)) if films else []
     return [*pictures, *write_drawings(folder), *robot_pages.write_pages(folder), *task_pages.write_pages(folder)]
@@ -58,9 +58,9 @@ def write_drawings(folder: str) -> list[Path]:
     """Draw the frames, and the rooms where this is a checkout, whose contract says how they stand."""
     from aerial_il import robots
     from aerial_il.core.files import write_atomic
-    from aerial_il.documentation import layers
-    from aerial_il.documentation.sources import ROOT
-    from aerial_il.evaluation.pages import frames
+    from aerial_il.presentation.documentation import layers
+    from aerial_il.presentation.documentation.sources import ROOT
+    from aerial_il.presentation.pages import frames
 
     drawn = {"frames.svg": frames.drawing(robots.get(FRAMES_OF))}
     if (ROOT / layers.CONTRACT).exists():
@@ -75,7 +75,7 @@ def write_films(folder: Path) -> list[Path]:
     from aerial_il.cli.commands.project.list import catalogue
     from aerial_il.cli.flights.pilots import expert_flight
     from aerial_il.core.rendering import require_rendering
-    from aerial_il.evaluation.pages.gallery import copy_films, write_gallery
+    from aerial_il.presentation.pages.gallery import copy_films, write_gallery
 
     require_rendering("films=true")
     with TemporaryDirectory() as place:
@@ -87,7 +87,7 @@ def show(start: Path) -> None:
     """Open the first page where there is a screen; elsewhere say how to look at it from another machine."""
     import webbrowser
 
-    from aerial_il.evaluation.films.window import has_screen
+    from aerial_il.presentation.films.window import has_screen
 
     if has_screen() and webbrowser.open(start.as_uri()):
         return

@@ -76,7 +76,7 @@ def _of_session(config: Config, flown: list[str]) -> Path:
 def _of_evaluation(config: Config) -> Path:
     from aerial_il.cli.flights import results
     from aerial_il.evaluation.curves import LearningPoint
-    from aerial_il.evaluation.pages.report import write_report
+    from aerial_il.presentation.pages.report import write_report
     from aerial_il.evaluation.result import load_result
 
     if len(config.result) > 1:
@@ -97,7 +97,7 @@ def _of_evaluation(config: Config) -> Path:
 
 def _of_run(config: Config, run: TrainingRun) -> Path:
     from aerial_il.cli.flights import run_results
-    from aerial_il.evaluation.pages.run_report import write_run_report
+    from aerial_il.presentation.pages.run_report import write_run_report
 
     predictions, note = run_results.predictions(run, config.dataset.path)
     rewarded, films = run_results.rewarded(run, config.dataset.path), run_results.footage(run, config.videos)
@@ -112,7 +112,7 @@ def _of_run(config: Config, run: TrainingRun) -> Path:
 
 
 def _of_runs(config: Config, runs: list[TrainingRun]) -> Path:
-    from aerial_il.evaluation.pages.run_report import write_runs_report
+    from aerial_il.presentation.pages.run_report import write_runs_report
 
     together = os.path.commonpath([run.path.resolve().parent for run in runs])
     return write_runs_report(config.out or Path(together) / PAGE, runs)

@@ -118,7 +118,7 @@ def _warn(found: RunCollection) -> None:
 
 def _write_page(found: RunCollection) -> Path:
     from aerial_il.core.errors import InvalidValueError
-    from aerial_il.evaluation.pages.run_report import write_runs_report
+    from aerial_il.presentation.pages.run_report import write_runs_report
 
     if not found.runs:
         raise InvalidValueError(f"{found.folder} has no such run, so there is no page to write.")

@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 from aerial_il.cli.main import main
-from aerial_il.evaluation.films import window
-from aerial_il.inspection import program
+from aerial_il.presentation.films import window
+from aerial_il.presentation.rerun import program
 from tests.evaluation.browser import needs_browser
-from tests.inspection.conftest import Shown
+from tests.presentation.rerun.conftest import Shown
 
 
 @pytest.fixture(autouse=True)

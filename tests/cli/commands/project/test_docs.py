@@ -8,8 +8,8 @@ import pytest
 
 from aerial_il.cli.commands.project import docs
 from aerial_il.cli.main import main
-from aerial_il.documentation import layers
-from aerial_il.documentation.sources import ROOT
+from aerial_il.presentation.documentation import layers
+from aerial_il.presentation.documentation.sources import ROOT
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from tests.algorithms import drift
 from tests.cli.next_lines import next_commands
 from tests.contract import test_algorithms
 from tests.contract.test_feasibility import solved
-from tests.house.test_examples import files, found_beside_ours
+from tests.project.test_examples import files, found_beside_ours
 
 SHOWN = {"task": "touch_point", "robot": "two_joint_hexa", "policy": "linear", "algorithm": "sac_prior"}
 

@@ -10,7 +10,7 @@ import pytest
 
 from aerial_il.cli.main import main
 from tests.evaluation.outline import Outline
-from tests.evaluation.pages.test_run_report import make_run
+from tests.presentation.pages.test_run_report import make_run
 
 
 @pytest.fixture

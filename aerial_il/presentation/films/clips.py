@@ -1,0 +1,132 @@
+"""Pictures of a flight for the gallery: a film of its most eventful seconds, a poster, and what the cameras see.
+
+Films are named after their content: made once, found again as long as scene and flight stay the same bit for bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from aerial_il.core.files import write_atomic
+from aerial_il.data.episode import Episode
+from aerial_il.presentation.films.scene_renderer import SceneRenderer
+from aerial_il.presentation.films.traces import traces_of
+from aerial_il.presentation.films.video import FRAMED_STATES, jpeg, write_mp4
+from aerial_il.presentation.studio.studio import QUICK, STILL
+from aerial_il.presentation.studio.viewpoint import Viewpoint
+
+RECIPE = "3"  # part of every name: raise it when the pictures below are made in another way
+LONGEST_S = 6.0
+HOLD_S = 0.8
+FILM_SIZE = (300, 400)  # height, width
+POSTER_SIZE = (480, 640)
+STILL_SIZE = (180, 240)
+FPS, EXPOSURES = 12.5, QUICK  # pictures a second, and exposures of each
+TRAIL_S = 2.0
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """The steps of a flight that are shown: ``first`` to ``last``, and the one on the poster."""
+
+    first: int
+    last: int
+    poster: int
+
+
+@dataclass(frozen=True)
+class FlightClips:
+    """Files on disk that show a flight.
+
+    Attributes:
+        film: MP4. poster: JPEG of the moment that tells most. portrait: JPEG of the robot alone.
+        stills: camera -> JPEG of what it sees at that moment.
+    """
+
+    film: Path
+    poster: Path
+    portrait: Path
+    stills: dict[str, Path]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.film, self.poster, self.portrait, *self.stills.values())
+
+
+def make_clips(episode: Episode, subtasks: np.ndarray, folder: Path) -> FlightClips:
+    """Return the pictures of a flight, made now or before.
+
+    Args:
+        episode: a flight with its states. subtasks: (T, K) flags after each step. folder: where they are kept.
+    """
+    part = excerpt(subtasks, episode.spec.control_dt_s)
+    stem = f"{episode.spec.robot}-{episode.spec.task}-"
+    name = stem + _digest(episode, part)
+    with SceneRenderer(episode.model_xml) as scene:
+        clips = FlightClips(
+            film=folder / f"{name}.mp4",
+            poster=folder / f"{name}-poster.jpg",
+            portrait=folder / f"{name}-robot.jpg",
+            stills={camera: folder / f"{name}-{camera}.jpg" for camera in scene.cameras},
+        )
+        if all(file.exists() for file in clips.files):
+            return clips
+        for old in folder.glob(f"{stem}*"):
+            old.unlink()
+        _make(clips, scene, episode, part)
+    return clips
+
+
+def excerpt(subtasks: np.ndarray, dt: float) -> Excerpt:
+    """Choose the seconds in which most sub-tasks (T, K) are done for the first time, the latest such seconds."""
+    length, most = len(subtasks), round(LONGEST_S / dt)
+    done = sorted(int(np.argmax(flags)) for flags in subtasks.T if flags.any())
+    ends = [length - 1, *(min(length - 1, step + round(1.0 / dt)) for step in done)]
+
+    def events(end: int) -> list[int]:
+        return [step for step in done if end - most < step <= end]
+
+    last = max(ends, key=lambda end: (len(events(end)), end))
+    shown = events(last)
+    first = max(0, last - most + 1)
+    return Excerpt(first, last, shown[-2] if len(shown) > 1 else shown[0] if shown else (first + last) // 2)
+
+
+def _make(clips: FlightClips, scene: SceneRenderer, episode: Episode, part: Excerpt) -> None:
+    after = episode.states[1:]
+    shown = after[part.first : part.last + 1]
+    view = scene.frame(shown[:: max(1, len(shown) // FRAMED_STATES)], FILM_SIZE[1] / FILM_SIZE[0])
+    stride = max(1, round(1 / (episode.spec.control_dt_s * FPS)))
+    rate = Fraction(1 / (episode.spec.control_dt_s * stride)).limit_denominator(1000)
+    steps = range(part.first + 1, part.last + 2, stride)
+    write_mp4(clips.film, _frames(scene, episode, steps, view), rate=rate, hold_frames=round(HOLD_S * rate))
+    moment, aspect = after[part.poster], POSTER_SIZE[1] / POSTER_SIZE[0]
+    _save(clips.poster, scene.draw(moment, scene.frame([moment], aspect), *POSTER_SIZE, exposures=STILL))
+    for camera, path in clips.stills.items():
+        _save(path, scene.draw(moment, camera, *STILL_SIZE))
+    scene.hide_props()
+    alone = scene.frame([moment], aspect, props=False)
+    _save(clips.portrait, scene.draw(moment, alone, *POSTER_SIZE, exposures=STILL))
+
+
+def _frames(scene: SceneRenderer, episode: Episode, steps: range, view: Viewpoint) -> Iterator[np.ndarray]:
+    traces = traces_of(episode, scene)
+    for step in steps:
+        marks = traces.marks(step, since_s=TRAIL_S)
+        yield scene.draw(episode.states[step], view, *FILM_SIZE, exposures=EXPOSURES, marks=marks)
+
+
+def _save(path: Path, picture: np.ndarray) -> None:
+    write_atomic(path, jpeg(picture))
+
+
+def _digest(episode: Episode, part: Excerpt) -> str:
+    content = hashlib.sha256(f"{RECIPE} {part} {episode.model_xml}".encode())
+    content.update(np.ascontiguousarray(episode.states).tobytes())
+    return content.hexdigest()[:12]

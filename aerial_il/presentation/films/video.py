@@ -1,0 +1,313 @@
+"""Films of chosen episodes: each is flown again from its seed and recorded actions, bit for bit, and rendered.
+
+A recording is rendered from its states, whoever flew it. H.264 in MP4 through PyAV, without a system ffmpeg. On a
+machine that cannot render, there are no films and a sentence says why; everything else goes on.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import write_atomic
+from aerial_il.core.progress import Progress
+from aerial_il.data.episode import Episode
+from aerial_il.data.provenance import DROPPED
+from aerial_il.presentation.films.overlay import Caption, compose
+from aerial_il.presentation.films.scene_renderer import SceneRenderer
+from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
+from aerial_il.presentation.pages.page import data_uri
+from aerial_il.evaluation.result import EvaluationResult, Flight
+from aerial_il.presentation.studio.studio import QUICK
+from aerial_il.presentation.studio.viewpoint import Viewpoint
+
+FPS = 25
+HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
+LONGEST_CLIP_S = 12.0  # longer episodes play faster
+MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
+FRAMED_STATES = 12  # of a recording, from which the viewpoint is found that holds the whole flight
+JPEG_QUALITY = 85
+VIEW_SIZE = (396, 528)  # height, width of one camera view
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A film on disk of one episode, beside it its last picture where it was made here."""
+
+    path: Path
+    episode: EpisodeRecord
+
+    @property
+    def poster(self) -> Path:
+        return self.path.with_suffix(".jpg")
+
+    @property
+    def speed(self) -> int:
+        """The number of times by which it plays faster than real time."""
+        return math.ceil(self.episode.duration_s / LONGEST_CLIP_S)
+
+
+@dataclass(frozen=True)
+class Footage:
+    """The films of an evaluation, or a sentence saying why there are none."""
+
+    clips: tuple[Clip, ...] = ()
+    note: str = ""
+
+
+def embedded(clips: Sequence[Clip]) -> list[dict[str, Any]]:
+    """Return what a page shows of films: ``clip``, ``episode``, the film as ``data`` and its ``poster``, if any."""
+    return [
+        {
+            "clip": clip,
+            "episode": clip.episode,
+            "data": data_uri(clip.path),
+            "poster": data_uri(clip.poster) if clip.poster.exists() else "",
+        }
+        for clip in clips
+    ]
+
+
+def film(
+    env: BatchEnv,
+    result: EvaluationResult,
+    folder: str | os.PathLike[str],
+    *,
+    successes: int = 2,
+    failures: int = 2,
+    cameras: Sequence[str] = ("scene", "wrist"),
+) -> Footage:
+    """Film the first successes and the first failures in the order of the seeds: a sample, not a selection.
+
+    Args:
+        env: a batch environment of the cell and tier of ``result``; its world 0 is used.
+        result: an evaluation whose flights still hold their actions.
+        folder: where the MP4 files go, named ``seed_<seed>_<end>.mp4``.
+        successes, failures: how many of each, at most.
+        cameras: views from left to right; those that the environment lacks are left out.
+
+    Returns:
+        The clips in the order of their seeds, or the reason why nothing can be rendered.
+    """
+    views = [name for name in cameras if name in env.camera_names]
+    problem = rendering_problem(env, views)
+    if problem:
+        return Footage(note=f"No video: {problem}")
+    chosen = _first(result, True, successes) + _first(result, False, failures)
+    clips = []
+    for episode in sorted(chosen, key=lambda e: result.seeds.index(e.seed)):
+        path = Path(folder) / f"seed_{episode.seed}_{episode.end}.mp4"
+        clips.append(film_episode(env, result, episode, path, cameras=views))
+    return Footage(tuple(clips))
+
+
+def rendering_problem(env: BatchEnv, cameras: Sequence[str]) -> str:
+    """Return why ``env`` cannot be filmed, or an empty string. The reason comes from OpenGL itself, in its words."""
+    if not cameras:
+        return f"the environment has none of the cameras asked for; it has {', '.join(env.camera_names) or 'none'}."
+    try:
+        env.render(0, cameras[0], *VIEW_SIZE)
+    except Exception as error:  # the renderer, its bindings and the driver each raise their own kind
+        return f"this machine cannot render ({type(error).__name__}: {error}). `aerial-il doctor` says what is missing."
+    return ""
+
+
+def film_episode(
+    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str]
+) -> Clip:
+    """Fly one episode again in world 0 of ``env`` and write its film.
+
+    Raises:
+        InvalidValueError: the actions of the episode were not kept (results read from disk have none).
+    """
+    flight = result.flights.get(episode.seed)
+    if flight is None or flight.actions is None:
+        raise InvalidValueError(f"The actions of seed {episode.seed} were not kept; evaluate it again to film it.")
+    clip = Clip(path, episode)
+    dt, speed = env.spec.control_dt_s, clip.speed
+    stride = speed * max(1, round(1 / (dt * FPS)))
+    rate = Fraction(speed / (dt * stride)).limit_denominator(1000)
+    title = " · ".join((result.task, result.robot, result.tier, f"seed {episode.seed}"))
+    title += f" · {speed}x" if speed > 1 else ""
+    moments = _moments(env, episode, flight, title=title, stride=stride)
+    frames = _as_cameras_see(env, moments, cameras) if env.engine is None else _in_the_studio(env, moments, cameras)
+    last = write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    write_atomic(clip.poster, jpeg(last))
+    return clip
+
+
+def _moments(env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: str, stride: int) -> Iterator[Caption]:
+    """Fly again and yield what there is to say whenever a picture is due."""
+    assert flight.actions is not None
+    length, done = len(flight.actions), np.zeros(len(env.spec.subtasks), dtype=bool)
+    for step, info in enumerate(_fly_again(env, episode.seed, flight.actions)):
+        done |= info["subtasks"][0]
+        last = step == length - 1
+        if step % stride and not last:
+            continue
+        yield Caption(
+            title=title,
+            time_s=(step + 1) * env.spec.control_dt_s,
+            progress=(step + 1) / length,
+            phase=_phase_name(flight, step),
+            subtasks=dict(zip(env.spec.subtasks, done.tolist(), strict=True)),
+            end=episode.end if last else "",
+        )
+
+
+def _as_cameras_see(env: BatchEnv, moments: Iterator[Caption], cameras: Sequence[str]) -> Iterator[np.ndarray]:
+    for caption in moments:
+        yield compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, caption)
+
+
+def _in_the_studio(env: BatchEnv, moments: Iterator[Caption], cameras: Sequence[str]) -> Iterator[np.ndarray]:
+    """Draw the flight as people see it, from where it fills the picture, in the place of the ``scene`` camera."""
+    captions, states = zip(*((caption, env.get_state()[0]) for caption in moments), strict=True)
+    with SceneRenderer(env.model_xml) as scene:
+        whole = scene.frame(states[:: max(1, len(states) // FRAMED_STATES)], VIEW_SIZE[1] / VIEW_SIZE[0])
+        views = {"flight" if name == "scene" else name: whole if name == "scene" else name for name in cameras}
+        for caption, state in zip(captions, states, strict=True):
+            pictures = {name: scene.draw(state, view, *VIEW_SIZE, exposures=QUICK) for name, view in views.items()}
+            yield compose(pictures, caption)
+
+
+def _fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
+    """Step world 0 through recorded actions (T, Da) from its seed; yield the step infos."""
+    only_first = np.arange(env.num_envs) == 0
+    env.reset(np.full(env.num_envs, seed), only_first)
+    batch = np.tile(actions[0], (env.num_envs, 1))
+    for action in actions:
+        batch[0] = action
+        yield env.step(batch, only_first).info
+
+
+def film_recording(episode: Episode, path: Path, *, flags: np.ndarray | None = None, progress: bool = False) -> Path:
+    """Write the film of a recorded flight in real time, from its states: as a whole, and what the robot sees.
+
+    Args:
+        episode: the recording. path: MP4 file. flags: (T, K) sub-tasks after each step, if they are known.
+        progress: show a progress bar.
+    """
+    dt = episode.spec.control_dt_s
+    stride = max(1, round(1 / (dt * FPS)))
+    rate = Fraction(1 / (dt * stride)).limit_denominator(1000)
+    steps = [*range(0, len(episode), stride), len(episode)]
+    with SceneRenderer(episode.model_xml) as scene:
+        whole = scene.frame(episode.states[:: max(1, len(episode) // FRAMED_STATES)], VIEW_SIZE[1] / VIEW_SIZE[0])
+        views = {"flight": whole} | {name: name for name in ("wrist", "base") if name in scene.cameras}
+        seen = dict(list(views.items())[:2])
+        bar = Progress(steps, desc="film", unit="frame", disable=not progress)
+        frames = (_picture(scene, episode, step, seen, flags) for step in bar)
+        write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    return path
+
+
+def _picture(
+    scene: SceneRenderer, episode: Episode, step: int, views: Mapping[str, str | Viewpoint], flags: np.ndarray | None
+) -> np.ndarray:
+    """Draw the state after ``step`` steps, with what is known of it."""
+    spec, last = episode.spec, step == len(episode)
+    caption = Caption(
+        title=" · ".join((spec.task, spec.robot, spec.tier, f"seed {episode.provenance.get('seed', '?')}")),
+        time_s=float(episode.sim_time[step] - episode.sim_time[0]),
+        progress=step / len(episode),
+        phase=phase_at(episode, min(step, len(episode) - 1)),
+        subtasks={} if flags is None else {name: bool(flags[:step, k].any()) for k, name in enumerate(spec.subtasks)},
+        end=end_of(episode) if last else "",
+    )
+    return compose(
+        {name: scene.draw(episode.states[step], view, *VIEW_SIZE, exposures=QUICK) for name, view in views.items()},
+        caption,
+    )
+
+
+def end_of(episode: Episode) -> End:
+    """Return how a recorded flight ended."""
+    dropped = episode.provenance.get("note") == DROPPED
+    return why_ended(success=episode.success, crash=bool(episode.terminated[-1]) and not dropped, dropped=dropped)
+
+
+def phase_at(episode: Episode, step: int) -> str:
+    """Return the name of the phase in a step of a recorded flight, or an empty string."""
+    names, phase = episode.provenance.get("phases", ()), int(episode.phase[step])
+    return names[phase] if 0 <= phase < len(names) else ""
+
+
+def write_mp4(
+    path: Path, frames: Iterator[np.ndarray], *, rate: Fraction, hold_frames: int = 0, max_rate: int = MAX_RATE
+) -> np.ndarray:
+    """Encode (H, W, 3) uint8 frames of even size as H.264 that browsers play, whole or not at all.
+
+    Args:
+        path: destination; missing parent folders are made.
+        frames: the pictures.
+        rate: frames per second.
+        hold_frames: how often the last picture is shown again.
+        max_rate: bit/s.
+
+    Returns:
+        The last picture.
+    """
+    import av
+
+    picture = np.zeros((0, 0, 3), np.uint8)
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    options = {"crf": "26", "preset": "medium", "maxrate": str(max_rate), "bufsize": str(max_rate)}
+    try:
+        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            stream = container.add_stream("libx264", rate=rate, options=options)
+            stream.pix_fmt = "yuv420p"
+            for picture in _held(frames, hold_frames):
+                stream.height, stream.width = picture.shape[:2]
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+            container.mux(stream.encode(None))
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    return picture
+
+
+def jpeg(picture: np.ndarray) -> bytes:
+    """Return an (H, W, 3) uint8 picture as a JPEG file."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    return buffer.getvalue()
+
+
+def png(picture: np.ndarray) -> bytes:
+    """Return an (H, W, 3) uint8 picture as a PNG file."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def _held(frames: Iterator[np.ndarray], times: int) -> Iterator[np.ndarray]:
+    last = None
+    for last in frames:
+        yield last
+    if last is not None:
+        yield from repeat(last, times)
+
+
+def _phase_name(flight: Flight, step: int) -> str:
+    if flight.phase is None or not flight.phase_names or flight.phase[step] < 0:
+        return ""
+    return flight.phase_names[flight.phase[step]]
+
+
+def _first(result: EvaluationResult, success: bool, number: int) -> list[EpisodeRecord]:
+    return [episode for episode in result.episodes if episode.success is success][:number]

@@ -1,0 +1,291 @@
+"""The charts of a training run, and of several runs that differ in seed or settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from aerial_il.core.seeding import named_rng
+from aerial_il.evaluation import statistics
+from aerial_il.evaluation.curves import Curve, curves_of
+from aerial_il.presentation.pages.charts import HEIGHT, NARROW, WIDE, Figure, Plot, tick_label
+from aerial_il.presentation.pages.figures import CLOCK, logged
+from aerial_il.evaluation.predictions import Prediction
+from aerial_il.evaluation.run_collection import axes_of, settings_of
+from aerial_il.evaluation.training_run import EPISODES, REWARD, SUCCESS, TrainingRun
+
+Groups = Mapping[str, Sequence[TrainingRun]]  # label -> runs that only differ in seed
+Each = Mapping[TrainingRun, Sequence[tuple[float, float]]]  # run -> (step, value)
+Mean = tuple[float, float, statistics.Interval | None]  # step, mean over seeds, 95 % interval
+
+LOSSES = ("loss", "validation/loss")
+SHOWN = (*LOSSES, CLOCK, SUCCESS, f"{SUCCESS}_low", f"{SUCCESS}_high", EPISODES, REWARD)  # in charts of their own
+SUCCESS_TITLE, REWARD_TITLE = "Success over training", "Mean reward over training"
+HEADINGS = {  # prefix of a number's name -> what stands above the charts, in their order
+    "": "Training",
+    "total": "Of all rounds so far",
+    "evaluate": "Rollouts on the way",
+    "evaluate/success": "Their success in each task",
+    "episode": "Episodes flown while it learned",
+    "reward": "Reward that it learns from",
+    "actor": "Actor",
+    "critic": "Critic",
+}
+CHART_POINTS = 400  # of a prediction; more are not seen
+SMALL, TALL = 130.0, 260.0  # heights of one of many charts, and of one that stands alone
+
+
+def success(run: TrainingRun) -> Figure | None:
+    """Draw success in the rollouts over training, with 95 % intervals; the best is marked, the last labelled."""
+    rollouts = run.rollouts
+    if not rollouts:
+        return None
+    steps, rates = [float(r.step) for r in rollouts], [r.rate for r in rollouts]
+    last, word = rollouts[-1], run.unit.split()[-1]
+    alt = f"Success in rollouts over {last.step} {run.unit}s; at the end {100 * last.rate:.0f} %"
+    plot = _success_axes(steps[-1], run.unit, alt)
+    plot.line(steps, rates, "curve")
+    for step, point in zip(steps, rollouts, strict=True):
+        plot.whisker(step, *point.ci95, "whisker")
+        plot.dot(step, point.rate, "knot", radius=3.5, title=f"{word} {point.step}: {100 * point.rate:.0f} %")
+    best = max(rollouts, key=lambda r: (r.rate, r.step))
+    note = f"Bars: 95 % Wilson intervals, {last.episodes} episodes each. "
+    note += f"Best {100 * best.rate:.0f} % at {word} {best.step}, final {100 * last.rate:.0f} %. "
+    return Figure(SUCCESS_TITLE, plot.svg(), note + "The best of several flatters the policy: evaluate the final one.")
+
+
+def mean_reward(run: TrainingRun) -> Figure | None:
+    """Draw the mean reward of the rollouts over training."""
+    if not run.rewards:
+        return None
+    steps, rewards = [float(step) for step, _ in run.rewards], [reward for _, reward in run.rewards]
+    said = f"the last is {tick_label(rewards[-1])}"
+    alt = f"Mean reward in rollouts over {steps[-1]:g} {run.unit}s; {said}"
+    plot = _reward_axes(steps[-1], rewards, run.unit, alt)
+    plot.line(steps, rewards, "curve")
+    for step, reward in zip(steps, rewards, strict=True):
+        plot.dot(step, reward, "knot", radius=3.5, title=f"{run.unit.split()[-1]} {step:g}: {tick_label(reward)}")
+    return Figure(REWARD_TITLE, plot.svg(), f"What a control step was paid, on average; {said}.")
+
+
+def _success_axes(last_step: float, unit: str, alt: str) -> Plot:
+    x, y = (0.0, last_step), (0.0, 1.0)
+    return Plot(x=x, y=y, x_label=unit, y_label="", alt=alt, width=2 * WIDE, height=TALL, percent=True)
+
+
+def _reward_axes(last_step: float, rewards: Sequence[float], unit: str, alt: str) -> Plot:
+    x, y = (0.0, last_step), (min(0.0, *rewards), max(0.0, *rewards))
+    return Plot(x=x, y=y, x_label=unit, y_label="", alt=alt, width=2 * WIDE, height=TALL)
+
+
+def unit_of(runs: Iterable[TrainingRun]) -> str:
+    """Return what the steps of all ``runs`` count; "environment step or round" where they differ in it."""
+    return " or ".join(sorted({run.unit for run in runs}))
+
+
+def losses(runs: Groups) -> Figure | None:
+    """Draw the losses over training: of one run its own and that on held-out demonstrations, else a hue per group."""
+    lines: list[tuple[str, str, Curve]] = []
+    for hue, (label, members) in enumerate(runs.items()):
+        for run in members:
+            found = {curve.name: curve for curve in curves_of(run.rows)}
+            names = LOSSES if len(runs) == 1 else LOSSES[:1]
+            for k, name in enumerate(names):
+                if name in found:
+                    lines.append((f"trace hue{(hue + k) % 8}", f"{label}: {name}", found[name]))
+    if not lines:
+        return None
+    every = np.concatenate([curve.values for _, _, curve in lines])
+    low, high = float(every.min()), float(every.max())
+    last = max(float(curve.steps[-1]) for _, _, curve in lines)
+    log = low > 0 and high > 5 * low
+    said = "; ".join(f"{title} ends at {tick_label(float(curve.values[-1]))}" for _, title, curve in lines)
+    x, y = (0.0, last), (low if log else 0.0, high)
+    label = unit_of(run for members in runs.values() for run in members if run.rows)
+    plot = Plot(x=x, y=y, x_label=label, y_label="", alt=said, width=2 * WIDE, height=TALL, log_y=log)
+    for kind, title, curve in lines:
+        plot.line(curve.steps, curve.values, kind, title=title)
+    return Figure("Loss", plot.svg(), "Which of two policies flies better, no loss tells: only rollouts do.")
+
+
+def others(run: TrainingRun) -> dict[str, list[Figure]]:
+    """Draw what else was logged, whatever the algorithm, in small charts under a heading per prefix of the names.
+
+    What other sections show is left out, and the clock.
+    """
+    groups: dict[str, list[Figure]] = {heading: [] for heading in HEADINGS.values()}
+    for curve in curves_of(run.rows):
+        prefix, _, name = curve.name.rpartition("/")
+        if curve.name not in SHOWN and not prefix.startswith("validation"):
+            heading = HEADINGS.get(prefix, prefix.replace("/", ", ").capitalize())
+            groups.setdefault(heading, []).append(logged(curve, run.unit, name=name, height=SMALL))
+    return {heading: figures for heading, figures in groups.items() if figures}
+
+
+def validation(run: TrainingRun) -> list[Figure]:
+    """Draw the error on held-out demonstrations, element by element of the action, over training."""
+    curves = [c for c in curves_of(run.rows) if c.name.startswith("validation/") and c.name != LOSSES[1]]
+    figures = []
+    for curve in curves:
+        name, last = curve.name.removeprefix("validation/"), float(curve.values[-1])
+        alt = f"Mean absolute error of {name} over training; last {tick_label(last)}"
+        x, y = (0.0, float(curve.steps[-1])), (0.0, float(curve.values.max()))
+        plot = Plot(x=x, y=y, x_label=run.unit, y_label="", alt=alt, width=NARROW, height=SMALL)
+        plot.line(curve.steps, curve.values, "curve")
+        figures.append(Figure(name, plot.svg(), f"Last value {tick_label(last)}"))
+    return figures
+
+
+def prediction(shown: Prediction) -> list[Figure]:
+    """Draw each element of the action along a held-out demonstration: the demonstrator's, and the policy's chunks."""
+    figures = []
+    step = max(1, len(shown.time_s) // CHART_POINTS)
+    for i, (label, unit) in enumerate(zip(shown.labels, shown.units, strict=True)):
+        both = np.concatenate([shown.shown[:, i], shown.predicted[:, i]])
+        error = float(shown.error[i])
+        alt = f"{label} along {shown.uid}: predicted within {tick_label(error)} {unit} of what was shown, on average"
+        y = float(both.min()), float(both.max())
+        x = float(shown.time_s[0]), float(shown.time_s[-1])
+        plot = Plot(x=x, y=y, x_label="s", y_label=unit, alt=alt, width=NARROW, height=1.2 * SMALL)
+        plot.line(shown.time_s[::step], shown.shown[::step, i], "trace hue0", title="demonstrator")
+        for a, b in zip(shown.starts, [*shown.starts[1:], len(shown.time_s)], strict=True):
+            plot.line(shown.time_s[a:b], shown.predicted[a:b, i], "trace hue1", title="policy")
+        figures.append(Figure(label, plot.svg(), f"Mean absolute error {tick_label(error)} {unit}".rstrip()))
+    return figures
+
+
+def rewarded(uid: str, lines: Mapping[str, np.ndarray]) -> Figure:
+    """Draw a learned reward along the demonstration ``uid``, a line (T,) for each way in which it was flown."""
+    every = np.concatenate(list(lines.values()))
+    said = ", ".join(f"{label} {tick_label(float(values.mean()))}" for label, values in lines.items())
+    x, y = (0.0, float(max(map(len, lines.values())) - 1)), (float(every.min()), float(every.max()))
+    alt = f"Learned reward along {uid}; mean {said}"
+    plot = Plot(x=x, y=y, x_label="control step", y_label="", alt=alt, width=2 * WIDE, height=TALL)
+    for hue, (label, values) in enumerate(lines.items()):
+        plot.line(np.arange(len(values)), values, f"trace hue{hue % 8}", title=label)
+    return Figure(uid, plot.svg(), f"Mean: {said}.")
+
+
+def success_of_groups(groups: Groups) -> Figure | None:
+    """Draw success over training for runs of several seeds: a hue per group, its mean with intervals, each seed thin.
+
+    The interval resamples training seeds, then episodes; with one seed, the episodes alone.
+    """
+    each = {run: [(r.step, r.rate) for r in run.rollouts] for run in _all(groups) if run.rollouts}
+    if not each:
+        return None
+    means = {label: mean_success([run for run in runs if run in each]) for label, runs in groups.items()}
+    ends = ", ".join(f"{label} {100 * points[-1][1]:.0f} %" for label, points in means.items() if points)
+    alt = f"Success over training, mean over seeds: {ends} at the end"
+    plot = _success_axes(_last(each), unit_of(each), alt)
+    _draw_groups(plot, groups, each, means, lambda rate: f"{100 * rate:.0f} %")
+    note = "Thick: mean over training seeds; thin: each of them. Bars: 95 % intervals, resampling seeds and episodes."
+    return Figure(SUCCESS_TITLE, plot.svg(), note)
+
+
+def reward_of_groups(groups: Groups) -> Figure | None:
+    """Draw the mean reward of rollouts for runs of several seeds, as :func:`success_of_groups` does success.
+
+    The interval resamples training seeds; with one there is none.
+    """
+    each = {run: run.rewards for run in _all(groups) if run.rewards}
+    if not each:
+        return None
+    means = {label: mean_rewards([run for run in runs if run in each]) for label, runs in groups.items()}
+    ends = ", ".join(f"{label} {tick_label(points[-1][1])}" for label, points in means.items() if points)
+    alt = f"Mean reward over training, mean over seeds: {ends} at the end"
+    plot = _reward_axes(_last(each), [reward for points in each.values() for _, reward in points], unit_of(each), alt)
+    _draw_groups(plot, groups, each, means, tick_label)
+    note = "What a control step was paid, on average. Thick: mean over training seeds; thin: each of them. "
+    return Figure(
+        REWARD_TITLE, plot.svg(), note + "Bars: 95 % intervals, resampling seeds; too narrow for few of them."
+    )
+
+
+def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
+    """Draw the success in the last rollouts along a setting in which ``runs`` differ: each run, and means.
+
+    Values stand in their order at equal distances; None where no run was flown.
+    """
+    values = axes_of(runs)[axis]
+    ends = [[run.rollouts[-1].rate for run in runs if run.rollouts and settings_of(run).get(axis) == v] for v in values]
+    if not any(ends):
+        return None
+    means = [(k, float(np.mean(rates))) for k, rates in enumerate(ends, start=1) if rates]
+    ends_by_value = ", ".join(f"{values[k - 1]} {100 * mean:.0f} %" for k, mean in means)
+    alt, x = f"Success at the end by {axis}: {ends_by_value}", (0.5, len(values) + 0.5)
+    places = [float(k) for k in range(1, len(values) + 1)]
+    plot = Plot(
+        x=x, y=(0.0, 1.0), x_label="", y_label="", alt=alt, width=NARROW, height=HEIGHT, percent=True, x_ticks=places
+    )
+    for place, (value, rates) in enumerate(zip(values, ends, strict=True), start=1):
+        for rate in rates:
+            plot.dot(place, rate, "knot", radius=2.5, title=f"{axis}={value}: {100 * rate:.0f} %")
+    plot.line([place for place, _ in means], [mean for _, mean in means], "curve", title="mean")
+    return Figure(axis, plot.svg(), "; ".join(f"{k}: {values[k - 1]}, mean {100 * mean:.0f} %" for k, mean in means))
+
+
+def _all(groups: Groups) -> list[TrainingRun]:
+    return [run for runs in groups.values() for run in runs]
+
+
+def _last(each: Each) -> float:
+    return float(max(points[-1][0] for points in each.values()))
+
+
+def _draw_groups(
+    plot: Plot, groups: Groups, each: Each, means: Mapping[str, Sequence[Mean]], written: Callable[[float], str]
+) -> None:
+    """Draw each run thin and each group's mean thick, with its intervals, in the hue that its place among all has.
+
+    Args:
+        plot: where. groups: label -> runs. each: run -> (step, value). means: label -> means over its seeds.
+        written: value -> how it is written.
+    """
+    for hue, (label, runs) in enumerate(groups.items()):
+        for run in (run for run in runs if run in each and len(runs) > 1):
+            steps, values = zip(*each[run], strict=True)
+            plot.line(steps, values, f"trace thin hue{hue % 8}", title=f"{label}, seed {run.seed}")
+        if not means[label]:
+            continue
+        plot.line([s for s, _, _ in means[label]], [m for _, m, _ in means[label]], f"trace hue{hue % 8}", title=label)
+        for step, mean, interval in means[label]:
+            if interval:
+                plot.whisker(step, *interval, f"reach hue{hue % 8}")
+            title = f"{label}, {runs[0].unit.split()[-1]} {step:g}: {written(mean)}"
+            plot.dot(step, mean, f"spot hue{hue % 8}", radius=3.5, title=title)
+
+
+def mean_success(runs: Sequence[TrainingRun]) -> list[Mean]:
+    """Return the mean success with its 95 % interval at every step at which all of ``runs`` were evaluated."""
+    by_step = [{r.step: r for r in run.rollouts} for run in runs]
+    means: list[Mean] = []
+    for step in _common(by_step):
+        points = [one[step] for one in by_step]
+        episodes = min(point.episodes for point in points)
+        rate = float(np.mean([point.rate for point in points]))
+        counts = [round(point.rate * episodes) for point in points]
+        rng = named_rng(0, "evaluation", "success over training", str(step))
+        if len(runs) == 1:
+            interval = statistics.Interval(*points[0].ci95)
+        else:
+            interval = statistics.bootstrap_macro([counts], episodes, rng=rng)
+        means.append((float(step), rate, interval))
+    return means
+
+
+def mean_rewards(runs: Sequence[TrainingRun]) -> list[Mean]:
+    """Return the mean reward at every step at which all of ``runs`` were evaluated; of one run, without interval."""
+    by_step = [dict(run.rewards) for run in runs]
+    means: list[Mean] = []
+    for step in _common(by_step):
+        values = np.array([one[step] for one in by_step])
+        rng = named_rng(0, "evaluation", "reward over training", str(step))
+        interval = statistics.bootstrap_mean(values, rng=rng) if len(runs) > 1 else None
+        means.append((float(step), float(values.mean()), interval))
+    return means
+
+
+def _common(by_step: Sequence[Mapping[int, object]]) -> list[int]:
+    return sorted(set.intersection(*(set(one) for one in by_step))) if by_step else []

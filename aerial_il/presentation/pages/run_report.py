@@ -1,0 +1,143 @@
+"""One HTML file about a training run, or about several that differ in seed or settings; it opens offline."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import named_rng
+from aerial_il.evaluation import statistics
+from aerial_il.presentation.films.video import Footage, embedded
+from aerial_il.presentation.pages import run_figures
+from aerial_il.presentation.pages.page import END_WORDS, flat, write_page
+from aerial_il.evaluation.predictions import Prediction
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.run_collection import axes_of
+from aerial_il.evaluation.training_run import TrainingRun
+
+MOST_SETTINGS = 4  # named in a label
+OF_ONE = (run_figures.success, run_figures.mean_reward)  # what rollouts on the way show
+OVER_SEEDS = (run_figures.success_of_groups, run_figures.reward_of_groups)
+
+
+def write_run_report(
+    path: str | os.PathLike[str],
+    run: TrainingRun,
+    *,
+    predictions: Sequence[Prediction] = (),
+    prediction_note: str = "",
+    rewarded: Mapping[str, Mapping[str, np.ndarray]] | None = None,
+    footage: Footage | None = None,
+) -> Path:
+    """Write the page of one run.
+
+    Args:
+        path: destination, an HTML file.
+        run: what is reported.
+        predictions: along held-out demonstrations.
+        prediction_note: why there are none.
+        rewarded: uid of a demonstration -> as what it was flown -> (T,) the learned reward of its steps.
+        footage: films of the final policy.
+    """
+    films = footage or Footage()
+    return write_page(
+        path,
+        "run.html.j2",
+        run=run,
+        final=run.rollouts[-1] if run.rollouts else None,
+        judged=[_judged_row(name, result) for name, result in run.judged.items()],
+        rollouts=[drawn for draw in OF_ONE if (drawn := draw(run))],
+        loss=run_figures.losses({"": [run]}),
+        others=run_figures.others(run),
+        validation=run_figures.validation(run),
+        predictions=[(shown, run_figures.prediction(shown)) for shown in predictions],
+        prediction_note=prediction_note,
+        rewarded=[run_figures.rewarded(uid, lines) for uid, lines in (rewarded or {}).items()],
+        reward_keys=[*enumerate(next(iter((rewarded or {}).values()), {}))],
+        clips=embedded(films.clips),
+        film_note=films.note,
+        end_words=END_WORDS,
+        seconds=next((row["elapsed_s"] for row in reversed(run.rows) if "elapsed_s" in row), None),
+        command=run.command.get("command", ""),
+        settings=flat(run.config),
+        provenance=flat(run.provenance),
+    )
+
+
+def write_runs_report(
+    path: str | os.PathLike[str], runs: Sequence[TrainingRun], *, refused: Mapping[Path, str] | None = None
+) -> Path:
+    """Write the page of several runs, grouped by their settings: one group per configuration, its seeds together.
+
+    Args:
+        path: destination, an HTML file. runs: what is reported. refused: folders that are no runs -> why.
+
+    Raises:
+        InvalidValueError: two runs are the same one.
+    """
+    if len({run.path.resolve() for run in runs}) < len(runs):
+        raise InvalidValueError("A run is given twice; each seed may count once.")
+    groups = grouped(runs)
+    return write_page(
+        path,
+        "runs.html.j2",
+        groups=[_group_row(label, hue % 8, members) for hue, (label, members) in enumerate(groups.items())],
+        runs=[(label, run) for label, members in groups.items() for run in members],
+        rollouts=[drawn for draw in OVER_SEEDS if (drawn := draw(groups))],
+        loss=run_figures.losses(groups),
+        axes=[drawn for axis in axes_of(runs) if (drawn := run_figures.success_along(axis, runs))],
+        refused=refused or {},
+    )
+
+
+def grouped(runs: Sequence[TrainingRun]) -> dict[str, list[TrainingRun]]:
+    """Group runs by all settings but the seed; a group is labelled by the settings in which the groups differ."""
+    found: list[tuple[dict[str, Any], list[TrainingRun]]] = []
+    for run in runs:
+        members = next((members for settings, members in found if settings == run.settings), None)
+        if members is None:
+            found.append((run.settings, [run]))
+        else:
+            members.append(run)
+    keys = sorted({key for settings, _ in found for key in settings})
+    differing = [k for k in keys if any(settings.get(k) != found[0][0].get(k) for settings, _ in found)]
+    labels = [_label(settings, differing) or members[0].policy for settings, members in found]
+    distinct = labels if len(set(labels)) == len(labels) else [f"{k + 1}: {label}" for k, label in enumerate(labels)]
+    return {label: members for label, (_, members) in zip(distinct, found, strict=True)}
+
+
+def _label(settings: Mapping[str, Any], differing: Sequence[str]) -> str:
+    if "policy.name" in differing:
+        return str(settings.get("policy.name"))
+    parts = [f"{key.rpartition('.')[2]}={settings.get(key)}" for key in differing[:MOST_SETTINGS]]
+    return ", ".join(parts) + (", ..." if len(differing) > MOST_SETTINGS else "")
+
+
+def _judged_row(name: str, result: EvaluationResult) -> dict[str, Any]:
+    return {"name": name, "result": result, "success": result.success, "seeds": (result.seeds[0], result.seeds[-1])}
+
+
+def _group_row(label: str, hue: int, runs: Sequence[TrainingRun]) -> dict[str, Any]:
+    """Return a group's success: at the end of training, and in each evaluation that all of its runs have."""
+    names = set.intersection(*(set(run.judged) for run in runs))
+    judged = [(name, _over_seeds([run.judged[name] for run in runs])) for name in sorted(names)]
+    ends = run_figures.mean_success(runs)
+    end = ends[-1] if ends else None
+    return {"label": label, "hue": hue, "runs": runs, "unit": runs[0].unit, "end": end, "judged": judged}
+
+
+def _over_seeds(results: Sequence[EvaluationResult]) -> dict[str, Any]:
+    """Return the mean success of policies of several training seeds with its interval, and that of each."""
+    rates = [result.success["rate"] for result in results]
+    episodes = min(len(result.episodes) for result in results)
+    if len(results) == 1:
+        interval = results[0].success["ci95"]
+    else:
+        counts = [round(rate * episodes) for rate in rates]
+        interval = statistics.bootstrap_macro([counts], episodes, rng=named_rng(0, "evaluation", "training seeds"))
+    return {"rate": float(np.mean(rates)), "ci95": interval, "rates": rates, "episodes": episodes}

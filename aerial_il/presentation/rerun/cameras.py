@@ -1,0 +1,86 @@
+"""Recorded pictures, each in the frustum of the camera that took it."""
+
+from __future__ import annotations
+
+import io
+from functools import partial
+
+import mujoco
+import numpy as np
+import rerun as rr
+from PIL import Image
+
+from aerial_il.data.episode import Episode
+from aerial_il.presentation.rerun.clock import Clock
+from aerial_il.presentation.rerun.motion import Motion
+from aerial_il.presentation.rerun.scene import xyzw
+
+JPEG_QUALITY = 85
+FRUSTUM_M = 0.08  # from the camera to its picture in the scene
+UNITS_PER_METRE = 1000.0  # of recorded depth: millimetres
+
+
+def log_cameras(stream: rr.RecordingStream, root: str, episode: Episode, motion: Motion, clock: Clock) -> list[str]:
+    """Log every camera whose pictures were recorded; return their entities."""
+    found = []
+    for name in (field.name for field in episode.spec.observation.of_group("image") if field.name in episode.obs):
+        camera, _, modality = name.rpartition("_")
+        index = mujoco.mj_name2id(motion.model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+        if index >= 0:
+            entity = f"{root}/cameras/{name}"
+            _log_frustum(stream, entity, motion, index, episode.obs[name].shape[1:3], clock)
+            log_pictures(stream, entity, episode.obs[name], modality, clock)
+            found.append(entity)
+    return found
+
+
+def _log_frustum(
+    stream: rr.RecordingStream, entity: str, motion: Motion, camera: int, size: tuple[int, ...], clock: Clock
+) -> None:
+    height, width = size
+    view = rr.Pinhole(
+        focal_length=0.5 * height / float(np.tan(0.5 * np.deg2rad(motion.model.cam_fovy[camera]))),
+        width=width,
+        height=height,
+        camera_xyz=rr.ViewCoordinates.RUB,  # MuJoCo's cameras look along -z
+        image_plane_distance=FRUSTUM_M,
+    )
+    stream.log(entity, view, static=True)
+    poses = motion.camera_pos[:, camera], motion.camera_mat[:, camera]
+    if not np.ptp(poses[0], axis=0).any() and not np.ptp(poses[1], axis=0).any():
+        stream.log(entity, rr.Transform3D(translation=poses[0][0], mat3x3=poses[1][0]), static=True)
+        return
+    quats = np.zeros((len(motion), 4))
+    for quat, mat in zip(quats, poses[1].reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quat, mat)
+    columns = rr.Transform3D.columns(translation=poses[0], quaternion=xyzw(quats))
+    stream.send_columns(entity, clock.columns(), columns)
+
+
+def log_pictures(stream: rr.RecordingStream, entity: str, pictures: np.ndarray, modality: str, clock: Clock) -> None:
+    """Log pictures (N, H, W[, 3]) of a modality: colours as JPEG, depth in mm and segmentation by number as PNG."""
+    kind = {"rgb": _jpeg, "depth": partial(_png, scale=UNITS_PER_METRE), "segmentation": partial(_png, shift=1)}[
+        modality
+    ]
+    blobs = [kind(picture) for picture in pictures]
+    if modality == "rgb":
+        media = ["image/jpeg"] * len(blobs)
+        stream.send_columns(entity, clock.columns(), rr.EncodedImage.columns(blob=blobs, media_type=media))
+    else:
+        look = rr.EncodedDepthImage.from_fields(meter=UNITS_PER_METRE)
+        stream.log(entity, look, static=True)
+        media = ["image/png"] * len(blobs)
+        stream.send_columns(entity, clock.columns(), rr.EncodedDepthImage.columns(blob=blobs, media_type=media))
+
+
+def _jpeg(picture: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    return buffer.getvalue()
+
+
+def _png(picture: np.ndarray, scale: float = 1.0, shift: int = 0) -> bytes:
+    whole = np.clip(np.round(np.nan_to_num(picture * scale)) + shift, 0, np.iinfo(np.uint16).max)
+    buffer = io.BytesIO()
+    Image.fromarray(whole.astype(np.uint16)).save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()

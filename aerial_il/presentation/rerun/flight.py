@@ -1,0 +1,133 @@
+"""One flight in rerun: its scene, its signals, and what is to be known about both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+
+from aerial_il.core.errors import DemoError
+from aerial_il.data.episode import Episode
+from aerial_il.presentation.rerun import signals
+from aerial_il.presentation.rerun.cameras import log_cameras, log_pictures
+from aerial_il.presentation.rerun.chunks import Chunks, log_chunks
+from aerial_il.presentation.rerun.clock import Clock
+from aerial_il.presentation.rerun.motion import Motion, compile_scene, move
+from aerial_il.presentation.rerun.scene import M_PER_M_S, M_PER_N, log_command, log_goal, log_motion, log_scene, log_trails
+
+TOOL_LABELS = ("ee_x", "ee_y", "ee_z")  # of an action that says where the tool is to be
+NO_FLAGS = (
+    "The sub-tasks are not shown: this version of the suite builds another scene, or the world is not the suite's."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A recording and what could be made of it.
+
+    Attributes:
+        episode: the recording. motion: its scene in all of its states, None where that cannot be had.
+        flags: (T, K) sub-task flags after each step, None where nobody can say. notes: what is not shown, and why.
+        chunks: what a policy predicted along it; None if nobody asked.
+    """
+
+    episode: Episode
+    motion: Motion | None
+    flags: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
+    chunks: Chunks | None = None
+
+    @staticmethod
+    def of(episode: Episode, flags: np.ndarray | None = None, chunks: Chunks | None = None) -> Flight:
+        """Pose the scene in every state, or note why it cannot be."""
+        try:
+            model = compile_scene(episode)
+        except DemoError as error:
+            return Flight(episode, None, None, (str(error),), chunks)
+        notes = () if flags is not None else (NO_FLAGS,)
+        return Flight(episode, move(model, episode.states), flags, notes, chunks)
+
+    @cached_property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the recorded pictures."""
+        fields = self.episode.spec.observation.of_group("image")
+        return tuple(field.name for field in fields if field.name in self.episode.obs)
+
+
+def log_flight(
+    stream: rr.RecordingStream, flight: Flight, root: str = "", clock: Clock | None = None, *, second: bool = False
+) -> None:
+    """Log a flight below ``root``, which is empty or ends in a slash: ``scene``, ``signals``, ``states``, ``about``.
+
+    Args:
+        clock: its times; None for those that were recorded. second: draw its curves paler, beside those of another.
+    """
+    episode = flight.episode
+    clock = clock or Clock(episode.sim_time)
+    stream.log(f"{root}about", rr.TextDocument(about(flight), media_type="text/markdown"), static=True)
+    if flight.motion is not None:
+        _log_scene(stream, flight, flight.motion, f"{root}scene", clock)
+        signals.log_forces(stream, f"{root}signals", flight.motion, clock, second=second)
+    else:
+        _log_pictures_alone(stream, flight, f"{root}pictures", clock)
+    signals.log_actions(stream, f"{root}signals", episode, clock, second=second)
+    signals.log_observations(stream, f"{root}signals", episode, clock, second=second)
+    signals.log_reward(stream, f"{root}signals", episode, clock, second=second)
+    signals.log_states(stream, f"{root}states", episode, clock, flight.flags)
+    if flight.chunks is not None:
+        spec, predicted = episode.spec.action, flight.chunks.actions
+        signals.log_action(stream, f"{root}signals", spec, predicted, clock, kind="predicted", width=1.8)
+
+
+def _log_scene(stream: rr.RecordingStream, flight: Flight, motion: Motion, root: str, clock: Clock) -> None:
+    episode = flight.episode
+    log_scene(stream, root, motion)
+    log_motion(stream, root, motion, clock)
+    log_trails(stream, root, motion, clock)
+    log_cameras(stream, root, episode, motion, clock)
+    if (columns := tool_columns(episode)) is not None:
+        log_command(stream, root, episode.executed_actions[:, columns], motion, clock)
+        if flight.chunks is not None:
+            log_chunks(stream, root, flight.chunks, columns, clock)
+    if (goal := goal_of(episode)) is not None:
+        log_goal(stream, root, goal, clock)
+
+
+def _log_pictures_alone(stream: rr.RecordingStream, flight: Flight, root: str, clock: Clock) -> None:
+    for name in flight.cameras:
+        log_pictures(stream, f"{root}/{name}", flight.episode.obs[name], name.rpartition("_")[2], clock)
+
+
+def tool_columns(episode: Episode) -> list[int] | None:
+    """Return which elements of an action are the tool's position in the world, None where none are."""
+    labels = episode.spec.action.labels
+    return [labels.index(label) for label in TOOL_LABELS] if set(TOOL_LABELS) <= {*labels} else None
+
+
+def goal_of(episode: Episode) -> np.ndarray | None:
+    """Return where something is to be brought (N, 3), world, m, by the last observation ``A_to_B`` that allows it."""
+    for name in reversed(episode.spec.observation.names):
+        start, _, end = name.partition("_to_")
+        if end and f"{end}_pos" in episode.obs:
+            return episode.obs[f"{end}_pos"]
+        if end and f"{start}_pos" in episode.obs:
+            return episode.obs[f"{start}_pos"] + episode.obs[name]
+    return None
+
+
+def about(flight: Flight) -> str:
+    """Return what is to be known of a flight, in Markdown."""
+    episode, origin = flight.episode, flight.episode.provenance
+    spec = episode.spec
+    end = "success" if episode.success else "no success"
+    rows = {
+        "robot": spec.robot, "task": spec.task, "tier": spec.tier, "flown by": origin.get("policy", "unknown"),
+        "seed": origin.get("seed", "unknown"), "steps": len(episode), "seconds": f"{episode.sim_time[-1]:.2f}",
+        "end": end, "return": f"{episode.total_reward:.2f}", "action": spec.action.level,
+    }  # fmt: skip
+    table = "\n".join(f"| {name} | {value} |" for name, value in rows.items())
+    scales = f"Arrows: {100 * M_PER_N:g} cm per N of force, {100 * M_PER_M_S:g} cm per m/s of wind."
+    notes = "\n\n".join([scales, *flight.notes] if flight.motion is not None else flight.notes)
+    return f"# {spec.task} on {spec.robot}\n\n{spec.instruction}\n\n| | |\n|---|---|\n{table}\n\n{notes}\n"

@@ -1,0 +1,82 @@
+"""The first of many worlds in rerun while it flies; worlds that nobody watches are simulated by the plain class."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from aerial_il.core.contracts import StepResult
+from aerial_il.presentation.rerun import palette, signals
+from aerial_il.presentation.rerun.clock import SIM_TIME, Clock
+from aerial_il.presentation.rerun.motion import Motion, move
+from aerial_il.presentation.rerun.scene import eye, log_motion, log_scene
+from aerial_il.suite.batch import BatchEnvironment
+
+WATCHED = 0  # the world that is shown
+
+
+class WatchedBatch(BatchEnvironment):
+    """Worlds of which the first is logged as it flies, one flight after the other on one timeline.
+
+    Args:
+        like: the environment that it stands for. num_threads: 0 for all cores. stream: where the world is shown.
+    """
+
+    def __init__(self, like: BatchEnvironment, num_threads: int, stream: rr.RecordingStream) -> None:
+        super().__init__(like.scenario, like.num_envs, num_threads)
+        self._stream, self._flown = stream, 0
+        self.reset(like.seeds)
+        motion = self._motion()
+        log_scene(stream, "scene", motion)
+        stream.send_blueprint(_layout(motion))
+
+    def reset(self, seeds: np.ndarray | int | None = None, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        obs = super().reset(seeds, mask)
+        if mask is None or mask[WATCHED]:
+            seed = np.array([f"seed {int(self.seeds[WATCHED])}"])
+            signals.log_lane(self._stream, "states/flight", seed, self._clock)
+        return obs
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        result = super().step(actions, mask)
+        if mask is None or mask[WATCHED]:
+            self._flown += 1
+            motion = self._motion()
+            log_motion(self._stream, "scene", motion, self._clock)
+            signals.log_forces(self._stream, "signals", motion, self._clock)
+            self._log_answer(actions, result)
+        return result
+
+    @property
+    def _clock(self) -> Clock:
+        """The present moment, in steps and seconds since the first flight began."""
+        return Clock(np.array([self._flown * self.spec.control_dt_s]), first_step=self._flown)
+
+    def _motion(self) -> Motion:
+        return move(self.model, self.get_state()[WATCHED : WATCHED + 1])
+
+    def _log_answer(self, actions: np.ndarray, result: StepResult) -> None:
+        """Log what was done in the last step, and what came of it."""
+        kinds = {"commanded": np.asarray(actions), "executed": result.info["executed_action"]}
+        for kind, values in kinds.items():
+            one = values[WATCHED : WATCHED + 1]
+            signals.log_action(self._stream, "signals", self.spec.action, one, self._clock, kind=kind)
+        reward, look = result.reward[WATCHED : WATCHED + 1, None], [palette.REWARD]
+        signals.log_curves(self._stream, "signals/reward", reward, self._clock, names=["reward"], colours=look)
+        for name, done in zip(self.spec.subtasks, result.info["subtasks"][WATCHED], strict=True):
+            lane = np.array(["yes" if done else "no"])
+            signals.log_lane(self._stream, f"states/{name}", lane, self._clock, yes_no=True)
+
+
+def _layout(motion: Motion) -> rrb.Blueprint:
+    position, target = eye(motion)
+    look = rrb.EyeControls3D(position=position, look_target=target)
+    scene = rrb.Spatial3DView(origin="/scene", background=palette.BACKGROUND, line_grid=False, eye_controls=look)
+    lanes = rrb.StateTimelineView(origin="/states", name="states")
+    curves = [
+        rrb.TimeSeriesView(origin=f"/signals/{name}", name=name) for name in ("action", "forces/contact", "reward")
+    ]
+    left = rrb.Vertical(scene, lanes, row_shares=[3, 1])
+    time = rrb.TimePanel(state="collapsed", timeline=SIM_TIME)
+    return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*curves), column_shares=[1.5, 1]), time, auto_views=False)

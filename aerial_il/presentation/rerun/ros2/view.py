@@ -1,0 +1,137 @@
+"""A flight for ROS 2's viewers: the robot's description, every frame at every step, pictures, and the signals.
+
+==========================  ====================  ==================================================================
+topic                       type                  content
+==========================  ====================  ==================================================================
+``/robot_description``      String                the robot as URDF, attached as ``robot.urdf`` too
+``/tf``                     TFMessage             every frame that moves: links in their parents, others in ``world``
+``/tf_static``              TFMessage             every frame that does not: of links, props, cameras and the tool
+``/joint_states``           JointState            the joints of the URDF, rad and rad/s, m and m/s
+``/pose/<body>``            PoseStamped           robot, objects and goals in ``world``
+``/scene``                  MarkerArray           what stands about, each in the frame of its body
+``/camera/<field>/...``     CompressedImage, ...  ``image`` and ``camera_info``, of every picture that was recorded
+``/action``                 JointState            the action as commanded, named
+``/observation``            JointState            every state observation, element by element
+``/reward``                 Float64MultiArray     of the step
+==========================  ====================  ==================================================================
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from aerial_il.data.episode import Episode
+from aerial_il.data.formats.ros2_bag import Bag, Frame, Lens, Marker
+from aerial_il.presentation.rerun.geometry import plain
+from aerial_il.presentation.rerun.motion import compile_scene, move
+from aerial_il.presentation.rerun.ros2.kinematics import WORLD, Tree, body_name, tree_of
+from aerial_il.presentation.rerun.ros2.shapes import shapes_of
+from aerial_il.presentation.rerun.ros2.tracks import Track, body_pose, optical, tracks_of
+from aerial_il.presentation.rerun.ros2.urdf import urdf_of
+from aerial_il.suite.physics.physics_batch import SIGNATURE
+
+URDF = "robot.urdf"
+
+
+def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
+    """Write a flight as an MCAP file for viewers.
+
+    Args:
+        episode: with its states and its scene, and those of its pictures that are to be shown.
+        path: the file.
+
+    Raises:
+        DemoError: it holds no scene or no states.
+        StorageError: the file cannot be written.
+    """
+    model = compile_scene(episode)
+    motion, tree = move(model, episode.states), tree_of(model)
+    qpos, qvel = (_part(model, episode.states, part) for part in ("qpos", "qvel"))
+    tracks = tracks_of(motion, tree, qpos)
+    free = [body for body in np.flatnonzero(motion.moving).tolist() if model.body_parentid[body] == 0]
+    placed = [Track(WORLD, body_name(model, body), body_pose(motion, body)) for body in free]
+    joints, lenses = (_values(model, tree, qpos, qvel), _lenses(model, episode))
+    bag = Bag()
+    _begin(bag, episode, model, tree, [track for track in tracks if not track.moves])
+    for step, time_s in enumerate(episode.sim_time.tolist()):
+        bag.frames("/tf", time_s, [track.at(step) for track in tracks if track.moves])
+        for track in placed:
+            bag.pose(f"/pose/{track.name}", time_s, track.at(step))
+        if tree.moving:
+            bag.named("/joint_states", time_s, [joint.name for joint in tree.moving], *(part[step] for part in joints))
+        _add_pictures(bag, episode, lenses, step)
+        _add_signals(bag, episode, step)
+    return bag.save(path)
+
+
+def _begin(bag: Bag, episode: Episode, model: mujoco.MjModel, tree: Tree, static: list[Track]) -> None:
+    """Add what lasts."""
+    start, urdf = float(episode.sim_time[0]), urdf_of(model, tree, plain(episode.spec.robot))
+    bag.tell("aerial_il.view", {"uid": episode.uid, "success": str(episode.success).lower()})
+    bag.attach(URDF, "application/xml", urdf.encode())
+    bag.text("/robot_description", start, urdf)
+    bag.frames("/tf_static", start, [track.at() for track in static], lasting=True)
+    bag.markers("/scene", start, list(_scenery(model, tree)))
+
+
+def _scenery(model: mujoco.MjModel, tree: Tree) -> Iterator[Marker]:
+    """Yield what is to be seen beside the robot."""
+    for body in range(model.nbody):
+        name = body_name(model, body)
+        if name not in tree.bodies:
+            for shape in shapes_of(model, body):
+                frame = Frame(name, name, shape.pose.pos, shape.pose.xyzw)
+                yield Marker(frame, shape.kind, shape.size, shape.colour)
+
+
+def _add_signals(bag: Bag, episode: Episode, step: int) -> None:
+    spec, time_s = episode.spec, float(episode.sim_time[step])
+    names = spec.observation.state_names
+    labels = [label for name in names for label in spec.observation[name].element_labels()]
+    bag.named("/observation", time_s, labels, np.concatenate([episode.obs[name][step].reshape(-1) for name in names]))
+    if step < len(episode):
+        bag.named("/action", time_s, spec.action.labels, episode.actions[step])
+        bag.number("/reward", time_s, float(episode.rewards[step]))
+
+
+def _add_pictures(bag: Bag, episode: Episode, lenses: dict[str, Lens], step: int) -> None:
+    for field, lens in lenses.items():
+        topic, frame, time_s = f"/camera/{field}", optical(_camera(field)), float(episode.sim_time[step])
+        bag.camera(f"{topic}/camera_info", time_s, frame, lens)
+        bag.picture(f"{topic}/image", time_s, frame, field, episode.obs[field][step])
+
+
+def _lenses(model: mujoco.MjModel, episode: Episode) -> dict[str, Lens]:
+    """Return how the cameras of all pictures see: MuJoCo tells the angle from top to bottom."""
+    found = {}
+    for field in (f.name for f in episode.spec.observation.of_group("image") if f.name in episode.obs):
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, _camera(field))
+        if index >= 0:
+            height, width = episode.obs[field].shape[1:3]
+            focal = 0.5 * height / float(np.tan(0.5 * np.deg2rad(model.cam_fovy[index])))
+            found[field] = Lens(width, height, focal)
+    return found
+
+
+def _camera(field: str) -> str:
+    return field.rpartition("_")[0]
+
+
+def _values(model: mujoco.MjModel, tree: Tree, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and speeds (N, J) of the robot's joints."""
+    indices = [joint.index for joint in tree.moving]
+    return qpos[:, model.jnt_qposadr[indices]], qvel[:, model.jnt_dofadr[indices]]
+
+
+def _part(model: mujoco.MjModel, states: np.ndarray, name: str) -> np.ndarray:
+    """Return a part of MuJoCo's states (N, S): ``qpos`` (N, nq) or ``qvel`` (N, nv)."""
+    part = getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}")
+    size, found = mujoco.mj_stateSize(model, SIGNATURE), np.zeros((len(states), mujoco.mj_stateSize(model, part)))
+    for values, state in zip(found, np.ascontiguousarray(states[:, :size]), strict=True):
+        mujoco.mj_extractState(model, state, SIGNATURE, values, int(part))
+    return found

@@ -1,0 +1,64 @@
+"""Propellers that turn as fast as their thrust asks for, drawn where they are while a shutter is open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from aerial_il.presentation.studio.workshop import PREFIX
+
+SHUTTER_S = 5e-4
+THRUST_COEFFICIENT, AIR_DENSITY = 0.012, 1.225  # of hovering rotors: thrust / (ρ A (ω R)²); kg/m³
+
+
+@dataclass(frozen=True)
+class Propeller:
+    """A propeller of a stage.
+
+    Attributes:
+        geom, site, thrust: numbers of its geom and site, and of its thrust among the activations.
+        radius: m. sense: +1 or -1, in which it turns about the thrust's axis.
+    """
+
+    geom: int
+    site: int
+    thrust: int
+    radius: float
+    sense: float
+
+    def speed(self, data: mujoco.MjData) -> float:
+        """Return how fast it turns, rad/s, by momentum theory's thrust coefficient."""
+        disc = np.pi * self.radius**2
+        tip = np.sqrt(max(0.0, float(data.act[self.thrust])) / (THRUST_COEFFICIENT * AIR_DENSITY * disc))
+        return float(tip / self.radius)
+
+
+def propellers(model: mujoco.MjModel) -> tuple[Propeller, ...]:
+    """Return the propellers of a staged scene."""
+    found = []
+    for actuator in range(model.nu):
+        geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{PREFIX}_propeller_{actuator}")
+        if geom < 0 or model.actuator_actadr[actuator] < 0:
+            continue
+        site, thrust = int(model.actuator_trnid[actuator, 0]), int(model.actuator_actadr[actuator])
+        sense = -float(np.sign(model.actuator_gear[actuator, 5])) or 1.0
+        found.append(Propeller(geom, site, thrust, float(model.geom_aabb[geom, 3:].max()), sense))
+    return tuple(found)
+
+
+def turn(data: mujoco.MjData, turning: tuple[Propeller, ...], still: np.ndarray, share: float) -> None:
+    """Turn the propellers to where they are after ``share`` of the shutter's time.
+
+    Args:
+        data: of the stage, with its geoms in place. turning: its propellers. still: (G, 9) orientations of its geoms
+            with propellers at rest. share: in [0, 1].
+    """
+    for propeller in turning:
+        speed = propeller.speed(data)
+        angle = propeller.sense * (speed * (data.time + share * SHUTTER_S) + propeller.thrust)
+        quat, about = np.empty(4), np.empty(9)
+        mujoco.mju_axisAngle2Quat(quat, data.site_xmat[propeller.site].reshape(3, 3)[:, 2].copy(), angle)
+        mujoco.mju_quat2Mat(about, quat)
+        data.geom_xmat[propeller.geom] = (about.reshape(3, 3) @ still[propeller.geom].reshape(3, 3)).ravel()

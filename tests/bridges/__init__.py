@@ -1,1 +1,0 @@
-"""Tests of the faces that other frameworks look for."""

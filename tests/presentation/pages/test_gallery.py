@@ -1,0 +1,148 @@
+"""The gallery shows whatever is registered, makes each film once, and is a page that needs nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import aerial_il
+from aerial_il.cli.commands.project.list import catalogue
+from aerial_il.core.errors import AerialError, SimulationDivergedError
+from aerial_il.core.specs import ActionSpec
+from aerial_il.data.episode import Episode
+from aerial_il.presentation.films import clips
+from aerial_il.presentation.pages import gallery
+from aerial_il.presentation.pages.gallery import Gallery, write_gallery, write_sheet
+from tests.evaluation.browser import needs_browser, picture
+from tests.evaluation.conftest import Flown
+from tests.evaluation.outline import needs_nothing_else
+
+DT_S = 0.02
+
+
+@pytest.fixture(scope="module")
+def made(flown: Flown, tmp_path_factory: pytest.TempPathFactory) -> Gallery:
+    """Every card shows the same flight, so that it is rendered once."""
+    path = tmp_path_factory.mktemp("gallery") / "gallery.html"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(clips, "FILM_SIZE", (60, 80))
+        patch.setattr(clips, "POSTER_SIZE", (90, 120))
+        return write_gallery(path, catalogue(), fly=lambda robot, task: (flown.episode, flown.flags), progress=False)
+
+
+def test_every_robot_and_task_that_can_be_flown_has_a_card() -> None:
+    chosen, cells = gallery.cards(), set(aerial_il.list_cells())
+    assert {c.name for c in chosen if c.kind == "robot"} == {robot for robot, _ in cells}
+    assert {c.name for c in chosen if c.kind == "task"} == {task for _, task in cells}
+    assert {(c.robot, c.task) for c in chosen} <= cells
+    assert all(c.name == (c.robot if c.kind == "robot" else c.task) for c in chosen)
+
+
+def test_no_cell_is_shown_twice_while_others_are_unseen() -> None:
+    shown = [(c.robot, c.task) for c in gallery.cards()]
+    for card in gallery.cards():
+        mine = {cell for cell in aerial_il.list_cells() if cell[card.kind == "task"] == card.name}
+        assert shown.count((card.robot, card.task)) == 1 or mine <= set(shown)
+
+
+def test_the_matrix_says_what_stands_in_the_way() -> None:
+    cells = set(aerial_il.list_cells())
+    for task, row in gallery.matrix():
+        assert {(robot, task) for robot, infeasibility in row if not infeasibility} == {
+            c for c in cells if c[1] == task
+        }
+
+
+@pytest.mark.render
+def test_the_page_needs_nothing_else_and_names_everything(made: Gallery) -> None:
+    html = made.path.read_text()
+    assert needs_nothing_else(html)
+    assert len(html) < 15_000_000
+    for name in (*aerial_il.list_robots(), *aerial_il.list_tasks()):
+        assert name in html
+    for row in catalogue()["tasks"]:
+        assert row["instruction"] in html.replace("&#39;", "'")
+
+
+@pytest.mark.render
+def test_a_film_is_made_once_and_again_when_the_flight_differs(made: Gallery, flown: Flown, tmp_path: Path) -> None:
+    folder = made.path.with_name("gallery_clips")
+    before = {file: file.stat().st_mtime_ns for file in folder.iterdir()}
+    again = clips.make_clips(flown.episode, flown.flags, folder)
+    assert {file: file.stat().st_mtime_ns for file in folder.iterdir()} == before
+    assert set(again.files) == set(before)
+    assert set(again.stills) == {"scene", "wrist", "base"}
+    other = {**vars(flown.episode), "states": flown.episode.states[:30]}
+    assert clips._digest(Episode(**other), clips.Excerpt(0, 28, 3)) not in again.film.name
+
+
+@pytest.mark.render
+def test_the_sheet_has_a_picture_of_each(made: Gallery, tmp_path: Path) -> None:
+    sheet = Image.open(write_sheet(tmp_path / "sheet.png", made))
+    height, width = gallery.SHEET_PICTURE
+    assert sheet.width // width * (sheet.height // height) >= len(gallery.cards())
+    assert (tmp_path / "sheet.png").stat().st_size < 600_000
+
+
+def test_without_a_renderer_the_page_says_so_and_nothing_is_flown(tmp_path: Path) -> None:
+    def fly(robot: str, task: str) -> tuple[Episode, np.ndarray]:
+        raise AssertionError("nothing may be flown")
+
+    bare = write_gallery(tmp_path / "g.html", catalogue(), fly=fly, note="No pictures: dark here.", progress=False)
+    html = bare.path.read_text()
+    assert "No pictures: dark here." in html
+    assert not {"<video", "<img"} & set(html.split())
+    assert needs_nothing_else(html)
+    with pytest.raises(AerialError, match="dark here"):
+        write_sheet(tmp_path / "sheet.png", bare)
+
+
+def test_a_flight_that_fails_leaves_a_card_that_says_why(tmp_path: Path) -> None:
+    def fly(robot: str, task: str) -> tuple[Episode, np.ndarray]:
+        raise SimulationDivergedError("qacc of DOF 3", seed=0, step=7)
+
+    html = write_gallery(tmp_path / "g.html", catalogue(), fly=fly, progress=False).path.read_text()
+    assert html.count("qacc of DOF 3 at step 7") == len(gallery.cards())
+
+
+def flags(length: int, *firsts: int) -> np.ndarray:
+    steps = np.arange(length)[:, None]
+    return steps >= np.array(firsts)
+
+
+@pytest.mark.parametrize(
+    ("length", "firsts", "expected"),
+    [
+        (100, (10, 50, 90), (0, 99, 50)),
+        (1000, (10, 500, 650, 900), (401, 700, 500)),
+        (1000, (), (700, 999, 849)),
+        (1000, (600,), (700, 999, 849)),
+    ],
+)
+def test_an_excerpt_holds_most_of_what_happens(length: int, firsts: tuple[int, ...], expected: tuple[int, ...]) -> None:
+    part = clips.excerpt(flags(length, *firsts), DT_S)
+    if len(firsts) == 1:
+        assert part.first <= 600 <= part.last
+        assert part.poster == 600
+    else:
+        assert (part.first, part.last, part.poster) == expected
+    assert part.last - part.first < round(clips.LONGEST_S / DT_S)
+
+
+def test_actions_are_summed_up_with_units_and_bounds() -> None:
+    labels, units = ("rate_x", "rate_y", "thrust"), ("rad/s", "rad/s", "N")
+    spec = ActionSpec("ctbr", labels, units, np.array([-6.0, -6.0, 0.0]), np.array([6.0, 6.0, 54.0]))
+    assert gallery.quantities(spec) == ["rate x 2: -6 to 6 rad/s", "thrust: 0 to 54 N"]
+
+
+@pytest.mark.browser
+@pytest.mark.render
+@needs_browser
+def test_a_browser_draws_it_in_light_and_dark(made: Gallery, tmp_path: Path) -> None:
+    light = picture(made.path, tmp_path / "light.png")
+    dark = picture(made.path, tmp_path / "dark.png", dark=True)
+    assert light.mean() > dark.mean() + 80
+    assert light.std() > 10
