@@ -35,13 +35,13 @@ from scipy.special import logsumexp
 import aerial_il
 from aerial_il.presentation import analysis
 from aerial_il.algorithms.adversarial.reward_net import load_reward
-from aerial_il.algorithms.gail import AdversarialImitation
+from aerial_il.algorithms.gail import GAIL
 from aerial_il.algorithms.rl.interface import encode, encode_actions
 from aerial_il.collection.collect import collect
 from aerial_il.core.rendering import can_render
 from aerial_il.evaluation import statistics
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 analysis.use_style()
 torch.set_num_threads(1)
@@ -239,8 +239,8 @@ print(len(guided), "demonstrations of", len(guided[0]), "steps")
 # %%
 PPO = {"steps": 40_960, "rollout": 512, "gamma": 0.95, "critic_hidden": (64, 64), "lr": 1e-3, "log_every": 2048}
 DISCRIMINATOR = {"reward_updates": 32, "reward_batch": 256, "reward_lr": 3e-3}
-ACTOR = SquashedGaussianConfig(hidden=(64, 64), activation="tanh", spread="free")
-settings = AdversarialImitation(**PPO, **DISCRIMINATOR)
+ACTOR = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free")
+settings = GAIL(**PPO, **DISCRIMINATOR)
 imitator = settings.train(list(guided), ACTOR, env=env, run="gail")
 control = replace(settings, control="random_actions").train(list(guided), ACTOR, env=env, run="control")
 

@@ -59,7 +59,10 @@ def flights() -> Iterator[tuple[str, Any]]:
 
     for robot, task in aerial_il.list_cells():
         for tier in TIERS:
-            yield f"flight/{robot}/{task}/{tier}/ee_pose", lambda r=robot, t=task, i=tier: digest(flown(r, t, i, "ee_pose"))
+            yield (
+                f"flight/{robot}/{task}/{tier}/ee_pose",
+                lambda r=robot, t=task, i=tier: digest(flown(r, t, i, "ee_pose")),
+            )
         for level in levels(robot)[1:]:
             name = f"flight/{robot}/{task}/hard/{level}"
             yield name, lambda r=robot, t=task, a=level: digest(flown(r, t, "hard", a))
@@ -99,7 +102,7 @@ def trainings() -> Iterator[tuple[str, Any]]:
 
     for name in test_algorithms.NAMES:
         yield f"algorithm/{name}", lambda n=name: algorithm(n)
-    for name in policies.list_policies():
+    for name in policies.names():
         yield f"policy/{name}", lambda n=name: policy(n)
 
 

@@ -1,31 +1,24 @@
-"""Learning algorithms: each file of this folder is one, found by its name; what they share lies in its rooms."""
+"""Learning algorithms: each file of this folder is one, found by its name; what they share lies in its subpackages."""
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from types import ModuleType
 from typing import TYPE_CHECKING
 
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core import registry
 
 if TYPE_CHECKING:  # numpy comes with it, which help and completion do without
     from aerial_il.core.contracts import Algorithm
 
 
-def list_algorithms() -> list[str]:
+def names() -> tuple[str, ...]:
     """Return the names of all algorithms, without importing them."""
-    return sorted(module.name for module in pkgutil.iter_modules(__path__) if not module.ispkg)
+    return registry.names("algorithm")
 
 
-def algorithm(name: str) -> ModuleType:
-    """Return the module of the algorithm ``name``."""
-    if name not in list_algorithms():
-        raise UnknownNameError("algorithm", name, list_algorithms())
-    return importlib.import_module(f"{__name__}.{name}")
+def get(name: str) -> type[Algorithm]:
+    """Return the class that holds the settings of the algorithm ``name`` and trains by them.
 
-
-def settings_of(name: str) -> type[Algorithm]:
-    """Return the class that holds the settings of the algorithm ``name`` and trains by them."""
-    module = algorithm(name)
-    return next(one for one in vars(module).values() if isinstance(one, type) and one.__dict__.get("name") == name)
+    Raises:
+        UnknownNameError: no algorithm has that name.
+    """
+    return registry.get("algorithm", name)

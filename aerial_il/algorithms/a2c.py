@@ -33,14 +33,14 @@ from aerial_il.algorithms.run.checks import require_not_negative, require_positi
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdvantageActorCritic(Reinforcement, OnPolicy):
+class A2C(Reinforcement, OnPolicy):
     """Settings of a run, beside those of :class:`Reinforcement` and :class:`OnPolicy`.
 
     Attributes:
@@ -48,7 +48,7 @@ class AdvantageActorCritic(Reinforcement, OnPolicy):
     """
 
     name: ClassVar[str] = "a2c"
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig, CategoricalConfig)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian, Categorical)
 
     rollout: int = 64
     lr: float = 7e-4
@@ -86,7 +86,7 @@ class AdvantageAgent:
         obs_size: Do.
     """
 
-    def __init__(self, settings: AdvantageActorCritic, actor: StochasticNetwork, obs_size: int) -> None:
+    def __init__(self, settings: A2C, actor: StochasticNetwork, obs_size: int) -> None:
         self.settings, self.actor = settings, actor
         self._actor = TrainState(actor, adam(actor, settings.lr))
         self._baseline = Baseline(obs_size, settings.critic_hidden, lr=settings.lr)

@@ -25,18 +25,18 @@ from torch import Tensor, nn
 
 from aerial_il.algorithms.adversarial.discriminator import Discriminator, Reward
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
-from aerial_il.algorithms.gail import AdversarialImitation
+from aerial_il.algorithms.gail import GAIL
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_choice
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density, unsquashed
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, log_density, unsquashed
 
 RewardOn = Literal["state", "state_action"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdversarialInverseLearning(AdversarialImitation):
-    """Settings of a run; see :class:`AdversarialImitation`.
+class AIRL(GAIL):
+    """Settings of a run; see :class:`GAIL`.
 
     Attributes:
         reward_on: what g sees, ``state`` or ``state_action``.
@@ -51,7 +51,7 @@ class AdversarialInverseLearning(AdversarialImitation):
         super().__post_init__()
         require_choice(self, "reward_on", RewardOn)
 
-    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussian) -> RewardNet:
+    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
         shape: Shape = {**self.reward_shape(running_norm=True), "actions": self.reward_on == "state_action"}
         return ShapedReward(*sizes, shape, lr=self.reward_lr, gamma=self.gamma, actor=actor)
 
@@ -64,7 +64,7 @@ class ShapedReward(RewardNet):
     """
 
     def __init__(
-        self, obs_size: int, action_size: int, shape: Shape, *, lr: float, gamma: float, actor: SquashedGaussian
+        self, obs_size: int, action_size: int, shape: Shape, *, lr: float, gamma: float, actor: SquashedGaussianNetwork
     ) -> None:
         super().__init__(obs_size, action_size, shape, lr=lr)
         self._gamma, self._actor = gamma, actor

@@ -44,8 +44,8 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics as CriticNetworks
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,13 +98,13 @@ class AWAC(Algorithm):
         require_share(self, "demos_share")
         require_positive(self, "temperature", "weight_limit")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
         return from_demonstrations(self.name, policy, env, seed, reward_scheme(self), **found)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
-        agent = AdvantageWeightedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = AdvantageWeightedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         pilot = agent if self.offline_steps else RandomActions(run.sizes[1], run.rng("warm-up"))
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
 
@@ -125,7 +125,7 @@ class AdvantageWeightedAgent(Agent):
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
-    def __init__(self, settings: AWAC, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: AWAC, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))

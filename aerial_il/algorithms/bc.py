@@ -39,12 +39,12 @@ from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.partly_blind import columns_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class BehaviourCloning(SupervisedAlgorithm):
+class BC(SupervisedAlgorithm):
     """Settings of a run, beside those of :class:`SupervisedAlgorithm`.
 
     Attributes:
@@ -87,7 +87,7 @@ class BehaviourCloning(SupervisedAlgorithm):
     def train(
         self,
         dataset: Iterable[Episode],
-        policy: PolicyConfig,
+        policy: PolicySettings,
         *,
         run: str | os.PathLike[str],
         seed: int = 0,
@@ -153,7 +153,7 @@ class BehaviourCloning(SupervisedAlgorithm):
     def divide(
         self,
         dataset: Iterable[Episode],
-        policy: PolicyConfig,
+        policy: PolicySettings,
         *,
         seed: int,
         failures: bool = False,

@@ -42,7 +42,7 @@ from aerial_il.policies.parts.network import StochasticNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClonedProximalOptimisation(PractisedChunks, GatedOnPolicy):
+class BCPPO(PractisedChunks, GatedOnPolicy):
     """Settings of a run; see :class:`PractisedChunks` and :class:`GatedOnPolicy`."""
 
     name: ClassVar[str] = "bc_ppo"

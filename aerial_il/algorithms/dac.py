@@ -37,11 +37,11 @@ from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, co
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscriminatorActorCritic(Adversarial, SoftOffPolicy):
+class DAC(Adversarial, SoftOffPolicy):
     """Settings of a run, beside those of :class:`Adversarial` and :class:`SoftOffPolicy`.
 
     Attributes:
@@ -75,7 +75,7 @@ class DiscriminatorActorCritic(Adversarial, SoftOffPolicy):
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         reward_net = self._build_reward_net(run.sizes)
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))

@@ -26,7 +26,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.disagreement import ActionScale
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
@@ -55,7 +55,7 @@ class DAgger(InteractiveAlgorithm):
 
     name: ClassVar[str] = "dagger"
 
-    training: BehaviourCloning = field(default_factory=BehaviourCloning)
+    training: BC = field(default_factory=BC)
     gate: GateSettings = field(default_factory=CoinGate)
 
     @property

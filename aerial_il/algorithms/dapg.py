@@ -36,7 +36,7 @@ from torch import Tensor
 from aerial_il.algorithms.decisions.chunk_actor import ChunkActor, ChunkPilot
 from aerial_il.algorithms.decisions.practice import Practice, PractisedChunks
 from aerial_il.algorithms.decisions.rollout import Judged, collect_decisions, judged
-from aerial_il.algorithms.npg import NaturalGradientAgent, NaturalGradientLearning
+from aerial_il.algorithms.npg import NPG, NaturalGradientAgent
 from aerial_il.algorithms.rl.baseline import Estimated
 from aerial_il.algorithms.rl.returns import RewardNorm
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
@@ -47,7 +47,7 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemonstrationAugmented(PractisedChunks, NaturalGradientLearning):
+class DAPG(PractisedChunks, NPG):
     """Settings of a run, beside those of :class:`PractisedChunks` and of ``npg``.
 
     Attributes:
@@ -123,7 +123,7 @@ class AugmentedAgent(NaturalGradientAgent):
         settings: of the algorithm. actor: the clone, exploring. obs_size: To * Do. shown: the demonstrations.
     """
 
-    def __init__(self, settings: DemonstrationAugmented, actor: ChunkActor, obs_size: int, shown: Demonstrated) -> None:
+    def __init__(self, settings: DAPG, actor: ChunkActor, obs_size: int, shown: Demonstrated) -> None:
         super().__init__(settings, actor, obs_size)
         self._augmented, self._shown, self._turns = settings, shown, 0
 

@@ -29,7 +29,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.disagreement import actions_along
 from aerial_il.algorithms.interactive.problem import Operator
@@ -56,7 +56,7 @@ MOST = 0.98  # largest correlation from one step to the next: a decay over 50 st
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dart(InteractiveAlgorithm):
+class DART(InteractiveAlgorithm):
     """Settings of a run, beside those of :class:`InteractiveSettings`.
 
     Attributes:
@@ -70,7 +70,7 @@ class Dart(InteractiveAlgorithm):
 
     rounds: int = 4
     episodes: int = 10
-    training: BehaviourCloning = field(default_factory=BehaviourCloning)
+    training: BC = field(default_factory=BC)
     scale: float = 1.0
     coloured: bool = True
     held_out: float = 0.2

@@ -45,8 +45,8 @@ from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +85,12 @@ class DDPG(Algorithm):
         require_not_negative(self, "noise")
         require_share(self, "noise_correlation", below_one=True)
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         scheme = reward_scheme(self)
         return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = DeterministicAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = DeterministicAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
 
         def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
@@ -109,7 +109,7 @@ class DeterministicAgent(Agent):
         sizes: elements of an observation and of an action, Do and Da.
     """
 
-    def __init__(self, settings: DDPG, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: DDPG, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critic = settings.critics.build(sizes)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))

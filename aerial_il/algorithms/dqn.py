@@ -39,13 +39,13 @@ from aerial_il.algorithms.run.checks import require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.categorical import Categorical, CategoricalConfig
+from aerial_il.policies.categorical import Categorical, CategoricalNetwork
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeepQLearning(OffPolicyReinforcement, OffPolicy):
+class DQN(OffPolicyReinforcement, OffPolicy):
     """Settings of a run, beside those of :class:`OffPolicyReinforcement` and :class:`OffPolicy`.
 
     Attributes:
@@ -62,7 +62,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
     """
 
     name: ClassVar[str] = "dqn"
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (CategoricalConfig,)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (Categorical,)
 
     lr: float = 1e-3
     tau: float = 1.0
@@ -92,7 +92,7 @@ class DeepQLearning(OffPolicyReinforcement, OffPolicy):
         return due - done
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = DeepQAgent(self, run.build_actor(Categorical))
+        agent = DeepQAgent(self, run.build_actor(CategoricalNetwork))
         replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, obs_norm=self.obs_norm)
         run.begin(agent.network, {"agent": agent, **replay.parts})
 
@@ -122,7 +122,7 @@ class DeepQAgent(Agent):
         epsilon: probability of a random action.
     """
 
-    def __init__(self, settings: DeepQLearning, network: Categorical) -> None:
+    def __init__(self, settings: DQN, network: CategoricalNetwork) -> None:
         self.settings, self.network, self.epsilon = settings, network, 1.0
         self._values = TrainState(network, adam(network, settings.lr))
         self._target, self._held = Target(network), HeldChoices(len(network.table), settings.longest_hold)

@@ -27,7 +27,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.interactive.rounds import Rounds
@@ -68,7 +68,7 @@ class ExpertIteration(InteractiveAlgorithm):
     rounds: int = 8
     episodes: int = 400
     patience: float = 1.3
-    training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0))
+    training: BC = field(default_factory=lambda: BC(steps=6_000, validation=0.0))
     between_steps: int = 4_000
     explorer_dropout: float = 0.6
     demos_share: float = 0.1

@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dart import Disturbed, Noise
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.rounds import Rounds
@@ -36,7 +36,7 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 @dataclass(frozen=True, kw_only=True)
-class FilteredCloning(InteractiveAlgorithm):
+class FilteredBC(InteractiveAlgorithm):
     """Settings of a run, beside those of :class:`InteractiveSettings`.
 
     Attributes:
@@ -54,7 +54,7 @@ class FilteredCloning(InteractiveAlgorithm):
     rounds: int = 4
     episodes: int = 250
     patience: float = 2.0
-    training: BehaviourCloning = field(default_factory=BehaviourCloning)
+    training: BC = field(default_factory=BC)
     prior: str | None = None
     noise: float = 0.1
     correlation: float = 0.95

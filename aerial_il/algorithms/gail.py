@@ -36,11 +36,11 @@ from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdversarialImitation(Adversarial, ProximalOnPolicy):
+class GAIL(Adversarial, ProximalOnPolicy):
     """Settings of a run, beside those of :class:`Adversarial` and :class:`ProximalOnPolicy`.
 
     Attributes:
@@ -68,7 +68,7 @@ class AdversarialImitation(Adversarial, ProximalOnPolicy):
         return {**found, "warmup": (self.warmup // found["rollout"] + 1) * found["rollout"]}
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = ProximalActorCritic(self, run.build_actor(SquashedGaussian), run.sizes[0])
+        agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
         reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
@@ -114,7 +114,7 @@ class AdversarialImitation(Adversarial, ProximalOnPolicy):
         shape = rollout.rewards.shape
         return ((rewards - centre) / deviation).reshape(shape), end_values.reshape(shape)
 
-    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussian) -> RewardNet:
+    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
         """Return a new discriminator for observations and actions of these ``sizes``."""
         return RewardNet(*sizes, self.reward_shape(running_norm=True), lr=self.reward_lr)
 

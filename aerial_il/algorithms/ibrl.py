@@ -57,12 +57,12 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.gated import GatedPolicy, prefers_own
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
+class IBRL(DemonstratedReinforcement, OffPolicyActorCritic):
     """Settings of a run, beside those of :class:`DemonstratedReinforcement` and :class:`OffPolicyActorCritic`.
 
     Attributes:
@@ -98,20 +98,20 @@ class ImitationBootstrapped(DemonstratedReinforcement, OffPolicyActorCritic):
             self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip"
         )
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations, and refuse a prior that cannot fly here."""
         inputs = {"prior": digest(load_prior(self.prior, env.spec).to_checkpoint())} if self.prior else {}
         return replace(super().problem(dataset, policy, env, seed), inputs=inputs)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         (obs_size, action_size), interface = run.sizes, run.interface
-        cloned = TrainState(actor := run.build_actor(SquashedGaussian), adam(actor, self.lr))
+        cloned = TrainState(actor := run.build_actor(SquashedGaussianNetwork), adam(actor, self.lr))
         if not (self.prior or run.folder.resumed):
             shown = run.demos.buffer(interface, run.rng("prior"), absorbing=self.absorbing)
             bc_pretrain(cloned, actor, shown, steps=self.bc_pretrain_steps, batch_size=self.batch_size)
         clone = run.policy_of(actor)
         prior = load_prior(self.prior, run.collector.env.spec) if self.prior else clone
-        agent = ProposedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = ProposedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         proposals = Proposals(prior.fresh(), run.collector, interface)
         demos, buffer = (
             ReplayBuffer(size, obs_size + action_size + 1, action_size, run.rng(name))
@@ -155,7 +155,7 @@ class ProposedAgent(Agent):
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
-    def __init__(self, settings: ImitationBootstrapped, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: IBRL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor, self.sizes = settings, actor, sizes
         critics = settings.build_critics(sizes[0] + 1 + sizes[1], settings.critics)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))

@@ -46,8 +46,8 @@ from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian, unsquashed
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,13 +103,13 @@ class IQL(Algorithm):
         require_share(self, "expectile", below_one=True)
         require_positive(self, "expectile", "beta", "weight_limit")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
         return from_demonstrations(self.name, policy, env, seed, reward_scheme(self), **found)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
-        agent = ImplicitAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = ImplicitAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         pilot = agent if self.offline_steps else RandomActions(run.sizes[1], run.rng("warm-up"))
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
 
@@ -130,7 +130,7 @@ class ImplicitAgent(Agent):
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
-    def __init__(self, settings: IQL, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: IQL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
         value = replace(settings.critics, count=1).build((sizes[0], 0))

@@ -50,7 +50,7 @@ NO_GUIDE = "jsrl lets a guide fly first, and there is no expert for {}: say algo
 
 
 @dataclass(frozen=True, kw_only=True)
-class JumpStart(PractisedChunks, AnchoredOnPolicy):
+class JSRL(PractisedChunks, AnchoredOnPolicy):
     """Settings of a run, beside those of :class:`PractisedChunks` and :class:`AnchoredOnPolicy`.
 
     Attributes:

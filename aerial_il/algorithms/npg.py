@@ -41,14 +41,14 @@ from aerial_il.algorithms.run.checks import require_not_negative, require_positi
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import Weights
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class NaturalGradientLearning(Reinforcement, OnPolicy):
+class NPG(Reinforcement, OnPolicy):
     """Settings of a run, beside those of :class:`Reinforcement` and :class:`OnPolicy`; ``lr`` is the critic's.
 
     Attributes:
@@ -58,7 +58,7 @@ class NaturalGradientLearning(Reinforcement, OnPolicy):
     """
 
     name: ClassVar[str] = "npg"
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig, CategoricalConfig)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian, Categorical)
 
     rollout: int = 20_000
     gamma: float = 0.995
@@ -104,7 +104,7 @@ class NaturalGradientAgent:
         obs_size: Do.
     """
 
-    def __init__(self, settings: NaturalGradientLearning, actor: StochasticNetwork, obs_size: int) -> None:
+    def __init__(self, settings: NPG, actor: StochasticNetwork, obs_size: int) -> None:
         self.settings, self.actor = settings, actor
         self._baseline = Baseline(obs_size, settings.critic_hidden, lr=settings.lr)
 

@@ -37,18 +37,18 @@ from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProximalPolicyOptimisation(Reinforcement, ProximalOnPolicy):
+class PPO(Reinforcement, ProximalOnPolicy):
     """Settings of a run; see :class:`Reinforcement` and :class:`ProximalOnPolicy`."""
 
     name: ClassVar[str] = "ppo"
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig, CategoricalConfig)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian, Categorical)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = ProximalActorCritic(self, run.build_actor(StochasticNetwork), run.sizes[0], smoothness=self.smoothness)

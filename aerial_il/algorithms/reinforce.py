@@ -36,14 +36,14 @@ from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reinforce(Reinforcement, OnPolicy):
+class REINFORCE(Reinforcement, OnPolicy):
     """Settings of a run, beside those of :class:`Reinforcement` and :class:`OnPolicy`.
 
     Attributes:
@@ -51,7 +51,7 @@ class Reinforce(Reinforcement, OnPolicy):
     """
 
     name: ClassVar[str] = "reinforce"
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig, CategoricalConfig)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian, Categorical)
 
     lr: float = 3e-3
     gae_lambda: float = 1.0  # Monte Carlo returns, and the baseline where an episode was cut
@@ -88,7 +88,7 @@ class ReinforceAgent:
         obs_size: Do.
     """
 
-    def __init__(self, settings: Reinforce, actor: StochasticNetwork, obs_size: int) -> None:
+    def __init__(self, settings: REINFORCE, actor: StochasticNetwork, obs_size: int) -> None:
         self.settings, self.actor = settings, actor
         self._actor = TrainState(actor, adam(actor, settings.lr))
         self._baseline = Baseline(obs_size, settings.critic_hidden, lr=settings.lr)

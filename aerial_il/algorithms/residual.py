@@ -36,7 +36,7 @@ from aerial_il.policies.parts.residual import ResidualPolicy, Shift
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResidualLearning(PractisedPolicy, GatedOnPolicy):
+class Residual(PractisedPolicy, GatedOnPolicy):
     """Settings of a run, beside those of :class:`PractisedPolicy` and :class:`GatedOnPolicy`.
 
     Attributes:

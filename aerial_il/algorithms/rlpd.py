@@ -55,8 +55,8 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,14 +108,14 @@ class RLPD(Algorithm):
         if self.subset > self.critics.count:
             raise InvalidValueError(f"subset is {self.subset}; it must be at most critics.count, {self.critics.count}.")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         scheme = reward_scheme(self)
         found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
         return from_demonstrations(self.name, policy, env, seed, scheme, **found)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
-        agent = EnsembleActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = EnsembleActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
 
@@ -133,7 +133,7 @@ class EnsembleActorCritic(Agent):
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
-    def __init__(self, settings: RLPD, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: RLPD, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])

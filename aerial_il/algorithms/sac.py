@@ -45,8 +45,8 @@ from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,12 +75,12 @@ class SAC(Algorithm):
     )
     threads: int = 1
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         scheme = reward_scheme(self)
         return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes, smoothness=self.smoothness)
+        agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes, smoothness=self.smoothness)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
 
         def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
@@ -115,7 +115,7 @@ class SoftActorCritic(Agent):
     def __init__(
         self,
         settings: SoftSettings,
-        actor: SquashedGaussian,
+        actor: SquashedGaussianNetwork,
         sizes: tuple[int, int],
         *,
         smoothness: Smoothness | None = None,

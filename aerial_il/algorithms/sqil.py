@@ -26,17 +26,17 @@ from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class SoftQImitation(Imitation, SoftOffPolicy):
+class SQIL(Imitation, SoftOffPolicy):
     """Settings of a run; see :class:`Imitation` and :class:`SoftOffPolicy`."""
 
     name: ClassVar[str] = "sqil"
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = SoftActorCritic(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing, reward=1.0)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))

@@ -45,8 +45,8 @@ from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,12 +90,12 @@ class TD3(Algorithm):
         require_share(self, "noise_correlation", below_one=True)
         require_not_negative(self, "noise", "target_noise", "noise_clip")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         scheme = reward_scheme(self)
         return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussian), run.sizes)
+        agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         blind = RandomActions(run.sizes[1], run.rng("warm-up"))
 
         def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
@@ -114,7 +114,7 @@ class TwinDelayedAgent(Agent):
         sizes: elements of an observation and of an action, Do and Da.
     """
 
-    def __init__(self, settings: TD3, actor: SquashedGaussian, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: TD3, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
         self._actor_state = TrainState(actor, adam(actor, settings.lr))

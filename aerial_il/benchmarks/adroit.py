@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import aerial_il
 from aerial_il import policies
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks.parts.adroit.tables import (
     AS,
     CLONED,
@@ -51,7 +51,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.folder import FAILURES, DatasetFolder
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 EXPERT = "expert"
 NOTES = (
@@ -97,7 +97,7 @@ class Adroit:
 
     data: str = "datasets/adroit"
     policies: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"mlp": {"chunk": 1}}, hash=False)
-    algorithm: BehaviourCloning = field(default_factory=BehaviourCloning)
+    algorithm: BC = field(default_factory=BC)
     training: Mapping[str, Mapping[str, Any]] = field(default_factory=dict, hash=False)
     tasks: tuple[str, ...] = ("door", "relocate")
     few: tuple[int, ...] = (10, 25)
@@ -133,7 +133,7 @@ class Adroit:
 
     def points(self) -> list[Point]:
         """Return all trainings, those that the targets ask for first."""
-        classes = [name for name in self.policies if name in policies.list_policies()]
+        classes = [name for name in self.policies if name in policies.names()]
         noisy = [(task, MANY, "mlp") for task in self.tasks]
         clean: list[tuple[int, str, int]] = []
         if "relocate" in self.tasks:
@@ -240,9 +240,9 @@ class Adroit:
         finally:
             env.close()
 
-    def policy_config(self, name: str) -> PolicyConfig:
+    def policy_config(self, name: str) -> PolicySettings:
         """Return the settings of a policy class."""
-        return policies.policy_config(name)(**self.policies[name])
+        return policies.get(name)(**self.policies[name])
 
     def _judged(
         self, task: AdroitTask, policy: Callable[[], Policy], judged: Path, name: str, progress: bool
@@ -272,7 +272,7 @@ class Adroit:
         for arm in dict.fromkeys(point.arm for point in results):
             rows.append(arm_row({p: found for p, found in flown.items() if p.arm == arm}))
         singles = [single_row(point, found, self.learner(point)) for point, found in flown.items()]
-        left_out = [name for name in self.policies if name not in policies.list_policies()]
+        left_out = [name for name in self.policies if name not in policies.names()]
         notes = (*NOTES, *([f"Not registered, so left out: {', '.join(left_out)}."] if left_out else []))
         return Report(
             name=self.name,

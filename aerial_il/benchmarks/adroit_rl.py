@@ -15,9 +15,9 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.decisions.practice import PRIOR
-from aerial_il.algorithms.npg import NaturalGradientLearning
+from aerial_il.algorithms.npg import NPG
 from aerial_il.algorithms.rl.reinforcement import Reward
 from aerial_il.benchmarks.adroit import Adroit
 from aerial_il.benchmarks.parts.adroit.people import file_of, flown_by_people
@@ -35,9 +35,9 @@ from aerial_il.core.files import sha256_of
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 CLONE, ASKED, CONTROL = "clone", "dapg", "npg, no demonstrations"
 MOST_WITHOUT = 5.0  # % that the control may solve at the same steps
@@ -100,10 +100,10 @@ class AdroitRl:
     question: ClassVar[str] = "Does reinforcement learning from few demonstrations solve what cloning them does not?"
 
     data: str = "datasets/adroit"
-    policy: PolicyConfig = field(default_factory=lambda: MlpConfig(chunk=1, ensemble=None, hidden=(64, 64)))
-    dapg: DemonstrationAugmented = field(default_factory=DemonstrationAugmented)
-    scratch: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
-    npg: NaturalGradientLearning = field(default_factory=NaturalGradientLearning)
+    policy: PolicySettings = field(default_factory=lambda: MLP(chunk=1, ensemble=None, hidden=(64, 64)))
+    dapg: DAPG = field(default_factory=DAPG)
+    scratch: SquashedGaussian = field(default_factory=SquashedGaussian)
+    npg: NPG = field(default_factory=NPG)
     tasks: tuple[str, ...] = ("relocate", "door")
     rewards: tuple[Reward, ...] = ("environment", "sparse")
     draws: tuple[int, ...] = (0, 1, 2)

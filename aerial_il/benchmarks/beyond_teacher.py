@@ -16,8 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from aerial_il import experts
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.bc_ppo import BCPPO
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.notes import demonstrator
@@ -39,8 +39,8 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite import tasks
 
 EXPERT, CLONE, ASKED = "expert", "bc", "bc_ppo"
@@ -73,9 +73,9 @@ class BeyondTeacher:
     name: ClassVar[str] = "beyond_teacher"
     question: ClassVar[str] = "Does practice rewarded for success alone make a clone faster than its teacher?"
 
-    policy: PolicyConfig = field(default_factory=MlpConfig)
-    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
-    practising: ClonedProximalOptimisation = field(default_factory=ClonedProximalOptimisation)
+    policy: PolicySettings = field(default_factory=MLP)
+    cloning: BC = field(default_factory=BC)
+    practising: BCPPO = field(default_factory=BCPPO)
     suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"insert_peg": PRECISE})
     robot: str = "fa_hexa_arm4"
     tier: str = "calm"
@@ -134,7 +134,7 @@ class BeyondTeacher:
         practising = self._suited(task)
         return {CLONE: clone, ASKED: Continued(ASKED, source, self.demos, self.policy, practising, clone)}
 
-    def _suited(self, task: str) -> ClonedProximalOptimisation:
+    def _suited(self, task: str) -> BCPPO:
         """Return how practice goes on in a task."""
         return changed(self.practising, self.suited.get(task, {}))
 

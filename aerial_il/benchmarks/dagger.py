@@ -18,9 +18,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
-from aerial_il.algorithms.dart import Dart
+from aerial_il.algorithms.dart import DART
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -43,8 +43,8 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import t_interval
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 
 START, EPISODES, STEPS = "bc, first demonstrations", "bc, as many episodes", "bc, as many episodes and steps"
 JUDGED, JUDGED_PERCENT = "dagger", 95.0
@@ -71,7 +71,7 @@ class Asked(Shown):
         algorithm: how, beside those of :class:`Shown`.
     """
 
-    algorithm: DAgger | Dart
+    algorithm: DAgger | DART
 
     @property
     def episodes(self) -> int:
@@ -125,10 +125,10 @@ class Interactive:
         "Does asking the expert during the learner's flights beat cloning as many of its demonstrations?"
     )
 
-    policy: PolicyConfig = field(default_factory=MlpConfig)
-    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
+    policy: PolicySettings = field(default_factory=MLP)
+    cloning: BC = field(default_factory=BC)
     expert: Mapping[str, float] = field(default_factory=usual_expert)
-    asking: Mapping[str, DAgger | Dart] = field(default_factory=lambda: {JUDGED: DAgger()})
+    asking: Mapping[str, DAgger | DART] = field(default_factory=lambda: {JUDGED: DAgger()})
     arms: tuple[str, ...] = ()
     robot: str = "fa_hexa_arm4"
     tasks: tuple[str, ...] = ("insert_peg", "pick_place")

@@ -18,8 +18,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 import aerial_il
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
-from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.ppo import PPO
+from aerial_il.algorithms.sac import SAC
 from aerial_il.benchmarks.parts.flight.manoeuvres import (
     NOMINAL,
     STEPS,
@@ -65,7 +65,7 @@ from aerial_il.core.files import write_json
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies import load_policy
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 LAWS, LEARNERS, TASKS = ("pid", "lqr", "geometric", "geometric_observer"), ("ppo", "sac"), ("hover", "take_off", "land")
 HOVER, OWN_TIER, TIERS = "hover", "gusts", ("calm", "gusts")
@@ -125,9 +125,9 @@ class FlightControl:
     name: ClassVar[str] = "flight_control"
     question: ClassVar[str] = "Does reinforcement learning fly a bare quadrotor as well as a tuned flight law?"
 
-    policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
-    ppo: ProximalPolicyOptimisation = field(default_factory=ProximalPolicyOptimisation)
-    sac: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
+    policy: SquashedGaussian = field(default_factory=SquashedGaussian)
+    ppo: PPO = field(default_factory=PPO)
+    sac: SAC = field(default_factory=SAC)
     learners: tuple[str, ...] = LEARNERS
     laws: tuple[str, ...] = LAWS
     action: str = "ctbr"

@@ -18,16 +18,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
-from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.bc_ppo import BCPPO
+from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
-from aerial_il.algorithms.filtered_bc import FilteredCloning
-from aerial_il.algorithms.ibrl import ImitationBootstrapped
-from aerial_il.algorithms.jsrl import JumpStart
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
-from aerial_il.algorithms.residual import ResidualLearning
-from aerial_il.algorithms.rlpd import PriorDataLearning
+from aerial_il.algorithms.filtered_bc import FilteredBC
+from aerial_il.algorithms.ibrl import IBRL
+from aerial_il.algorithms.jsrl import JSRL
+from aerial_il.algorithms.ppo import PPO
+from aerial_il.algorithms.residual import Residual
+from aerial_il.algorithms.rlpd import RLPD
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.notes import demonstrator, listed, notes_on
 from aerial_il.benchmarks.parts.reporting.practice_lines import practice_lines
@@ -51,8 +51,8 @@ from aerial_il.benchmarks.parts.training.wanted import Wanted, targets_from
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import changed, plain
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite import tasks
 
 CLONE, SHOWN_MORE = "bc, first demonstrations", "bc, many demonstrations"
@@ -89,10 +89,10 @@ Results = Mapping[tuple[Arm, str], EvaluationResult]
 
 def _all_practising() -> dict[str, Practising]:
     """Return the arms that practise, as they are shipped, paid for success alone; ``ppo`` is shown nothing."""
-    found: list[Practising] = [ExpertIteration(), FilteredCloning()]
-    found += [ClonedProximalOptimisation(), ResidualLearning(), DemonstrationAugmented(), JumpStart()]
-    found += [ImitationBootstrapped(**CRITICS, warmup=10_000), PriorDataLearning(**CRITICS)]
-    found += [ProximalPolicyOptimisation(reward="sparse", reward_patience=0, **SCRATCH)]
+    found: list[Practising] = [ExpertIteration(), FilteredBC()]
+    found += [BCPPO(), Residual(), DAPG(), JSRL()]
+    found += [IBRL(**CRITICS, warmup=10_000), RLPD(**CRITICS)]
+    found += [PPO(reward="sparse", reward_patience=0, **SCRATCH)]
     return {algorithm.name: algorithm for algorithm in found}
 
 
@@ -123,11 +123,9 @@ class FromPrior:
     question: ClassVar[str] = "How much does practice rewarded for success alone improve a clone of few demonstrations?"
 
     expert: Mapping[str, Any] = field(default_factory=usual_expert)
-    policy: PolicyConfig = field(default_factory=MlpConfig)
-    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
-    beginning: BehaviourCloning = field(
-        default_factory=lambda: BehaviourCloning(steps=6_000, validation=0.0, field_dropout=0.6)
-    )
+    policy: PolicySettings = field(default_factory=MLP)
+    cloning: BC = field(default_factory=BC)
+    beginning: BC = field(default_factory=lambda: BC(steps=6_000, validation=0.0, field_dropout=0.6))
     practising: Mapping[str, Practising] = field(default_factory=lambda: _all_practising())
     arms: tuple[str, ...] = ()
     fewer: Mapping[str, int] = field(default_factory=lambda: dict(FEWER))
@@ -166,7 +164,7 @@ class FromPrior:
         if not (self.draws and counts):
             raise InvalidValueError("draws and starts name at least one.")
         check_seeds(self.first_episode, self.episodes)
-        in_rounds = [n for n, a in self.practising.items() if isinstance(a, ExpertIteration | FilteredCloning)]
+        in_rounds = [n for n, a in self.practising.items() if isinstance(a, ExpertIteration | FilteredBC)]
         for name in (name for task, name in self.begun_by.items() if task in self.starts):
             if name not in in_rounds:
                 raise UnknownNameError("arm whose policy others go on from (begun_by)", name, in_rounds)
@@ -279,7 +277,7 @@ class FromPrior:
 
     def _practised(self, name: str, source: Source, count: int) -> Practised | Continued:
         algorithm = self._suited(source.task, name)
-        if isinstance(algorithm, ExpertIteration | FilteredCloning):
+        if isinstance(algorithm, ExpertIteration | FilteredBC):
             return Practised(name, source, count, self.policy, algorithm)
         most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
         algorithm = replace(algorithm, steps=min(algorithm.steps, most))

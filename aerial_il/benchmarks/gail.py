@@ -22,11 +22,11 @@ import numpy as np
 
 import aerial_il
 from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
-from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.algorithms.gail import AdversarialImitation
+from aerial_il.algorithms.dac import DAC
+from aerial_il.algorithms.gail import GAIL
 from aerial_il.algorithms.rl.imitation import Control, Imitation
 from aerial_il.algorithms.run.folder import REWARD
-from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.sac import SAC
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import reward_lines
@@ -50,7 +50,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies import FINAL, load_policy
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from aerial_il.suite.outside.processes import processes_for
 
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
@@ -122,11 +122,11 @@ class Gail:
         "How close does imitation without reward come to its expert, and what does it reach alone?"
     )
 
-    policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
+    policy: SquashedGaussian = field(default_factory=SquashedGaussian)
     differs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict, hash=False)
-    expert: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
-    dac: DiscriminatorActorCritic = field(default_factory=DiscriminatorActorCritic)
-    gail: AdversarialImitation = field(default_factory=AdversarialImitation)
+    expert: SAC = field(default_factory=SAC)
+    dac: DAC = field(default_factory=DAC)
+    gail: GAIL = field(default_factory=GAIL)
     methods: tuple[str, ...] = ("dac",)
     apart: Mapping[str, Mapping[str, int]] = field(default_factory=dict, hash=False)
     outside: tuple[str, ...] = ("Hopper-v5", "HalfCheetah-v5", "Walker2d-v5")
@@ -311,7 +311,7 @@ class Gail:
         """Return ``learner`` with the length and the control of one training."""
         return replace(learner, steps=self._of(point.task, "steps", learner.steps), control=point.control)
 
-    def _policy(self, point: Point) -> SquashedGaussianConfig:
+    def _policy(self, point: Point) -> SquashedGaussian:
         if point.task not in self.outside:
             return replace(self.policy, **self.suite_policy)
         method = {CLONE: "dac", LIKE: "gail"}.get(point.method, point.method)

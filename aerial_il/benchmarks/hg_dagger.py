@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.run.folder import read_metrics
@@ -43,8 +43,8 @@ from aerial_il.core.settings import plain
 from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.teleop.driver.operator import DriverOperator
 from aerial_il.teleop.piloting.arbiter import HAND_OVER_TICKS
 
@@ -78,8 +78,8 @@ class HumanInTheLoop:
     name: ClassVar[str] = "hg_dagger"
     question: ClassVar[str] = "Do occasional takeovers by a person turn a policy that often fails into a good one?"
 
-    policy: PolicyConfig = field(default_factory=lambda: MlpConfig(dropout=0.2))
-    training: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(steps=6_000))
+    policy: PolicySettings = field(default_factory=lambda: MLP(dropout=0.2))
+    training: BC = field(default_factory=lambda: BC(steps=6_000))
     between_steps: int = 3_000
     robot: str = "fa_hexa_arm4"
     task: str = "pick_place"
@@ -125,7 +125,7 @@ class HumanInTheLoop:
         )
 
     @property
-    def learner(self) -> tuple[BehaviourCloning, PolicyConfig]:
+    def learner(self) -> tuple[BC, PolicySettings]:
         """How the learner is trained, and what it is."""
         return suited(self.training, self.policy) if self.by_hand else (self.training, self.policy)
 

@@ -15,7 +15,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row
@@ -36,12 +36,12 @@ from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import plain
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.act import ActConfig
-from aerial_il.policies.diffusion import DiffusionConfig
-from aerial_il.policies.flow import FlowConfig
-from aerial_il.policies.gmm import GmmConfig
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.act import ACT
+from aerial_il.policies.diffusion import Diffusion
+from aerial_il.policies.flow import Flow
+from aerial_il.policies.gmm import GMM
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 
 DRIVER, RECORDED, SCRIPT = "driver", "driver, as recorded", "script"
 TEACHERS = (DRIVER, RECORDED, SCRIPT)
@@ -58,11 +58,11 @@ NOTES = (
 )
 
 
-def classes() -> dict[str, PolicyConfig]:
+def classes() -> dict[str, PolicySettings]:
     """Return the policy classes that are compared, as they come."""
     return {
-        "mlp": MlpConfig(), "gmm": GmmConfig(), "act": ActConfig(), "diffusion": DiffusionConfig(),
-        "flow": FlowConfig(),
+        "mlp": MLP(), "gmm": GMM(), "act": ACT(), "diffusion": Diffusion(),
+        "flow": Flow(),
     }  # fmt: skip
 
 
@@ -76,8 +76,8 @@ class ClonedDriver:
 
     source: Source
     demos: int
-    policy: PolicyConfig
-    algorithm: BehaviourCloning
+    policy: PolicySettings
+    algorithm: BC
 
     @property
     def driven(self) -> Driven:
@@ -111,9 +111,9 @@ class HumanData:
     name: ClassVar[str] = "human_data"
     question: ClassVar[str] = "Which policy classes learn from human-like demonstrations, and which from a script?"
 
-    policies: Mapping[str, PolicyConfig] = field(default_factory=classes)
+    policies: Mapping[str, PolicySettings] = field(default_factory=classes)
     arms: tuple[str, ...] = ()
-    algorithm: BehaviourCloning = field(default_factory=BehaviourCloning)
+    algorithm: BC = field(default_factory=BC)
     robot: str = "fa_hexa_arm4"
     task: str = "pick_place"
     tier: str = "calm"

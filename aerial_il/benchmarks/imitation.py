@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import learning_lines, method_dots
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -25,8 +25,8 @@ from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_exp
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite import tiers
 
 DEFAULT, JUDGED_DEMOS = "mlp", 80
@@ -89,8 +89,8 @@ class Imitation:
     name: ClassVar[str] = "imitation"
     question: ClassVar[str] = "How well do policies imitate the experts, on every robot and task?"
 
-    policies: Mapping[str, PolicyConfig] = field(default_factory=lambda: {DEFAULT: MlpConfig()})
-    algorithms: Mapping[str, BehaviourCloning] = field(default_factory=lambda: {DEFAULT: BehaviourCloning()})
+    policies: Mapping[str, PolicySettings] = field(default_factory=lambda: {DEFAULT: MLP()})
+    algorithms: Mapping[str, BC] = field(default_factory=lambda: {DEFAULT: BC()})
     expert: Mapping[str, float] = field(default_factory=usual_expert)
     methods: tuple[str, ...] = ()
     robots: tuple[str, ...] = tuple(MACRO_PERCENT)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.figures import learning_lines
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -24,8 +24,8 @@ from aerial_il.benchmarks.parts.training.demonstrations import Source, usual_exp
 from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, Stages, check_seeds, described
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 
 JUDGED_SIZE, LIMITS_PERCENT, LIMIT_MINUTES = 100, {"reach": 99.0, "pick_place": 90.0}, 10.0
 NOTES = (
@@ -55,8 +55,8 @@ class LearningCurve:
     name: ClassVar[str] = "learning_curve"
     question: ClassVar[str] = "How does the success of behaviour cloning grow with the number of demonstrations?"
 
-    policy: PolicyConfig = field(default_factory=MlpConfig)
-    algorithm: BehaviourCloning = field(default_factory=BehaviourCloning)
+    policy: PolicySettings = field(default_factory=MLP)
+    algorithm: BC = field(default_factory=BC)
     expert: Mapping[str, float] = field(default_factory=usual_expert)
     sizes: tuple[int, ...] = (10, 25, 50, 100, 200)
     robots: tuple[str, ...] = ()

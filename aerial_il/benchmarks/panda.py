@@ -16,10 +16,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.ddpg import DeterministicGradientLearning
+from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
-from aerial_il.algorithms.sac import SoftActorCriticLearning
-from aerial_il.algorithms.td3 import TwinDelayedLearning
+from aerial_il.algorithms.sac import SAC
+from aerial_il.algorithms.td3 import TD3
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
 from aerial_il.benchmarks.parts.reporting.report import Report, Row, Target, skipped
@@ -28,7 +28,7 @@ from aerial_il.benchmarks.parts.training.outside import Learned, OutsideStages, 
 from aerial_il.benchmarks.parts.training.stages import described
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 REACH, PUSH = "PandaReach-v3", "PandaPush-v3"
 PHYSICS = ("pybullet", "pybullet-arm64")  # under either name
@@ -72,15 +72,15 @@ class Panda:
         "Does off-policy learning with hindsight solve panda-gym's tasks, and with which algorithm?"
     )
 
-    policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
+    policy: SquashedGaussian = field(default_factory=SquashedGaussian)
     reach: Mapping[str, OffPolicyActorCritic] = field(
         default_factory=lambda: {
-            "ddpg": DeterministicGradientLearning(),
-            "td3": TwinDelayedLearning(),
-            "sac": SoftActorCriticLearning(),
+            "ddpg": DDPG(),
+            "td3": TD3(),
+            "sac": SAC(),
         }
     )
-    push: Mapping[str, OffPolicyActorCritic] = field(default_factory=lambda: {"sac": SoftActorCriticLearning()})
+    push: Mapping[str, OffPolicyActorCritic] = field(default_factory=lambda: {"sac": SAC()})
     tasks: tuple[str, ...] = (REACH, PUSH)
     seeds: int = 3
     pushes: int = 1

@@ -13,7 +13,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.reporting.progress import bar
@@ -24,8 +24,8 @@ from aerial_il.benchmarks.parts.training.stages import EVALUATION_SEED, Cloned, 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import require_rendering
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 
 POSE = ("ee_pos", "ee_rot6d")
 SEEING, BLIND = "images", "blind"
@@ -54,8 +54,8 @@ class Pixels:
     name: ClassVar[str] = "pixels"
     question: ClassVar[str] = "How well does behaviour cloning fly on camera images alone, and at what cost?"
 
-    policy: PolicyConfig = field(default_factory=lambda: MlpConfig(obs_names=POSE, images=("wrist_rgb", "base_rgb")))
-    algorithm: BehaviourCloning = field(default_factory=lambda: BehaviourCloning(batch_size=64))
+    policy: PolicySettings = field(default_factory=lambda: MLP(obs_names=POSE, images=("wrist_rgb", "base_rgb")))
+    algorithm: BC = field(default_factory=lambda: BC(batch_size=64))
     expert: Mapping[str, float] = field(default_factory=usual_expert)
     robot: str = "fa_hexa_arm4"
     tasks: tuple[str, ...] = ("reach", "press_button", "pick_place")

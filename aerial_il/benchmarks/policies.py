@@ -21,7 +21,8 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il import policies
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.learner import Learner
 from aerial_il.algorithms.supervised.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
@@ -33,10 +34,9 @@ from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.seeding import torch_rng
 from aerial_il.data.episode import Episode
-from aerial_il.policies import list_policies, policy_config
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 Minibatch = tuple[Tensor, Tensor, Tensor]
 TICK_MS, WORLDS_LIMIT_MS, LOADER_RATIO = 20.0, 2.0, 2.0
@@ -86,8 +86,8 @@ class Policies:
             if getattr(self, name) < 1:
                 raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
         for name in self.policies:
-            if name not in list_policies():
-                raise UnknownNameError("policy", name, list_policies())
+            if name not in policies.names():
+                raise UnknownNameError("policy", name, policies.names())
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Time every policy; see :class:`Benchmark`."""
@@ -95,8 +95,8 @@ class Policies:
         demos = self._demonstrations()
         acting, learning, details = [], [], []
         with torch_threads(self.threads), torch_rng(self.seed, "policies"):
-            for name in bar(self.policies or list_policies(), self.name, progress):
-                config = policy_config(name)()
+            for name in bar(self.policies or policies.names(), self.name, progress):
+                config = policies.get(name)()
                 policy, training, interface = _prepared(config, demos)
                 times = self._act_times(policy, demos)
                 acting.append({"policy": name, **_acting_row(policy.network, times)})
@@ -136,7 +136,7 @@ class Policies:
 
     def _learning_arms(
         self,
-        config: PolicyConfig,
+        config: PolicySettings,
         network: ChunkNetwork,
         training: TrainingSet,
         interface: Interface,
@@ -165,7 +165,7 @@ class Policies:
         return iter(loader)
 
     def _arm(self, network: ChunkNetwork, feed: Iterator[Minibatch]) -> Arm:
-        usual = BehaviourCloning()
+        usual = BC()
         learner = Learner(network, weight_decay=usual.weight_decay, ema=usual.ema, clip_norm=usual.clip_norm)
 
         def learn() -> None:
@@ -183,7 +183,7 @@ class OneByOne(Dataset):
         demos: episodes. interface: how they are normalised. config: history and chunk of the windows.
     """
 
-    def __init__(self, demos: Iterable[Episode], interface: Interface, config: PolicyConfig) -> None:
+    def __init__(self, demos: Iterable[Episode], interface: Interface, config: PolicySettings) -> None:
         self._interface, self._history, self._chunk = interface, config.history, config.chunk
         names = interface.layout.names
         self._episodes = [
@@ -208,7 +208,7 @@ class OneByOne(Dataset):
         )
 
 
-def _prepared(config: PolicyConfig, demos: list[Episode]) -> tuple[ChunkPolicy, TrainingSet, Interface]:
+def _prepared(config: PolicySettings, demos: list[Episode]) -> tuple[ChunkPolicy, TrainingSet, Interface]:
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     interface = fit_interface(layout, windows, config)

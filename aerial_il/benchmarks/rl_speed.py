@@ -17,8 +17,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 import aerial_il
-from aerial_il.algorithms import list_algorithms, settings_of
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il import algorithms
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.off_policy import OffPolicy
 from aerial_il.algorithms.run.folder import read_metrics
@@ -31,10 +31,10 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import Dataset
-from aerial_il.policies.categorical import CategoricalConfig
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.categorical import Categorical
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 SIMULATION, ACTING, REPLAY, SAVING, LEARNING = "simulation", "acting", "replay", "saving", "learning"
 SHOWN = (SIMULATION, ACTING, REPLAY, LEARNING)
@@ -55,7 +55,7 @@ SECTIONS = {
     ],
 }
 FEW = 100  # minibatches where what was learned before the flights does not matter
-KINDS: tuple[PolicyConfig, ...] = (SquashedGaussianConfig(), CategoricalConfig(choices="bounds"), MlpConfig())
+KINDS: tuple[PolicySettings, ...] = (SquashedGaussian(), Categorical(choices="bounds"), MLP())
 NOTES = (
     "Shipped settings, worlds included, on one core; weights do not matter and what comes before the flights is kept "
     "short. Measured is the second of two stretches; the critics warm up in the first.",
@@ -145,12 +145,12 @@ class RlSpeed:
         finally:
             env.close()
         demos, clone = aerial_il.open_dataset(str(folder / "demos")), folder / "clone"
-        BehaviourCloning(steps=FEW, warmup_steps=0).train(demos, MlpConfig(), run=clone, progress=False)
+        BC(steps=FEW, warmup_steps=0).train(demos, MLP(), run=clone, progress=False)
         return Shown(demos, clone, expert)
 
     def settings(self, name: str, clone: Path) -> OnlineAlgorithm:
         """Return an algorithm as it ships, but for how long it trains and for what it begins with."""
-        usual: Any = settings_of(name)()
+        usual: Any = algorithms.get(name)()
         stretch = max(self.steps, getattr(usual, "rollout", 0))
         wanted = {
             "steps": 2 * stretch,
@@ -199,7 +199,7 @@ class RlSpeed:
     def _row(self, name: str, found: Sequence[Row]) -> Row:
         rates = np.array([row["steps_per_s"] for row in found])
         seconds = {section: sum(row["seconds"][section] for row in found) for section in SHOWN}
-        usual = settings_of(name)()
+        usual = algorithms.get(name)()
         return {
             "algorithm": name,
             "worlds": usual.worlds,
@@ -213,7 +213,7 @@ class RlSpeed:
 
 def online_algorithms() -> list[str]:
     """Return the names of all algorithms that fly while they learn, by reward or imitation."""
-    return [name for name in list_algorithms() if issubclass(settings_of(name), OnlineAlgorithm)]
+    return [name for name in algorithms.names() if issubclass(algorithms.get(name), OnlineAlgorithm)]
 
 
 def _shares(rows: Sequence[Row]) -> str:
@@ -231,7 +231,7 @@ def _takes_any_prior(settings: Any) -> bool:
     return settings.demonstrated and any(field.name == "prior" for field in fields(settings))
 
 
-def _policy_of(settings: OnlineAlgorithm) -> PolicyConfig:
+def _policy_of(settings: OnlineAlgorithm) -> PolicySettings:
     """Return what it trains: the first kind that suits it."""
     return next(kind for kind in KINDS if isinstance(kind, settings.trains))
 

@@ -18,11 +18,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 import aerial_il
-from aerial_il.algorithms.ddpg import DeterministicGradientLearning
+from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.sac import SoftActorCriticLearning
-from aerial_il.algorithms.td3 import TwinDelayedLearning
+from aerial_il.algorithms.sac import SAC
+from aerial_il.algorithms.td3 import TD3
 from aerial_il.benchmarks.parts.reach.holding import Holding, hold
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint, learning_code
 from aerial_il.benchmarks.parts.records.record import Record
@@ -43,7 +43,7 @@ from aerial_il.core.files import write_json
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 ROBOT, TASK, TIER = "z1", "reach", "calm"
 Reward = Literal["sparse", "dense"]
@@ -108,10 +108,10 @@ class Z1Reach:
         "Which reinforcement learning algorithms make a fixed arm reach every pose, and why do some shake?"
     )
 
-    policy: SquashedGaussianConfig = field(default_factory=SquashedGaussianConfig)
-    sac: SoftActorCriticLearning = field(default_factory=SoftActorCriticLearning)
-    td3: TwinDelayedLearning = field(default_factory=TwinDelayedLearning)
-    ddpg: DeterministicGradientLearning = field(default_factory=DeterministicGradientLearning)
+    policy: SquashedGaussian = field(default_factory=SquashedGaussian)
+    sac: SAC = field(default_factory=SAC)
+    td3: TD3 = field(default_factory=TD3)
+    ddpg: DDPG = field(default_factory=DDPG)
     smooth: Smoothness = field(default_factory=Smoothness)
     algorithms: tuple[str, ...] = ALGORITHMS
     actions: tuple[str, ...] = ("velocity", "ee_pose")

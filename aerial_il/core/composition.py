@@ -1,6 +1,6 @@
 """Settings from plain values and back: what Hydra composes, a run's config.yaml holds, or Python gives as mappings.
 
-The dataclasses are the schema: names, types, defaults and meanings (their docstrings' ``Attributes``) are read from them.
+The dataclasses are the schema: names, types, defaults and meanings (``Attributes`` of docstrings) are read from them.
 """
 
 from __future__ import annotations

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
-from importlib import import_module
-from pkgutil import iter_modules
+from typing import TYPE_CHECKING
 
-from aerial_il.core.errors import UnknownNameError
-from aerial_il.experts.expert import Expert
-from aerial_il.suite import tasks
+from aerial_il.core import registry
 
-_INFRASTRUCTURE = {"expert", "hook"}
+if TYPE_CHECKING:
+    from aerial_il.experts.expert import Expert
 
 
-@cache
 def names() -> tuple[str, ...]:
     """Names of all tasks that have an expert."""
-    return tuple(sorted(m.name for m in iter_modules(__path__) if not m.ispkg and m.name not in _INFRASTRUCTURE))
+    return registry.names("expert")
 
 
 def make(robot: str, task: str, *, noise: float = 0.0, seed: int = 0) -> Expert:
@@ -30,7 +26,7 @@ def make(robot: str, task: str, *, noise: float = 0.0, seed: int = 0) -> Expert:
     Raises:
         UnknownNameError: unknown robot or task, or a task without an expert. CellError: the robot cannot do the task.
     """
+    from aerial_il.suite import tasks
+
     tasks.check_cell(robot, task)
-    if task not in names():
-        raise UnknownNameError("expert", task, names())
-    return import_module(f"{__name__}.{task}").EXPERT(noise=noise, seed=seed)
+    return registry.get("expert", task)(noise=noise, seed=seed)

@@ -2,38 +2,35 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-import pkgutil
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aerial_il.core.errors import AerialError, CheckpointError, InvalidValueError, UnknownNameError
+from aerial_il.core import registry
+from aerial_il.core.errors import AerialError, CheckpointError, InvalidValueError
 
 if TYPE_CHECKING:
     from aerial_il.core.checkpoint import Checkpoint
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
     from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
-    from aerial_il.policies.parts.network import PolicyConfig
+    from aerial_il.policies.parts.network import PolicySettings
 
 FINAL = "policy"  # folder of a run that holds the finished policy
 
 
-def list_policies() -> list[str]:
+def names() -> tuple[str, ...]:
     """Return the names of all policies, without importing them."""
-    return sorted(module.name for module in pkgutil.iter_modules(__path__) if not module.ispkg)
+    return registry.names("policy")
 
 
-def policy_config(name: str) -> type[PolicyConfig]:
-    """Return the configuration class that the policy file ``name`` defines."""
-    from aerial_il.policies.parts.network import PolicyConfig
+def get(name: str) -> type[PolicySettings]:
+    """Return the class of settings that the policy file ``name`` defines.
 
-    if name not in list_policies():
-        raise UnknownNameError("policy", name, list_policies())
-    module = importlib.import_module(f"{__name__}.{name}")
-    own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
-    return next(v for v in own if issubclass(v, PolicyConfig))
+    Raises:
+        UnknownNameError: no policy has that name.
+    """
+    return registry.get("policy", name)
 
 
 def load_policy(path: str | os.PathLike[str]) -> ChunkPolicy:
@@ -61,7 +58,7 @@ def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
     if RESIDUAL in saved.config:
         return ResidualPolicy.around(saved, _rebuilt)
 
-    kind = policy_config(saved.config["policy"])
+    kind = get(saved.config["policy"])
     settings = {**kind.before, **saved.config["settings"]}
     if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
         raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")

@@ -27,11 +27,11 @@ from torch import Tensor, nn
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.heads import DISTANCES, Loss
 from aerial_il.policies.parts.layers import check_choice, check_dropout, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, masked_mean
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, masked_mean
 
 
 @dataclass(frozen=True, kw_only=True)
-class ActConfig(PolicyConfig):
+class ACT(PolicySettings):
     """Sizes of the transformer and weight of its latent variable.
 
     Attributes:
@@ -68,14 +68,14 @@ class ActConfig(PolicyConfig):
         if self.width % self.heads:
             raise InvalidValueError(f"width is {self.width}; it must be a multiple of heads, {self.heads}.")
 
-    def build(self, obs_size: int, action_size: int) -> Act:
-        return Act(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> ACTNetwork:
+        return ACTNetwork(self, obs_size, action_size)
 
 
-class Act(ChunkNetwork):
+class ACTNetwork(ChunkNetwork):
     """Tokens in: the style and each observation. Tokens out: one for each action of the chunk."""
 
-    def __init__(self, config: ActConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: ACT, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.config, self.distance = config, DISTANCES[config.loss]
         self.noise_size = config.latent if config.sample_latent else 0
@@ -109,7 +109,7 @@ class Act(ChunkNetwork):
 class _Style(nn.Module):
     """Reads the style (mean and log deviation, each (B, Z)) off an observation and the chunk that followed it."""
 
-    def __init__(self, config: ActConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: ACT, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.see, self.act = nn.Linear(obs_size, config.width), nn.Linear(action_size, config.width)
         self.places = _tokens(2 + config.chunk, config.width)  # the first one is where the answer appears
@@ -124,13 +124,13 @@ class _Style(nn.Module):
         return mean, log_std
 
 
-def _encoder(config: ActConfig) -> nn.TransformerEncoder:
+def _encoder(config: ACT) -> nn.TransformerEncoder:
     layer = nn.TransformerEncoderLayer(**_layer(config))
     norm = nn.LayerNorm(config.width)
     return nn.TransformerEncoder(layer, config.encoder_layers, norm, enable_nested_tensor=False)
 
 
-def _layer(config: ActConfig) -> dict[str, Any]:
+def _layer(config: ACT) -> dict[str, Any]:
     sizes = {"d_model": config.width, "nhead": config.heads, "dim_feedforward": config.feedforward}
     return {**sizes, "dropout": config.dropout, "batch_first": True, "norm_first": True}
 

@@ -21,7 +21,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.policies.parts.layers import check_choice, check_layers
-from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork, masked_mean
+from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 from aerial_il.policies.squashed_gaussian import ACTIVATIONS, Activation
 
@@ -29,7 +29,7 @@ Choices = Literal["one_hot", "bounds"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CategoricalConfig(PolicyConfig):
+class Categorical(PolicySettings):
     """Sizes of the network and what it chooses among.
 
     Attributes:
@@ -56,16 +56,16 @@ class CategoricalConfig(PolicyConfig):
         check_choice("activation", self.activation, get_args(Activation))
         check_choice("choices", self.choices, get_args(Choices))
 
-    def build(self, obs_size: int, action_size: int) -> Categorical:
-        return Categorical(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> CategoricalNetwork:
+        return CategoricalNetwork(self, obs_size, action_size)
 
 
-class Categorical(StochasticNetwork):
+class CategoricalNetwork(StochasticNetwork):
     """A perceptron to the scores of K discrete actions; a sample is the index of one."""
 
     table: Tensor  # (K, Da) normalised actions
 
-    def __init__(self, config: CategoricalConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: Categorical, obs_size: int, action_size: int) -> None:
         super().__init__()
         table = one_hot(action_size) if config.choices == "one_hot" else at_bounds(action_size)
         self.register_buffer("table", table)

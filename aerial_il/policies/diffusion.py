@@ -34,7 +34,7 @@ from torch.nn import functional
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.layers import check_choice, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, hold_last
 
 Sampler = Literal["ddim", "ddpm"]
 Target = Literal["noise", "sample", "velocity"]
@@ -42,7 +42,7 @@ OFFSET, LARGEST_BETA = 0.008, 0.999
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiffusionConfig(PolicyConfig):
+class Diffusion(PolicySettings):
     """Sizes of the network, the schedule and how it is run backwards.
 
     Attributes:
@@ -75,14 +75,14 @@ class DiffusionConfig(PolicyConfig):
                 f"denoise_steps is {self.denoise_steps}; it must lie in [1, {self.noise_steps}], that is noise_steps."
             )
 
-    def build(self, obs_size: int, action_size: int) -> Diffusion:
-        return Diffusion(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> DiffusionNetwork:
+        return DiffusionNetwork(self, obs_size, action_size)
 
 
-class Diffusion(ChunkNetwork):
+class DiffusionNetwork(ChunkNetwork):
     """Tells signal from noise in a flattened chunk and takes the noise out."""
 
-    def __init__(self, config: DiffusionConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: Diffusion, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.config, self.shape, self.columns = config, (config.chunk, action_size), config.chunk * action_size
         self.denoiser = Denoiser(config.history * obs_size, self.columns, width=config.width, blocks=config.blocks)

@@ -29,14 +29,14 @@ from torch.nn import functional
 
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.layers import check_choice, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, hold_last
 
 Target = Literal["sample", "velocity"]
 BETA, LATEST = 1.5, 0.999
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlowConfig(PolicyConfig):
+class Flow(PolicySettings):
     """Sizes of the network and how a chunk is reached from noise.
 
     Attributes:
@@ -60,14 +60,14 @@ class FlowConfig(PolicyConfig):
         check_choice("predict", self.predict, get_args(Target))
         check_positive(width=self.width, blocks=self.blocks, euler_steps=self.euler_steps, clip=self.clip)
 
-    def build(self, obs_size: int, action_size: int) -> Flow:
-        return Flow(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> FlowNetwork:
+        return FlowNetwork(self, obs_size, action_size)
 
 
-class Flow(ChunkNetwork):
+class FlowNetwork(ChunkNetwork):
     """Tells where a flattened chunk on its way from noise is going, and goes there."""
 
-    def __init__(self, config: FlowConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: Flow, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.config, self.shape = config, (config.chunk, action_size)
         self.noise_size, self.redraws = config.chunk * action_size, config.redraw

@@ -18,11 +18,11 @@ from torch import Tensor, nn
 
 from aerial_il.policies.parts.heads import GaussianHead
 from aerial_il.policies.parts.layers import check_layers, check_positive, hidden_layers
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class GaussianConfig(PolicyConfig):
+class Gaussian(PolicySettings):
     """Sizes of the perceptron and its smallest deviation.
 
     Attributes:
@@ -40,14 +40,14 @@ class GaussianConfig(PolicyConfig):
         check_layers(self.hidden, self.dropout)
         check_positive(min_std=self.min_std)
 
-    def build(self, obs_size: int, action_size: int) -> Gaussian:
-        return Gaussian(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> GaussianNetwork:
+        return GaussianNetwork(self, obs_size, action_size)
 
 
-class Gaussian(ChunkNetwork):
+class GaussianNetwork(ChunkNetwork):
     """The perceptron of ``mlp`` with a normal distribution at its end."""
 
-    def __init__(self, config: GaussianConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: Gaussian, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.body = nn.Sequential(
             nn.Flatten(), *hidden_layers(config.history * obs_size, config.hidden, config.dropout)

@@ -22,11 +22,11 @@ from torch import Tensor, nn
 
 from aerial_il.policies.parts.heads import MixtureHead
 from aerial_il.policies.parts.layers import check_layers, check_positive, hidden_layers
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class GmmConfig(PolicyConfig):
+class GMM(PolicySettings):
     """Sizes of the perceptron and of the mixture.
 
     Attributes:
@@ -48,14 +48,14 @@ class GmmConfig(PolicyConfig):
         check_layers(self.hidden, self.dropout)
         check_positive(modes=self.modes, min_std=self.min_std)
 
-    def build(self, obs_size: int, action_size: int) -> Gmm:
-        return Gmm(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> GMMNetwork:
+        return GMMNetwork(self, obs_size, action_size)
 
 
-class Gmm(ChunkNetwork):
+class GMMNetwork(ChunkNetwork):
     """The perceptron of ``mlp`` with a mixture over chunks at its end."""
 
-    def __init__(self, config: GmmConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: GMM, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.body = nn.Sequential(
             nn.Flatten(), *hidden_layers(config.history * obs_size, config.hidden, config.dropout)

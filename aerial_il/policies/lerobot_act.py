@@ -18,11 +18,11 @@ from torch import Tensor
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.policies.parts.layers import check_dropout, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class LerobotActConfig(PolicyConfig):
+class LerobotACT(PolicySettings):
     """Sizes of lerobot's ACT, under its own names.
 
     Attributes:
@@ -56,14 +56,14 @@ class LerobotActConfig(PolicyConfig):
         if self.dim_model % (2 * self.n_heads):
             raise InvalidValueError(f"dim_model is {self.dim_model}; it must be an even multiple of n_heads.")
 
-    def build(self, obs_size: int, action_size: int) -> LerobotAct:
-        return LerobotAct(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> LerobotACTNetwork:
+        return LerobotACTNetwork(self, obs_size, action_size)
 
 
-class LerobotAct(ChunkNetwork):
+class LerobotACTNetwork(ChunkNetwork):
     """lerobot's ``ACTPolicy`` over one flat vector, which it sees as state and as environment."""
 
-    def __init__(self, config: LerobotActConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: LerobotACT, obs_size: int, action_size: int) -> None:
         super().__init__()
         from lerobot.configs import FeatureType, PolicyFeature
         from lerobot.policies.act.configuration_act import ACTConfig

@@ -18,12 +18,12 @@ from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
 
 @dataclass(frozen=True, kw_only=True)
-class LerobotDiffusionConfig(PolicyConfig):
+class LerobotDiffusion(PolicySettings):
     """Sizes of lerobot's diffusion policy, under its own names.
 
     Attributes:
@@ -56,14 +56,14 @@ class LerobotDiffusionConfig(PolicyConfig):
         step = 2 ** len(self.down_dims)
         return -(-self.chunk // step) * step
 
-    def build(self, obs_size: int, action_size: int) -> LerobotDiffusion:
-        return LerobotDiffusion(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> LerobotDiffusionNetwork:
+        return LerobotDiffusionNetwork(self, obs_size, action_size)
 
 
-class LerobotDiffusion(ChunkNetwork):
+class LerobotDiffusionNetwork(ChunkNetwork):
     """lerobot's ``DiffusionPolicy`` conditioned on one flat vector."""
 
-    def __init__(self, config: LerobotDiffusionConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: LerobotDiffusion, obs_size: int, action_size: int) -> None:
         super().__init__()
         if importlib.util.find_spec("diffusers") is None:
             raise InvalidValueError("policy=lerobot_diffusion needs a package: pip install 'lerobot[diffusion]'")

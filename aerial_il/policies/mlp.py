@@ -13,11 +13,11 @@ from torch import Tensor, nn
 
 from aerial_il.policies.parts.heads import DISTANCES, Loss
 from aerial_il.policies.parts.layers import check_choice, check_layers, hidden_layers
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig, masked_mean
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, masked_mean
 
 
 @dataclass(frozen=True, kw_only=True)
-class MlpConfig(PolicyConfig):
+class MLP(PolicySettings):
     """Sizes and loss of the perceptron.
 
     Attributes:
@@ -35,14 +35,14 @@ class MlpConfig(PolicyConfig):
         check_choice("loss", self.loss, get_args(Loss))
         check_layers(self.hidden, self.dropout)
 
-    def build(self, obs_size: int, action_size: int) -> Mlp:
-        return Mlp(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> MLPNetwork:
+        return MLPNetwork(self, obs_size, action_size)
 
 
-class Mlp(ChunkNetwork):
+class MLPNetwork(ChunkNetwork):
     """Linear, LayerNorm, GELU for each hidden width, then one linear layer to all actions of the chunk."""
 
-    def __init__(self, config: MlpConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: MLP, obs_size: int, action_size: int) -> None:
         super().__init__()
         hidden = hidden_layers(config.history * obs_size, config.hidden, config.dropout)
         last = nn.Linear(config.hidden[-1], config.chunk * action_size)

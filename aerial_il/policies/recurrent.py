@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.heads import GaussianHead, Head, Loss, MixtureHead, PointHead
 from aerial_il.policies.parts.layers import check_choice, check_dropout, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 Cell = Literal["lstm", "gru"]
 End = Literal["point", "gaussian", "gmm"]
@@ -29,7 +29,7 @@ CELLS = {"lstm": nn.LSTM, "gru": nn.GRU}
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecurrentConfig(PolicyConfig):
+class Recurrent(PolicySettings):
     """Sizes of the recurrent network and what stands at its end.
 
     Attributes:
@@ -64,14 +64,14 @@ class RecurrentConfig(PolicyConfig):
         if self.dropout and self.layers == 1:
             raise InvalidValueError(f"dropout is {self.dropout}, but between layers, and there is one: set layers=2.")
 
-    def build(self, obs_size: int, action_size: int) -> Recurrent:
-        return Recurrent(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> RecurrentNetwork:
+        return RecurrentNetwork(self, obs_size, action_size)
 
 
-class Recurrent(ChunkNetwork):
+class RecurrentNetwork(ChunkNetwork):
     """LSTM or GRU; the state after the present observation goes into the head."""
 
-    def __init__(self, config: RecurrentConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: Recurrent, obs_size: int, action_size: int) -> None:
         super().__init__()
         cell = CELLS[config.cell]
         self.cell = cell(obs_size, config.units, config.layers, batch_first=True, dropout=config.dropout)
@@ -88,7 +88,7 @@ class Recurrent(ChunkNetwork):
         return self.cell(obs)[0][:, -1]
 
 
-def _head(config: RecurrentConfig, shape: tuple[int, int]) -> Head:
+def _head(config: Recurrent, shape: tuple[int, int]) -> Head:
     if config.head == "point":
         return PointHead(config.units, shape, config.loss)
     if config.head == "gaussian":

@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.layers import check_choice, check_layers
-from aerial_il.policies.parts.network import PolicyConfig, StochasticNetwork, masked_mean
+from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 
 Activation = Literal["relu", "tanh"]
@@ -30,7 +30,7 @@ EDGE = 1.0 - 1e-4  # demonstrated actions are pulled this far inside: at the bou
 
 
 @dataclass(frozen=True, kw_only=True)
-class SquashedGaussianConfig(PolicyConfig):
+class SquashedGaussian(PolicySettings):
     """Sizes of the network and form of its standard deviation.
 
     Attributes:
@@ -59,14 +59,14 @@ class SquashedGaussianConfig(PolicyConfig):
         if not LOG_STD_LOW < self.log_std < LOG_STD_HIGH:
             raise InvalidValueError(f"log_std is {self.log_std}; it must lie in ({LOG_STD_LOW:g}, {LOG_STD_HIGH:g}).")
 
-    def build(self, obs_size: int, action_size: int) -> SquashedGaussian:
-        return SquashedGaussian(self, obs_size, action_size)
+    def build(self, obs_size: int, action_size: int) -> SquashedGaussianNetwork:
+        return SquashedGaussianNetwork(self, obs_size, action_size)
 
 
-class SquashedGaussian(StochasticNetwork):
+class SquashedGaussianNetwork(StochasticNetwork):
     """A perceptron to the mean and log standard deviation of a Gaussian pre-tanh ``u``; the action is ``tanh(u)``."""
 
-    def __init__(self, config: SquashedGaussianConfig, obs_size: int, action_size: int) -> None:
+    def __init__(self, config: SquashedGaussian, obs_size: int, action_size: int) -> None:
         super().__init__()
         widths = (config.history * obs_size, *config.hidden)
         activation, outputs = ACTIVATIONS[config.activation], config.chunk * action_size

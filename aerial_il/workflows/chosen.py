@@ -13,8 +13,8 @@ from aerial_il.core.composition import build
 from aerial_il.core.errors import UnknownNameError
 
 REGISTERED = {
-    "algorithm": (algorithms.list_algorithms, algorithms.settings_of),
-    "policy": (policies.list_policies, policies.policy_config),
+    "algorithm": (algorithms.names, algorithms.get),
+    "policy": (policies.names, policies.get),
 }
 USUAL = {"algorithm": "bc", "policy": "mlp"}
 CONF = Path(__file__).resolve().parents[2] / "conf"

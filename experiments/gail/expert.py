@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 import aerial_il
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.ppo import PPO
 from aerial_il.evaluation.rollouts import evaluate
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 KEPT = Path(__file__).parent / "experts"
 FILES = ("config.yaml", "provenance.json", "policy")
@@ -31,10 +31,10 @@ def main() -> None:
     parser.add_argument("--runs", default="runs/experts")
     options = parser.parse_args()
     run = Path(options.runs) / options.task
-    algorithm = ProximalPolicyOptimisation(
+    algorithm = PPO(
         steps=options.steps, rollout=4096, lr=3e-4, log_every=40_960, checkpoint_every=204_800, keep_checkpoints=1
     )
-    network = SquashedGaussianConfig(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5)
+    network = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5)
     env = aerial_il.load_gymnasium(options.task, num_envs=16, processes=options.processes)
     expert = algorithm.train(None, network, env=env, run=run)
     judged = evaluate(env, expert, range(5000, 5020), policy_name="expert")

@@ -30,9 +30,9 @@ from aerial_il.presentation import analysis
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.rollouts import rollouts
 from aerial_il.experts import pick_place
-from aerial_il.policies.flow import FlowConfig
-from aerial_il.policies.gmm import GmmConfig
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.flow import Flow
+from aerial_il.policies.gmm import GMM
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.chunking import ActionPlan
 
@@ -269,10 +269,10 @@ def hits(paths):
 
 
 KINDS = {
-    "mlp, squares (mean)": MlpConfig(chunk=POINTS, hidden=(128, 128), loss="l2"),
-    "mlp, L1 (median)": MlpConfig(chunk=POINTS, hidden=(128, 128), loss="l1"),
-    "gmm": GmmConfig(chunk=POINTS, hidden=(128, 128)),
-    "flow": FlowConfig(chunk=POINTS, width=128),
+    "mlp, squares (mean)": MLP(chunk=POINTS, hidden=(128, 128), loss="l2"),
+    "mlp, L1 (median)": MLP(chunk=POINTS, hidden=(128, 128), loss="l1"),
+    "gmm": GMM(chunk=POINTS, hidden=(128, 128)),
+    "flow": Flow(chunk=POINTS, width=128),
 }
 networks = {}
 figure, axes = plt.subplots(2, 5, figsize=(13, 4.6), sharex=True, sharey=True, layout="constrained")

@@ -9,7 +9,7 @@ import torch
 
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.policies.parts.critics import Critics
-from aerial_il.policies.squashed_gaussian import SquashedGaussian, SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian, SquashedGaussianNetwork
 
 FAR = 100.0  # what inputs are raised by before the ReLU, and lowered by after it: all that is below counts as linear
 
@@ -24,15 +24,15 @@ def set_critics(critics: Critics, slopes: Sequence[Sequence[float]], offsets: Se
     critics.biases[1].copy_(torch.tensor(offsets, dtype=torch.float32)[:, None, None] - FAR)
 
 
-def actor_at(centre: Sequence[float], log_std: float = -1.0) -> SquashedGaussian:
+def actor_at(centre: Sequence[float], log_std: float = -1.0) -> SquashedGaussianNetwork:
     """Return an actor with one hidden layer for observations of two elements, around ``centre`` whatever it sees."""
-    actor = SquashedGaussianConfig(hidden=(4,)).build(2, len(centre))
+    actor = SquashedGaussian(hidden=(4,)).build(2, len(centre))
     move_actor(actor, centre, log_std)
     return actor
 
 
 @torch.no_grad()
-def move_actor(actor: SquashedGaussian, centre: Sequence[float], log_std: float = -1.0) -> None:
+def move_actor(actor: SquashedGaussianNetwork, centre: Sequence[float], log_std: float = -1.0) -> None:
     """Let an actor answer actions around ``centre``, with that standard deviation before the tanh (``log_std``)."""
     assert actor.log_std is not None
     for layer in (actor.mean, actor.log_std):

@@ -13,21 +13,21 @@ import numpy as np
 import pytest
 
 from aerial_il.algorithms.adversarial.reward_net import load_reward, reward_along
-from aerial_il.algorithms.airl import AdversarialInverseLearning
-from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.airl import AIRL
+from aerial_il.algorithms.dac import DAC
+from aerial_il.algorithms.gail import GAIL
+from aerial_il.algorithms.ppo import PPO
 from aerial_il.algorithms.run.folder import METRICS, read_metrics
-from aerial_il.algorithms.sac import SoftActorCriticLearning
-from aerial_il.algorithms.sqil import SoftQImitation
+from aerial_il.algorithms.sac import SAC
+from aerial_il.algorithms.sqil import SQIL
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies import load_policy
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms import train_flying
 from tests.algorithms.drift import Drift, Guide, demonstrations, mean_reward
 from tests.algorithms.test_resume import assert_same_end
 
-POLICY = SquashedGaussianConfig(hidden=(32, 32))
+POLICY = SquashedGaussian(hidden=(32, 32))
 OFF: dict[str, Any] = {
     "warmup": 200,
     "batch_size": 64,
@@ -62,13 +62,13 @@ def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: boo
 
 @pytest.mark.slow
 def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
-    assert learn(SoftActorCriticLearning(steps=2_000, utd_ratio=0.5, **OFF), tmp_path / "sac") > 0.9
-    assert learn(ProximalPolicyOptimisation(steps=12_000, **ON), tmp_path / "ppo") > 0.9
+    assert learn(SAC(steps=2_000, utd_ratio=0.5, **OFF), tmp_path / "sac") > 0.9
+    assert learn(PPO(steps=12_000, **ON), tmp_path / "ppo") > 0.9
 
 
 @pytest.mark.slow
 def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
-    settings = DiscriminatorActorCritic(steps=2_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
+    settings = DAC(steps=2_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
     demos = demonstrations(10)
     assert learn(settings, tmp_path / "dac", demos) > 0.9
     assert learn(replace(settings, control="random_actions"), tmp_path / "control", demos) < 0.85
@@ -78,7 +78,7 @@ def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Pa
 @pytest.mark.parametrize("reward", ["gail", "airl"])
 def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
     """Arriving ends the episode; a reward that is positive everywhere must not make it linger."""
-    settings = DiscriminatorActorCritic(
+    settings = DAC(
         steps=3_000,
         utd_ratio=0.5,
         reward_hidden=(32,),
@@ -93,7 +93,7 @@ def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("algorithm", [AdversarialImitation, AdversarialInverseLearning])
+@pytest.mark.parametrize("algorithm", [GAIL, AIRL])
 def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
     judge = {"reward_hidden": (32,), "reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 48, "buffer_size": 2048}
     assert learn(algorithm(steps=20_000, **judge, **ON), tmp_path, demonstrations(10)) > 0.7
@@ -101,9 +101,7 @@ def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
 
 def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> None:
     """And afterwards it does not: what reinforcement has added can be told from what cloning had reached."""
-    settings = AdversarialImitation(
-        steps=1_024, bc_pretrain_steps=200, warmup=1_024, reward_updates=2, reward_batch=64, **ON
-    )
+    settings = GAIL(steps=1_024, bc_pretrain_steps=200, warmup=1_024, reward_updates=2, reward_batch=64, **ON)
     demos, centres = demonstrations(3), []
     for name, chosen in (
         ("short", replace(settings, steps=512)),
@@ -118,13 +116,13 @@ def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_sqil_learns(tmp_path: Path) -> None:
-    assert learn(SoftQImitation(steps=3_000, utd_ratio=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7
+    assert learn(SQIL(steps=3_000, utd_ratio=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7
 
 
 @pytest.mark.slow
 def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> None:
     demos = demonstrations(10)
-    settings = DiscriminatorActorCritic(steps=1_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
+    settings = DAC(steps=1_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
     settings.train(demos, POLICY, env=Drift(8), run=tmp_path, progress=False)
     shown = reward_along(tmp_path, demos[0])
     assert shown.shape == (len(demos[0]),)

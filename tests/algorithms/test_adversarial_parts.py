@@ -18,22 +18,22 @@ from aerial_il.algorithms.adversarial.discriminator import (
     gradient_penalty,
 )
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
-from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation, minibatches
+from aerial_il.algorithms.dac import DAC
+from aerial_il.algorithms.ppo import PPO, minibatches
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.interface import check_policy, decode, encode, encode_actions, fit_interface
 from aerial_il.algorithms.rl.replay.demonstrations import check_same, read_transitions
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of, split
 from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
-from aerial_il.algorithms.sac import SoftActorCritic, SoftActorCriticLearning
+from aerial_il.algorithms.sac import SAC, SoftActorCritic
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig, log_density
+from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density
 from tests.algorithms import drift, point_mass
 from tests.algorithms.drift import Drift
 
-POLICY = SquashedGaussianConfig(hidden=(16,))
+POLICY = SquashedGaussian(hidden=(16,))
 
 
 @pytest.fixture(autouse=True)
@@ -297,18 +297,18 @@ def test_no_minibatch_has_a_single_row() -> None:
     assert torch.cat(minibatches(129, 64)).sort().values.tolist() == list(range(129))
     for wrong in ({"batch_size": 1}, {"rollout": 1}):
         with pytest.raises(InvalidValueError, match="so at least 2"):
-            ProximalPolicyOptimisation(**wrong)
+            PPO(**wrong)
 
 
 def test_what_cannot_be_imitated_is_refused() -> None:
     for wrong in (0, -1):
         with pytest.raises(InvalidValueError, match=f"trajectories is {wrong}; it must be positive"):
-            DiscriminatorActorCritic(trajectories=wrong)
+            DAC(trajectories=wrong)
     demos = drift.demonstrations(2)
     with pytest.raises(InvalidValueError, match="trajectories is 3; the dataset has 2"):
         read_transitions(demos, POLICY, trajectories=3, subsample=1, seed=0)
     with pytest.raises(InvalidValueError, match="choose policy=squashed_gaussian"):
-        check_policy(MlpConfig())
+        check_policy(MLP())
     with pytest.raises(InvalidValueError, match="got history=2 and chunk=1"):
         check_policy(replace(POLICY, history=2))
     with pytest.raises(InvalidValueError, match="another environment: robot: 'mass' != 'point'; task: 'go' != 'pick'"):
@@ -351,7 +351,7 @@ def test_demonstrations_are_blurred_as_the_agent_explores() -> None:
 
 
 def test_an_agent_learns_at_the_rate_that_is_left() -> None:
-    settings = SoftActorCriticLearning(lr=1e-3, lr_floor=0.2, critic_hidden=(8,))
+    settings = SAC(lr=1e-3, lr_floor=0.2, critic_hidden=(8,))
     assert [settings.lr_at(left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-3, 6e-4, 2e-4])
     torch.manual_seed(0)
     agent = SoftActorCritic(settings, POLICY.build(1, 1), (1, 1))

@@ -13,12 +13,12 @@ import pytest
 import yaml
 from scipy import stats
 
-from aerial_il.algorithms import algorithm, list_algorithms
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il import algorithms
+from aerial_il.algorithms.bc import BC
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import SPEC, demonstrations, success_rate
 
 EPISODES = 100
@@ -30,8 +30,8 @@ def demos() -> list[Episode]:
 
 
 def learn(demos: list[Episode], run: Path, **policy: object) -> float:
-    settings = BehaviourCloning(steps=500, batch_size=128, lr=2e-3, warmup_steps=50, ema=0.99)
-    config = MlpConfig(**{"hidden": (128, 128), "chunk": 20, "blind_to": (), **policy})  # type: ignore[arg-type]
+    settings = BC(steps=500, batch_size=128, lr=2e-3, warmup_steps=50, ema=0.99)
+    config = MLP(**{"hidden": (128, 128), "chunk": 20, "blind_to": (), **policy})  # type: ignore[arg-type]
     learned = settings.train(demos, config, run=run, progress=False)
     return success_rate(learned, episodes=EPISODES, seed=10_000)
 
@@ -45,9 +45,9 @@ def test_chunks_solve_what_single_steps_do_not(demos: list[Episode], tmp_path: P
 
 
 def test_a_run_tells_what_it_did(demos: list[Episode], tmp_path: Path) -> None:
-    settings = BehaviourCloning(steps=45, batch_size=32, log_every=10, validate_every=20, checkpoint_every=15)
+    settings = BC(steps=45, batch_size=32, log_every=10, validate_every=20, checkpoint_every=15)
     run = tmp_path / "run"
-    settings.train(demos, MlpConfig(hidden=(16,)), run=run, seed=5, progress=False, expect={"robot": "point"})
+    settings.train(demos, MLP(hidden=(16,)), run=run, seed=5, progress=False, expect={"robot": "point"})
     rows = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
     assert [row["step"] for row in rows] == [10, 20, 30, 40, 45]
     assert [row["step"] for row in rows if "validation/loss" in row] == [20, 40, 45]
@@ -63,8 +63,8 @@ def test_a_run_tells_what_it_did(demos: list[Episode], tmp_path: Path) -> None:
 
 def test_validation_errors_are_in_the_units_of_the_action(demos: list[Episode], tmp_path: Path) -> None:
     """An untrained network predicts about the mean, so its error is about the mean deviation of the data."""
-    settings = BehaviourCloning(steps=1, lr=1e-9, validation=0.5)
-    settings.train(demos, MlpConfig(hidden=(16,), anchor=None), run=tmp_path, progress=False)
+    settings = BC(steps=1, lr=1e-9, validation=0.5)
+    settings.train(demos, MLP(hidden=(16,), anchor=None), run=tmp_path, progress=False)
     row = json.loads((tmp_path / "metrics.jsonl").read_text())
     actions = np.concatenate([d.expert_actions for d in demos])
     deviation = np.abs(actions - actions.mean(0)).mean(0)
@@ -74,17 +74,17 @@ def test_validation_errors_are_in_the_units_of_the_action(demos: list[Episode], 
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(demos: list[Episode], tmp_path: Path) -> None:
-    settings = BehaviourCloning(steps=12, batch_size=16)
+    settings = BC(steps=12, batch_size=16)
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        settings.train(demos[:5], MlpConfig(hidden=(16,)), run=tmp_path / name, seed=seed, progress=False)
+        settings.train(demos[:5], MLP(hidden=(16,)), run=tmp_path / name, seed=seed, progress=False)
     a, b, c = ((tmp_path / name / "policy" / "arrays.safetensors").read_bytes() for name in "abc")
     assert a == b != c
 
 
 def test_time_can_end_a_run(demos: list[Episode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "perf_counter", itertools.count(0.0, 0.001).__next__)  # a clock that each look moves on
-    settings = BehaviourCloning(steps=10**9, minutes=0.01, batch_size=16)
-    policy = settings.train(demos[:5], MlpConfig(hidden=(16,)), run=tmp_path, progress=False)
+    settings = BC(steps=10**9, minutes=0.01, batch_size=16)
+    policy = settings.train(demos[:5], MLP(hidden=(16,)), run=tmp_path, progress=False)
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     assert 0.6 <= rows[-1]["elapsed_s"] < 0.7
     assert rows[-1]["lr"] < 2e-5
@@ -95,7 +95,7 @@ def test_time_can_end_a_run(demos: list[Episode], tmp_path: Path, monkeypatch: p
 def test_other_data_than_asked_for_is_refused(demos: list[Episode], tmp_path: Path, expect: dict[str, str]) -> None:
     key, value = next(iter(expect.items()))
     with pytest.raises(InvalidValueError, match=f"{key}={value} was asked for"):
-        BehaviourCloning().train(demos, MlpConfig(), run=tmp_path, expect=expect)
+        BC().train(demos, MLP(), run=tmp_path, expect=expect)
 
 
 @pytest.mark.parametrize(
@@ -103,12 +103,12 @@ def test_other_data_than_asked_for_is_refused(demos: list[Episode], tmp_path: Pa
 )
 def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InvalidValueError, match=next(iter(wrong))):
-        BehaviourCloning(**wrong)  # type: ignore[arg-type]
+        BC(**wrong)  # type: ignore[arg-type]
 
 
 def test_algorithms_are_found_by_name() -> None:
-    assert "bc" in list_algorithms()
-    for name in list_algorithms():
+    assert "bc" in algorithms.names()
+    for name in algorithms.names():
         own = [c for c in vars(algorithm(name)).values() if getattr(c, "__module__", "") == algorithm(name).__name__]
         assert any(is_dataclass(c) and callable(getattr(c, "train", None)) for c in own), name
     with pytest.raises(UnknownNameError, match=r"Valid: .*bc"):

@@ -13,33 +13,31 @@ import pytest
 import torch
 
 from aerial_il import algorithms
-from aerial_il.algorithms.awac import AdvantageWeightedAgent, AdvantageWeightedLearning
-from aerial_il.algorithms.ddpg import DeterministicAgent, DeterministicGradientLearning
-from aerial_il.algorithms.dqn import DeepQAgent, DeepQLearning
-from aerial_il.algorithms.ibrl import ImitationBootstrapped, ProposedAgent
-from aerial_il.algorithms.iql import ImplicitAgent, ImplicitQLearning, expectile_loss
+from aerial_il.algorithms.awac import AWAC, AdvantageWeightedAgent
+from aerial_il.algorithms.ddpg import DDPG, DeterministicAgent
+from aerial_il.algorithms.dqn import DQN, DeepQAgent
+from aerial_il.algorithms.ibrl import IBRL, ProposedAgent
+from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
 from aerial_il.algorithms.rl.collector import Collector, Transition
 from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 from aerial_il.algorithms.rl.interface import encode
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, split
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.rlpd import EnsembleActorCritic, PriorDataLearning
+from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.algorithms.sac import SoftActorCritic, SoftActorCriticLearning
-from aerial_il.algorithms.td3 import TwinDelayedAgent, TwinDelayedLearning
+from aerial_il.algorithms.sac import SAC, SoftActorCritic
+from aerial_il.algorithms.td3 import TD3, TwinDelayedAgent
 from aerial_il.core.contracts import StepResult
 from aerial_il.data.episode import Episode
-from aerial_il.policies.categorical import Categorical, CategoricalConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.categorical import Categorical, CategoricalNetwork
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
 from tests.algorithms.hand_set import actor_at, move_actor, set_critics, step_of
 
 ONE: dict[str, Any] = {"critic_hidden": (1,), "gamma": 0.9}
-DEMONSTRATED = [
-    n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), DemonstratedReinforcement)
-]
-POLICY = SquashedGaussianConfig(hidden=(16,))
+DEMONSTRATED = [n for n in algorithms.names() if issubclass(algorithms.get(n), DemonstratedReinforcement)]
+POLICY = SquashedGaussian(hidden=(16,))
 
 # Two critics that cross: (0.5 s + 2 a + 1) and (0.5 s - a + 2), s the first element of the observation, which is 1
 # after a step. The smaller of them is the first one below a = 1/3, the second one above.
@@ -78,9 +76,9 @@ def test_a_target_goes_its_share_of_the_way() -> None:
 def smoothed(name: str, centre: float, **changes: Any) -> Any:
     """Return an agent of either whose target actor answers ``centre``, and what its backups say of a step."""
     if name == "td3":
-        agent: Any = TwinDelayedAgent(TwinDelayedLearning(**ONE, **changes), actor_at([centre]), (2, 1))
+        agent: Any = TwinDelayedAgent(TD3(**ONE, **changes), actor_at([centre]), (2, 1))
         return agent, agent.bellman_targets
-    settings = ImitationBootstrapped(critics=2, subset=2, critic_norm=False, **ONE, **changes)
+    settings = IBRL(critics=2, subset=2, critic_norm=False, **ONE, **changes)
     agent = ProposedAgent(settings, actor_at([centre]), (2, 1))
     return agent, lambda step: agent.bellman_targets(unproposed(step), listen=True)[0]
 
@@ -122,7 +120,7 @@ def test_the_noise_of_the_target_has_its_deviation_where_nothing_clips_it(name: 
 
 
 def test_the_actor_and_the_targets_of_td3_move_at_every_second_update_and_its_critics_at_each() -> None:
-    settings = TwinDelayedLearning(actor_every=2, lr=1e-2, tau=0.5, **ONE)
+    settings = TD3(actor_every=2, lr=1e-2, tau=0.5, **ONE)
     agent = TwinDelayedAgent(settings, actor_at([0.2]), (2, 1))
     set_critics(agent._critics.network, *CROSSING)
     networks = (agent._critics, agent._actor_state, agent._actor_target, agent._critic_targets)
@@ -137,7 +135,7 @@ def test_the_actor_and_the_targets_of_td3_move_at_every_second_update_and_its_cr
 
 def test_the_actor_of_td3_climbs_the_first_critic() -> None:
     """The second one leads the other way, more steeply."""
-    agent = TwinDelayedAgent(TwinDelayedLearning(**ONE), actor_at([0.2]), (2, 1))
+    agent = TwinDelayedAgent(TD3(**ONE), actor_at([0.2]), (2, 1))
     set_critics(agent._critics.network, [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -8.0]], [0.5, 3.0])
     loss = agent.actor_loss(step_of([0.0, 0.0]))
     assert loss.item() == pytest.approx(-0.7, abs=1e-4)
@@ -146,7 +144,7 @@ def test_the_actor_of_td3_climbs_the_first_critic() -> None:
 
 
 def test_the_critic_of_ddpg_learns_what_its_targets_say_of_what_follows_and_its_actor_climbs_it() -> None:
-    agent = DeterministicAgent(DeterministicGradientLearning(**ONE), actor_at([0.2]), (2, 1))
+    agent = DeterministicAgent(DDPG(**ONE), actor_at([0.2]), (2, 1))
     set_critics(agent._critic_target.network, [[0.5, 0.0, 0.0, 2.0]], [1.0])
     mislead(agent, [-0.5])
     set_critics(agent._critic.network, [[0.0, 0.0, 0.0, 1.0]], [0.0])
@@ -159,19 +157,19 @@ def test_the_critic_of_ddpg_learns_what_its_targets_say_of_what_follows_and_its_
 # -- dqn
 
 
-def choices(table: list[list[float]], *, dueling: bool = False) -> Categorical:
+def choices(table: list[list[float]], *, dueling: bool = False) -> CategoricalNetwork:
     """Return a network whose scores of three choices are a row of ``table`` (2, 3), the one that an observation marks.
 
     The first row is for (1, 0), the second for (0, 1).
     """
-    config = CategoricalConfig(hidden=(2,), activation="relu", choices="bounds", dueling=dueling)
+    config = Categorical(hidden=(2,), activation="relu", choices="bounds", dueling=dueling)
     network = config.build(2, 1)
     tell_choices(network, table)
     return network
 
 
 @torch.no_grad()
-def tell_choices(network: Categorical, table: list[list[float]]) -> None:
+def tell_choices(network: CategoricalNetwork, table: list[list[float]]) -> None:
     layer = network.trunk[1]
     assert isinstance(layer, torch.nn.Linear)
     layer.weight.copy_(torch.eye(2))
@@ -189,7 +187,7 @@ def decided() -> Batch:
 @pytest.mark.parametrize(("double", "worth"), [(True, 3.0), (False, 7.0)])
 def test_the_trained_network_chooses_and_the_target_judges_unless_it_does_both(double: bool, worth: float) -> None:
     network = choices([[90.0, 91.0, 92.0], [7.0, 3.0, 4.0]])
-    agent = DeepQAgent(DeepQLearning(double=double, gamma=0.9), network)
+    agent = DeepQAgent(DQN(double=double, gamma=0.9), network)
     tell_choices(network, [[93.0, 94.0, 95.0], [1.0, 5.0, 2.0]])
     assert agent.bellman_targets(decided()).tolist() == pytest.approx([0.5 + 0.9 * worth, 0.5])
 
@@ -198,7 +196,7 @@ def test_only_the_choice_that_was_taken_is_learned_about() -> None:
     network = choices([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
     network.requires_grad_(False)
     network.advantages.weight.requires_grad_(True)
-    agent = DeepQAgent(DeepQLearning(huber=100.0, lr=0.1, target_every=10), network)
+    agent = DeepQAgent(DQN(huber=100.0, lr=0.1, target_every=10), network)
     step = decided()._replace(continues=torch.zeros(2))
     assert agent.update(step) == {"critic/loss": pytest.approx(0.5 * 1.5**2), "critic/value": pytest.approx(2.0)}
     taken = int(network.nearest(step.actions)[0])
@@ -230,10 +228,8 @@ def soft(name: str, actor: Any = None, **changes: Any) -> Any:
     sizes = (2, actor.shape[1])
     settings = {**ONE, "alpha": 0.3, "actor_every": 1, "lr": 1e-2, **changes}
     if name == "sac":
-        return SoftActorCritic(SoftActorCriticLearning(**settings), actor, sizes)
-    return EnsembleActorCritic(
-        PriorDataLearning(**{"critics": 2, "subset": 2, "critic_norm": False, **settings}), actor, sizes
-    )
+        return SoftActorCritic(SAC(**settings), actor, sizes)
+    return EnsembleActorCritic(RLPD(**{"critics": 2, "subset": 2, "critic_norm": False, **settings}), actor, sizes)
 
 
 def draws(agent: Any, monkeypatch: pytest.MonkeyPatch, actions: Sequence[float], log_prob: Sequence[float]) -> None:
@@ -307,7 +303,7 @@ def test_weights_of_awac_grow_with_what_an_action_is_worth_beyond_the_actors_own
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Where s = 0 the smaller critic says min(2 a + 1, 2 - a); the actor's own action, 0, is worth 1."""
-    settings = AdvantageWeightedLearning(temperature=0.5, weight_limit=3.0, **ONE)
+    settings = AWAC(temperature=0.5, weight_limit=3.0, **ONE)
     agent = AdvantageWeightedAgent(settings, actor_at([0.0]), (2, 1))
     set_critics(agent._critics.network, *CROSSING)
     set_critics(agent._targets.network, [[9.0] * 4] * 2, [70.0, 70.0])
@@ -323,7 +319,7 @@ def test_weights_of_awac_grow_with_what_an_action_is_worth_beyond_the_actors_own
 
 
 def test_the_critics_of_awac_learn_what_the_actors_own_action_is_worth_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    agent = AdvantageWeightedAgent(AdvantageWeightedLearning(**ONE), actor_at([0.0]), (2, 1))
+    agent = AdvantageWeightedAgent(AWAC(**ONE), actor_at([0.0]), (2, 1))
     set_critics(agent._targets.network, *CROSSING)
     set_critics(agent._critics.network, [[0.0] * 4] * 2, [1.0, 2.0])
     draws(agent, monkeypatch, [0.7, 0.7], [5.0, 5.0])
@@ -339,12 +335,12 @@ def test_the_likelihood_of_tried_actions_counts_by_their_weights(name: str, monk
     actor, step = actor_at([0.3], log_std=-0.5), step_of([0.2, -0.4])
     agent: Any
     if name == "awac":
-        agent = AdvantageWeightedAgent(AdvantageWeightedLearning(temperature=0.5, **ONE), actor, (2, 1))
+        agent = AdvantageWeightedAgent(AWAC(temperature=0.5, **ONE), actor, (2, 1))
         set_critics(agent._critics.network, *CROSSING)
         draws(agent, monkeypatch, [0.0] * 2, [0.0] * 2)
         loss, found = agent.actor_loss(step)
     else:
-        agent = ImplicitAgent(ImplicitQLearning(beta=2.0, **ONE), actor, (2, 1))
+        agent = ImplicitAgent(IQL(beta=2.0, **ONE), actor, (2, 1))
         loss, found = agent.actor_loss(step, torch.tensor([0.4, -0.8]))
     weights, deviation = (math.exp(0.8), math.exp(-1.6)), math.exp(-0.5)
     likely = [
@@ -360,7 +356,7 @@ def test_the_likelihood_of_tried_actions_counts_by_their_weights(name: str, monk
 
 def implicit(**changes: Any) -> ImplicitAgent:
     """Return an agent whose V is 1 + 3 s, and whose target critics say what two that cross do."""
-    agent = ImplicitAgent(ImplicitQLearning(**{**ONE, **changes}), actor_at([-0.9]), (2, 1))
+    agent = ImplicitAgent(IQL(**{**ONE, **changes}), actor_at([-0.9]), (2, 1))
     set_critics(agent._targets.network, *CROSSING)
     set_critics(agent._critics.network, [[0.0] * 4] * 2, [70.0, 71.0])
     set_critics(agent._value.network, [[3.0, 0.0, 0.0]], [1.0])
@@ -403,7 +399,7 @@ with_and_without = pytest.mark.parametrize("absorbing", [True, False])
 
 
 def train(name: str, run: Path, env: Any, demos: list[Episode], **changes: Any) -> Any:
-    cls: Any = algorithms.settings_of(name)
+    cls: Any = algorithms.get(name)
     settings = cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
     return settings.train(demos, POLICY, env=env, run=run, seed=1, progress=False)
 

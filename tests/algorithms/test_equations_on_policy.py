@@ -10,14 +10,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.bc_ppo import AnchoredActorCritic, ClonedProximalOptimisation
-from aerial_il.algorithms.dapg import AugmentedAgent, Demonstrated, DemonstrationAugmented
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.bc_ppo import BCPPO, AnchoredActorCritic
+from aerial_il.algorithms.dapg import DAPG, AugmentedAgent, Demonstrated
 from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
 from aerial_il.algorithms.decisions.rollout import Judged
-from aerial_il.algorithms.ppo import Advantages, ProximalActorCritic, ProximalPolicyOptimisation
+from aerial_il.algorithms.ppo import PPO, Advantages, ProximalActorCritic
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from tests.algorithms.drift import demonstrations
 from tests.algorithms.hand_set import actor_at, move_actor
@@ -45,7 +45,7 @@ def test_no_gradient_leads_further_where_probabilities_have_changed_enough_but_o
 ) -> None:
     """Two actions that became more, or less, likely by one factor: a better one of normalised advantage 1 / sqrt(2),
     and a worse one. A deviation of 1 around 0: the density of ``raw`` changes by ``-raw``."""
-    settings = ProximalPolicyOptimisation(clip=0.2, **SMALL)
+    settings = PPO(clip=0.2, **SMALL)
     agent = ProximalActorCritic(settings, actor_at([0.0], log_std=0.0), 2)
     part = judged_rows([0.6, -0.8], [3.0, 1.0])
     with torch.no_grad():
@@ -64,14 +64,14 @@ def test_no_gradient_leads_further_where_probabilities_have_changed_enough_but_o
 
 # -- dapg
 
-POLICY = MlpConfig(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+POLICY = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
 FLOWN = 12
 
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> ChunkPolicy:
     """A clone that has hardly begun to learn, so that there is something left of the demonstrations."""
-    cloning = BehaviourCloning(steps=2, batch_size=16, warmup_steps=1, ema=0.9, validation=0.0)
+    cloning = BC(steps=2, batch_size=16, warmup_steps=1, ema=0.9, validation=0.0)
     return cloning.train(demonstrations(4), POLICY, run=tmp_path_factory.mktemp("clone") / "run", progress=False)
 
 
@@ -83,7 +83,7 @@ def augmented(clone: ChunkPolicy, **changes: Any) -> tuple[AugmentedAgent, Demon
     explored = {"explored": np.array([True]), "deviation": 0.5, "correlation": 0.0}
     actor = ChunkActor(network, history=1, execute=3, **explored)
     shown = Demonstrated(demonstrations(4), clone, actor, np.random.default_rng(0))
-    settings = DemonstrationAugmented(**{"step_size": 0.01, "epochs": 1, "batch_size": 4, **SMALL, **changes})
+    settings = DAPG(**{"step_size": 0.01, "epochs": 1, "batch_size": 4, **SMALL, **changes})
     return AugmentedAgent(settings, actor, 2, shown), shown
 
 
@@ -174,7 +174,7 @@ def test_where_no_action_was_better_than_another_demonstrations_do_not_count(clo
 
 def anchored(**changes: Any) -> AnchoredActorCritic:
     """Return an agent that began with actions around 0.2, of a deviation of 0.5 before the tanh."""
-    settings = ClonedProximalOptimisation(**{"clip": 0.2, "target_kl": 0.0, **SMALL, **changes})
+    settings = BCPPO(**{"clip": 0.2, "target_kl": 0.0, **SMALL, **changes})
     return AnchoredActorCritic(settings, actor_at([0.2], log_std=math.log(0.5)), 2, smoothness=Smoothness())
 
 

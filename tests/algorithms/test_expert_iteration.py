@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
@@ -22,13 +22,13 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, demonstrations
 from tests.algorithms.point_mass import StepResult
 
 STARTS = 48
-FEW = BehaviourCloning(steps=300, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
-POLICY = SquashedGaussianConfig(hidden=(32,))
+FEW = BC(steps=300, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
+POLICY = SquashedGaussian(hidden=(32,))
 LAMPLIT = replace(SPEC, observation=ObservationSpec((*SPEC.observation.fields, Field("lamp", (1,)))))
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.filtered_bc import FilteredBC
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
@@ -19,21 +19,21 @@ from aerial_il.core.errors import CheckpointError, InvalidValueError, NoRewardEr
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, demonstrations
 from tests.algorithms.point_mass import StepResult
 
 DEMOS = 3
-FEW = BehaviourCloning(steps=40, batch_size=32, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
+FEW = BC(steps=40, batch_size=32, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
 
 
-POLICY = SquashedGaussianConfig(hidden=(16,))
+POLICY = SquashedGaussian(hidden=(16,))
 
 
-def trained(run: Path, *, seed: int = 3, policy: PolicyConfig = POLICY, env: Any = None, **settings: Any) -> Path:
-    algorithm = FilteredCloning(**{"training": FEW, "between_steps": 20, "rounds": 2, "episodes": 8, **settings})
+def trained(run: Path, *, seed: int = 3, policy: PolicySettings = POLICY, env: Any = None, **settings: Any) -> Path:
+    algorithm = FilteredBC(**{"training": FEW, "between_steps": 20, "rounds": 2, "episodes": 8, **settings})
     options = {"env": env or Drift(8), "collect": collect, "seed": seed, "progress": False}
     algorithm.train(demonstrations(DEMOS), policy, run=run, **options)
     return run
@@ -56,13 +56,13 @@ def test_what_was_flown_is_the_label_and_nobody_is_asked(whole: Path) -> None:
 
 def test_only_successes_are_learned_from(whole: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     seen: list[list[bool]] = []
-    train = BehaviourCloning.train
+    train = BC.train
 
-    def watched(self: BehaviourCloning, dataset: Any, *args: Any, **options: Any) -> Any:
+    def watched(self: BC, dataset: Any, *args: Any, **options: Any) -> Any:
         seen.append([episode.success for episode in dataset])
         return train(self, dataset, *args, **options)
 
-    monkeypatch.setattr(BehaviourCloning, "train", watched)
+    monkeypatch.setattr(BC, "train", watched)
     run = trained(tmp_path / "watched")
     won = [sum(flight.success for flight in flights(run, number)) for number in (1, 2)]
     assert 0 < sum(won) < 16, "a check that no flight fails or succeeds would tell nothing"
@@ -85,7 +85,7 @@ class Hopeless(Drift):
 
 
 def test_a_prior_of_another_class_and_of_chunks_flies_the_first_round(whole: Path, tmp_path: Path) -> None:
-    chunked = MlpConfig(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+    chunked = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
     prior = trained(tmp_path / "prior", policy=chunked, rounds=1)
     led = trained(tmp_path / "led", prior=str(prior))
     assert load_policy(led).config == POLICY

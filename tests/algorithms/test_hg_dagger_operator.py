@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.human import HumanGate
@@ -18,7 +18,7 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.experts.reach import EXPERT
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.driver.operator import DriverOperator
 from aerial_il.teleop.driver.watch import Judgement
@@ -44,10 +44,10 @@ def env() -> BatchEnvironment:
 def train(env: BatchEnvironment, folder: Path, operator: DriverOperator, gate=HumanGate()) -> None:  # noqa: B008
     demos = folder / "demos"
     DriverOperator().record(env, None, demos, seeds=range(2), tags={})
-    training = BehaviourCloning(steps=40, validation=0.0)
+    training = BC(steps=40, validation=0.0)
     settings = DAgger(gate=gate, rounds=1, episodes=2, training=training, between_steps=20, evaluate_every=0)
     options = {"env": env, "expert": operator, "collect": collect, "progress": False}
-    settings.train(aerial_il.open_dataset(str(demos)), MlpConfig(), run=folder / "run", **options)
+    settings.train(aerial_il.open_dataset(str(demos)), MLP(), run=folder / "run", **options)
 
 
 def test_a_round_killed_in_the_midst_keeps_its_flights_and_goes_on(env: BatchEnvironment, tmp_path: Path) -> None:

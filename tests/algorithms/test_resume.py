@@ -232,16 +232,16 @@ def test_a_full_disk_stops_the_run_and_spares_what_was_saved(tmp_path: Path, who
 def test_a_loss_that_is_not_finite_stops_with_its_step_and_spoils_no_checkpoint(
     tmp_path: Path, demos: list[Episode], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from aerial_il.policies.mlp import Mlp
+    from aerial_il.policies.mlp import MLPNetwork
 
-    calls, honest = [0], Mlp.loss
+    calls, honest = [0], MLPNetwork.loss
 
-    def spoiled(self: Mlp, *batch: object) -> object:
+    def spoiled(self: MLPNetwork, *batch: object) -> object:
         loss, logged = honest(self, *batch)  # type: ignore[arg-type]
         calls[0] += 1
         return (loss * float("nan") if calls[0] == 24 else loss), logged
 
-    monkeypatch.setattr(Mlp, "loss", spoiled)
+    monkeypatch.setattr(MLPNetwork, "loss", spoiled)
     settings = replace(train_tiny.SETTINGS, validation=0.0)
     with pytest.raises(TrainingDivergedError, match="step 23"):
         train_tiny.train(str(tmp_path / "run"), demos, settings=settings)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from aerial_il.algorithms.airl import AdversarialInverseLearning
-from aerial_il.algorithms.dac import DiscriminatorActorCritic
-from aerial_il.algorithms.gail import AdversarialImitation
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
-from aerial_il.algorithms.sac import SoftActorCriticLearning
-from aerial_il.algorithms.sqil import SoftQImitation
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.algorithms.airl import AIRL
+from aerial_il.algorithms.dac import DAC
+from aerial_il.algorithms.gail import GAIL
+from aerial_il.algorithms.ppo import PPO
+from aerial_il.algorithms.sac import SAC
+from aerial_il.algorithms.sqil import SQIL
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
 
-POLICY = SquashedGaussianConfig(hidden=(8,))
+POLICY = SquashedGaussian(hidden=(8,))
 STOP = 300
 EVERY: dict[str, Any] = {"steps": 480, "log_every": 60, "evaluate_every": 100, "checkpoint_every": 40, "batch_size": 16}
 OFF: dict[str, Any] = {
@@ -28,16 +28,12 @@ OFF: dict[str, Any] = {
 ON: dict[str, Any] = {**EVERY, "rollout": 48, "epochs": 2, "critic_hidden": (8,)}
 JUDGE: dict[str, Any] = {"reward_hidden": (8,), "dropout": 0.2, "spectral_norm": True}
 SETTINGS: dict[str, Any] = {
-    "sac": SoftActorCriticLearning(**OFF),
-    "dac": DiscriminatorActorCritic(
-        **OFF, **JUDGE, expert_share=0.25, bc_pretrain_steps=5, bc_weight=1.0, action_noise=True
-    ),
-    "sqil": SoftQImitation(**OFF),
-    "ppo": ProximalPolicyOptimisation(**ON),
-    "gail": AdversarialImitation(
-        **ON, **JUDGE, reward_batch=32, buffer_size=200, bc_pretrain_steps=5, warmup=100, action_noise=True
-    ),
-    "airl": AdversarialInverseLearning(**ON, **JUDGE, reward_batch=32, buffer_size=200),
+    "sac": SAC(**OFF),
+    "dac": DAC(**OFF, **JUDGE, expert_share=0.25, bc_pretrain_steps=5, bc_weight=1.0, action_noise=True),
+    "sqil": SQIL(**OFF),
+    "ppo": PPO(**ON),
+    "gail": GAIL(**ON, **JUDGE, reward_batch=32, buffer_size=200, bc_pretrain_steps=5, warmup=100, action_noise=True),
+    "airl": AIRL(**ON, **JUDGE, reward_batch=32, buffer_size=200),
 }
 
 

@@ -6,19 +6,19 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
-from aerial_il.algorithms.dart import Dart
+from aerial_il.algorithms.dart import DART
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.thrifty import ThriftyGate
 from aerial_il.collection.collect import collect
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.algorithms.corridor import Corridor, Pilot, success_rate
 
-POLICY = MlpConfig(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
-BC = BehaviourCloning(
+POLICY = MLP(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
+BC = BC(
     steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.98, validation=0.0, validate_every=0, checkpoint_every=40
 )
 DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=100)
@@ -30,7 +30,7 @@ THRIFTY = DAgger(
     between_steps=100,
     warm_start=False,
 )
-DART = Dart(rounds=2, episodes=5, training=BC, between_steps=100)
+DART = DART(rounds=2, episodes=5, training=BC, between_steps=100)
 SETTINGS = {"dagger": DAGGER, "thrifty": THRIFTY, "dart": DART}
 
 

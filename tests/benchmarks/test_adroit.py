@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.benchmarks.adroit import Adroit
 from aerial_il.benchmarks.parts.adroit import tables as adroit_tables
@@ -84,7 +84,7 @@ def test_ways_that_are_near_to_each_other_get_as_many_trainings_as_is_said() -> 
 
 
 def test_cloning_beside_an_interactive_way_takes_as_many_steps_and_another_draw_other_flights() -> None:
-    training = BehaviourCloning(steps=100)
+    training = BC(steps=100)
     asking = {"ask": DAgger(rounds=5, between_steps=40, training=training)}
     study = Adroit(clean=({"demos": 15, "bc_as_ask": 2, "ask": 1},), interactive=asking, algorithm=training, seeds=1)
     points = [point for point in study.points() if point.clean]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.dapg import DemonstrationAugmented
-from aerial_il.algorithms.npg import NaturalGradientLearning
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.dapg import DAPG
+from aerial_il.algorithms.npg import NPG
 from aerial_il.benchmarks.adroit_rl import ASKED, CELLS, CLONE, CONTROL, AdroitRl, Arm, _targets
 from aerial_il.benchmarks.parts.adroit.people import flown_by_people
 from aerial_il.benchmarks.parts.adroit.tasks import TASKS, PublishedRewards
@@ -19,22 +19,22 @@ from aerial_il.benchmarks.parts.training.outside import OutsideStages
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.benchmarks.results import result_with
 
 DATA = Path("../shared/data/adroit")
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
 SMALL: dict[str, Any] = {
     "data": str(DATA),
-    "policy": MlpConfig(chunk=1, ensemble=None, hidden=(8,)),
-    "dapg": DemonstrationAugmented(
+    "policy": MLP(chunk=1, ensemble=None, hidden=(8,)),
+    "dapg": DAPG(
         steps=1_200,
         rollout=800,
         warmup=100,
         execute=1,
-        cloning=BehaviourCloning(steps=5, batch_size=16, validation=0.0),
+        cloning=BC(steps=5, batch_size=16, validation=0.0),
     ),
-    "npg": NaturalGradientLearning(rollout=800),
+    "npg": NPG(rollout=800),
     "tasks": ("door",),
     "rewards": ("environment",),
     "draws": (0,),

@@ -10,13 +10,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.bc_ppo import ClonedProximalOptimisation
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.bc_ppo import BCPPO
 from aerial_il.benchmarks.beyond_teacher import ASKED, CLONE, EXPERT, BeyondTeacher, _targets, _times
 from aerial_il.benchmarks.parts.training.practised import Continued
 from aerial_il.benchmarks.parts.training.stages import Stages
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.benchmarks.results import result_with
 
 
@@ -113,11 +113,11 @@ def test_a_task_can_have_settings_of_its_own() -> None:
 
 @pytest.mark.slow
 def test_a_small_study_runs_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    cloning = BehaviourCloning(steps=10, batch_size=16)
+    cloning = BC(steps=10, batch_size=16)
     small = BeyondTeacher(
-        policy=MlpConfig(hidden=(16,)),
+        policy=MLP(hidden=(16,)),
         cloning=cloning,
-        practising=ClonedProximalOptimisation(steps=20_000, rollout=8_000, warmup=1_000, reward_patience=0),
+        practising=BCPPO(steps=20_000, rollout=8_000, warmup=1_000, reward_patience=0),
         tasks=("reach",),
         demos=2,
         draws=(0,),

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks import dagger
@@ -17,12 +17,12 @@ from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.benchmarks.results import result_with
 
-CLONING = BehaviourCloning(steps=10, batch_size=16)
+CLONING = BC(steps=10, batch_size=16)
 SMALL: dict[str, Any] = {
-    "policy": MlpConfig(hidden=(16,)),
+    "policy": MLP(hidden=(16,)),
     "cloning": CLONING,
     "asking": {"dagger": DAgger(rounds=2, episodes=1, training=CLONING, between_steps=7, evaluate_every=0)},
     "tasks": ("reach",),

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
-from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.filtered_bc import FilteredBC
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks import from_prior
@@ -27,18 +27,18 @@ from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.statistics import mcnemar
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 
 ITERATED = "expert_iteration"
-CLONING = BehaviourCloning(steps=10, batch_size=16)
+CLONING = BC(steps=10, batch_size=16)
 ROUNDS: dict[str, Any] = {"rounds": 2, "episodes": 2, "training": CLONING, "between_steps": 5, "evaluate_every": 0}
 SMALL: dict[str, Any] = {
-    "policy": MlpConfig(hidden=(16,)),
+    "policy": MLP(hidden=(16,)),
     "cloning": CLONING,
     "beginning": replace(CLONING, field_dropout=0.6),
     "practising": {
         ITERATED: ExpertIteration(**{**ROUNDS, "training": replace(CLONING, validation=0.0)}, attempts=2),
-        "filtered_bc": FilteredCloning(**ROUNDS),
+        "filtered_bc": FilteredBC(**ROUNDS),
     },
     "starts": {"reach": (2,)},
     "many": 3,
@@ -328,10 +328,10 @@ def test_an_arm_that_is_added_leaves_what_decides_the_others() -> None:
 def test_whatever_practice_begins_with_decides_it() -> None:
     source, other = Source(robot="z1", task="reach"), replace(CLONING, steps=11)
     beginnings = [
-        *(Cloned("bc", source, 2, MlpConfig(), cloning) for cloning in (CLONING, other)),
-        *(Practised("rounds", source, 2, MlpConfig(), ExpertIteration(rounds=rounds)) for rounds in (1, 2)),
+        *(Cloned("bc", source, 2, MLP(), cloning) for cloning in (CLONING, other)),
+        *(Practised("rounds", source, 2, MLP(), ExpertIteration(rounds=rounds)) for rounds in (1, 2)),
     ]
-    trainings = [Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), begun) for begun in beginnings]
+    trainings = [Continued("dapg", source, 2, MLP(), DAPG(), begun) for begun in beginnings]
     assert len({digest(training.decided_by()) for training in trainings}) == len(beginnings)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks import imitation
 from aerial_il.benchmarks.imitation import Flight, Imitation
 from aerial_il.benchmarks.parts.training.demonstrations import Source
@@ -18,13 +18,13 @@ from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.benchmarks.results import result_with
 
 ROBOTS = ("fa_hexa_arm4", "ua_quad_arm4", "big_four_z1")
 SMALL: dict[str, Any] = {
-    "policies": {"mlp": MlpConfig(hidden=(16,))},
-    "algorithms": {"mlp": BehaviourCloning(steps=10, batch_size=16)},
+    "policies": {"mlp": MLP(hidden=(16,))},
+    "algorithms": {"mlp": BC(steps=10, batch_size=16)},
     "robots": ("fa_hexa_arm4",),
     "tasks": ("reach",),
     "demos": 2,
@@ -73,7 +73,7 @@ def flown(*rates: tuple[str, int, int]) -> dict[Flight, EvaluationResult]:
 
     def flight(task: str, draw: int) -> Flight:
         source = Source(robot="fa_hexa_arm4", task=task, draw=draw)
-        return Flight(Cloned("mlp", source, 80, MlpConfig(), BehaviourCloning()), "calm")
+        return Flight(Cloned("mlp", source, 80, MLP(), BC()), "calm")
 
     return {flight(task, draw): result_with(20, count) for task, draw, count in rates}
 
@@ -117,7 +117,7 @@ def test_what_is_there_is_taken_and_an_arm_that_is_added_flies_itself_only(tmp_p
     assert json.dumps(again.tables) == json.dumps(report.tables)
     assert again.wall_time_s == report.wall_time_s
 
-    wider = {**SMALL["policies"], "wide": MlpConfig(hidden=(8,))}
+    wider = {**SMALL["policies"], "wide": MLP(hidden=(8,))}
     more = {**SMALL, "policies": wider, "algorithms": dict.fromkeys(wider, SMALL["algorithms"]["mlp"])}
     added = Imitation(**more).run(tmp_path, progress=False)
     assert added.tables["Each task"][0] == row
@@ -126,7 +126,5 @@ def test_what_is_there_is_taken_and_an_arm_that_is_added_flies_itself_only(tmp_p
     assert len(found) == 2 * len(kept)
     assert kept.items() <= found.items()
 
-    Imitation(**{**SMALL, "algorithms": {"mlp": BehaviourCloning(steps=11, batch_size=16)}}).run(
-        tmp_path, progress=False
-    )
+    Imitation(**{**SMALL, "algorithms": {"mlp": BC(steps=11, batch_size=16)}}).run(tmp_path, progress=False)
     assert len(list(tmp_path.rglob("evaluation.json"))) == 3 * len(kept), "other steps are another training"

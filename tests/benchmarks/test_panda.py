@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.algorithms.ddpg import DeterministicGradientLearning
+from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.benchmarks import panda
 from aerial_il.benchmarks.panda import PUSH, REACH, Arm, Panda, _targets
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 needs_panda = pytest.mark.skipif(importlib.util.find_spec("panda_gym") is None, reason="panda-gym is not installed")
 
@@ -47,10 +47,8 @@ def test_what_is_missing_or_unknown_is_answered(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.slow
 @needs_panda
 def test_a_small_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
-    learner = DeterministicGradientLearning(steps=300, warmup=100, critic_hidden=(8,), hindsight=Hindsight(goals=4))
-    small = Panda(
-        policy=SquashedGaussianConfig(hidden=(8,)), reach={"ddpg": learner}, tasks=(REACH,), seeds=1, episodes=3
-    )
+    learner = DDPG(steps=300, warmup=100, critic_hidden=(8,), hindsight=Hindsight(goals=4))
+    small = Panda(policy=SquashedGaussian(hidden=(8,)), reach={"ddpg": learner}, tasks=(REACH,), seeds=1, episodes=3)
     report = small.run(tmp_path, progress=False)
     assert [row["arm"] for row in report.tables["Arms"]] == ["ddpg"]
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}

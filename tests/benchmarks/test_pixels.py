@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks import pixels
 from aerial_il.benchmarks.pixels import POSE, Pixels
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 
 
 def test_a_target_asks_for_more_than_the_blind_reach() -> None:
@@ -23,15 +23,15 @@ def test_a_target_asks_for_more_than_the_blind_reach() -> None:
 
 def test_a_policy_without_images_is_refused() -> None:
     with pytest.raises(InvalidValueError, match="sees no images"):
-        Pixels(policy=MlpConfig())
+        Pixels(policy=MLP())
 
 
 @pytest.mark.slow
 @pytest.mark.render
 def test_both_learn_from_the_same_recordings_and_only_one_sees_them(tmp_path: Path) -> None:
     study = Pixels(
-        policy=MlpConfig(hidden=(8,), image_features=4, obs_names=POSE, images=("wrist_rgb",)),
-        algorithm=BehaviourCloning(steps=2, batch_size=4, validation=0.0),
+        policy=MLP(hidden=(8,), image_features=4, obs_names=POSE, images=("wrist_rgb",)),
+        algorithm=BC(steps=2, batch_size=4, validation=0.0),
         tasks=("reach",),
         demos=1,
         image_size=(24, 24),

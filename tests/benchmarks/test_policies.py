@@ -10,12 +10,12 @@ import pytest
 
 from aerial_il.benchmarks.policies import OneByOne, Policies, _prepared
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 
 
 def test_the_loader_gives_the_windows_that_training_gathers() -> None:
-    demos, config = demonstrations(3), MlpConfig(history=3, chunk=7)
+    demos, config = demonstrations(3), MLP(history=3, chunk=7)
     _, training, interface = _prepared(config, demos)
     one_by_one = OneByOne(demos, interface, config)
     assert len(one_by_one) == len(training)

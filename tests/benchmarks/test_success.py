@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks.learning_curve import LearningCurve
 from aerial_il.benchmarks.parts.reporting.report import Report
 from aerial_il.benchmarks.parts.reporting.success import pooled_row
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.benchmarks.results import result_with
 
 TINY = LearningCurve(
-    policy=MlpConfig(hidden=(8,)),
-    algorithm=BehaviourCloning(steps=3, batch_size=8, validation=0.0),
+    policy=MLP(hidden=(8,)),
+    algorithm=BC(steps=3, batch_size=8, validation=0.0),
     sizes=(1, 2),
     robots=("ua_quad_arm4",),
     tasks=("reach",),

@@ -11,15 +11,15 @@ import pytest
 import aerial_il
 from aerial_il.algorithms.rl.replay.hindsight import Hindsight
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.sac import SAC
 from aerial_il.benchmarks.parts.reach.holding import held, hold
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.z1_reach import Arm, Z1Reach
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
-HINDSIGHT = SoftActorCriticLearning(hindsight=Hindsight(goals=4))
+HINDSIGHT = SAC(hindsight=Hindsight(goals=4))
 STUDY = Z1Reach(seeds=2, sac=HINDSIGHT, smooth=Smoothness(temporal=1.0))
 
 
@@ -91,8 +91,8 @@ def test_holding_is_of_the_arm_alone() -> None:
 def test_the_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
     short = {"steps": 160, "warmup": 80, "evaluate_every": 80, "critic_hidden": (8,), "batch_size": 8}
     study = Z1Reach(
-        policy=SquashedGaussianConfig(hidden=(8,)),
-        sac=SoftActorCriticLearning(**short),
+        policy=SquashedGaussian(hidden=(8,)),
+        sac=SAC(**short),
         algorithms=("sac",),
         actions=("velocity",),
         rewards=("sparse",),

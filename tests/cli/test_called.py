@@ -9,10 +9,10 @@ import gymnasium
 import pytest
 
 import aerial_il
-from aerial_il.presentation import analysis
 from aerial_il.cli import commands
 from aerial_il.cli.called import _typed
 from aerial_il.core.errors import AerialError, UnknownNameError
+from aerial_il.presentation import analysis
 from tests.cli.next_lines import next_commands
 
 QUIET = {"progress": False}

@@ -20,12 +20,12 @@ import torch
 
 import aerial_il
 from aerial_il import algorithms
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.algorithms.run.algorithm import Algorithm as Flying
+from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.composition import build, keys
@@ -33,20 +33,20 @@ from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
 from aerial_il.core.renamed import MOVED
 from aerial_il.data.episode import Episode
-from aerial_il.policies.categorical import CategoricalConfig
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.categorical import Categorical
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
 from tests.algorithms.point_mass import StepResult
 
-NAMES = algorithms.list_algorithms()
+NAMES = algorithms.names()
 each = pytest.mark.parametrize("name", NAMES)
-POLICY = SquashedGaussianConfig(hidden=(32, 32))
-CHOICES = CategoricalConfig(hidden=(32, 32), choices="bounds")
+POLICY = SquashedGaussian(hidden=(32, 32))
+CHOICES = Categorical(hidden=(32, 32), choices="bounds")
 FIRST = 24  # steps that are few, and yet more than a warm-up or a rollout
 LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to what its first steps have reached
 
-CLONES = BehaviourCloning(
+CLONES = BC(
     steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0, validate_every=0, checkpoint_every=60
 )
 ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_floor": 1.0}
@@ -107,7 +107,7 @@ def known(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
 
 def small(name: str) -> Any:
     """Return settings that learn in seconds."""
-    cls = algorithms.settings_of(name)
+    cls = algorithms.get(name)
     if issubclass(cls, OnlineAlgorithm | Flying):
         if not issubclass(cls, OnPolicy):
             shown = {"steps": 600} if cls.demonstrated else {}  # half as many suffice
@@ -148,14 +148,14 @@ def train(settings: Algorithm, run: Path, env: Any = None, demos: list[Episode] 
     return settings.train(demos, policy_of(settings), run=run, **options)
 
 
-def policy_of(settings: Algorithm) -> PolicyConfig:
+def policy_of(settings: Algorithm) -> PolicySettings:
     """Return a small policy of a kind that the algorithm trains."""
     return POLICY if isinstance(POLICY, getattr(settings, "trains", type(POLICY))) else CHOICES
 
 
 @each
 def test_it_fulfils_the_contract(name: str) -> None:
-    settings = algorithms.settings_of(name)()
+    settings = algorithms.get(name)()
     assert isinstance(settings, Algorithm)
     assert settings.name == name
     assert settings.worlds >= 1
@@ -228,7 +228,7 @@ def killed_in_a_fork(work: Callable[[], object]) -> bool:
 @each
 def test_impossible_settings_are_refused(name: str) -> None:
     """Every number that is not negative by default must not be, and none may be no number at all."""
-    settings = algorithms.settings_of(name)()
+    settings = algorithms.get(name)()
     numbers = {f.name: getattr(settings, f.name) for f in fields(settings)}
     numbers = {n: v for n, v in numbers.items() if isinstance(v, int | float) and not isinstance(v, bool) and v >= 0}
     assert len(numbers) > 3

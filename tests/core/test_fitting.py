@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import pytest
 
-from aerial_il.core.fitting import check_types, fits
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.fitting import check_types, fits
 
 
 @dataclass

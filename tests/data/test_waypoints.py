@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
@@ -16,7 +16,7 @@ from aerial_il.data import waypoints
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.waypoints import GRIP_MARGIN_S, HOLD_S, Waypoints
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.teleop.driver.operator import DriverOperator
 from tests.teleop.hands import world
 
@@ -145,19 +145,19 @@ def test_what_a_script_flew_is_learned_from_bit_for_bit_as_before(scripted: Epis
     assert Waypoints().apply(flight) is flight
     assert len(Waypoints(lookahead_s=2.0, flown_by="anyone").apply(scripted)) < len(scripted)
 
-    def digest(cloning: BehaviourCloning, *episodes: Episode) -> str:
-        demos = cloning.divide([replace(e, success=True) for e in episodes], MlpConfig(), seed=0)
-        return digest_of(cut_windows(demos.kept, demos.layout, MlpConfig()))
+    def digest(cloning: BC, *episodes: Episode) -> str:
+        demos = cloning.divide([replace(e, success=True) for e in episodes], MLP(), seed=0)
+        return digest_of(cut_windows(demos.kept, demos.layout, MLP()))
 
-    plain, ahead = BehaviourCloning(validation=0.0), BehaviourCloning(validation=0.0, waypoints=AHEAD)
+    plain, ahead = BC(validation=0.0), BC(validation=0.0, waypoints=AHEAD)
     assert digest(ahead, scripted) == digest(plain, scripted)
     assert digest(ahead, scripted, flight) != digest(plain, scripted, flight)
 
 
 def test_no_flight_is_labelled_by_another(flight: Episode) -> None:
     elsewhere = replace(flight, obs={**flight.obs, "ee_pos": flight.obs["ee_pos"] + 10.0}, uid="elsewhere")
-    cloning = BehaviourCloning(validation=0.0, waypoints=Waypoints(lookahead_s=60.0))
-    near, far = cloning.divide([replace(e, success=True) for e in (flight, elsewhere)], MlpConfig(), seed=0).kept
+    cloning = BC(validation=0.0, waypoints=Waypoints(lookahead_s=60.0))
+    near, far = cloning.divide([replace(e, success=True) for e in (flight, elsewhere)], MLP(), seed=0).kept
     assert near.labels[:, :3].max() < 5.0 < far.labels[:, :3].min()
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import aerial_il
-from aerial_il.presentation.films import video
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.presentation.films import video
 
 CELLS = (("fa_hexa_arm4", "pick_place"), ("ua_quad_arm4", "reach"))
 

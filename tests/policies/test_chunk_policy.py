@@ -13,7 +13,7 @@ from aerial_il.core.contracts import attach
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import Layout
 from tests.algorithms.point_mass import SPEC, PointMassBatch
 from tests.policies.test_registry import fresh_policy
@@ -66,9 +66,9 @@ def test_without_an_anchor_positions_stay_in_the_world() -> None:
 
 
 def test_blindness_leaves_out_fields_unless_they_are_asked_for() -> None:
-    assert "gripper" not in Layout.of(SPEC, MlpConfig()).names
-    assert Layout.of(SPEC, MlpConfig(blind_to=())).names == SPEC.observation.state_names
-    assert Layout.of(SPEC, MlpConfig(obs_names=("ee_pos", "gripper"))).names == ("ee_pos", "gripper")
+    assert "gripper" not in Layout.of(SPEC, MLP()).names
+    assert Layout.of(SPEC, MLP(blind_to=())).names == SPEC.observation.state_names
+    assert Layout.of(SPEC, MLP(obs_names=("ee_pos", "gripper"))).names == ("ee_pos", "gripper")
 
 
 def test_unknown_fields_anchors_and_images_are_refused() -> None:

@@ -14,7 +14,7 @@ from aerial_il.core import checkpoint
 from aerial_il.core.errors import CheckpointError
 from aerial_il.core.specs import ActionSpec
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.constant import ARRAY
 from aerial_il.policies.parts.layout import Interface, Layout
@@ -35,7 +35,7 @@ def shown() -> np.ndarray:
 
 def policy_of(scaling: Scaling) -> ChunkPolicy:
     action = ActionSpec("velocity", WORDS, ("m/s",) * 5, -BOUND, BOUND)
-    config = MlpConfig(hidden=(4,), chunk=1, anchor=None, blind_to=(), action_scaling=scaling)
+    config = MLP(hidden=(4,), chunk=1, anchor=None, blind_to=(), action_scaling=scaling)
     layout = Layout.of(replace(SPEC, action=action), config)
     scaler, obs = Normaliser.fit(shown(), scaling), Normaliser.none(layout.size)
     interface = Interface(layout, obs, scaler, config.obs_clip, Switches.fit(shown()))

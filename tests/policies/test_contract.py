@@ -10,10 +10,11 @@ import pytest
 import torch
 from torch.nn.functional import one_hot
 
+from aerial_il import policies
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies import load_policy, policy_config
+from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from tests.algorithms.point_mass import SPEC
 from tests.policies.test_registry import NAMES, fresh_policy
 
@@ -30,14 +31,14 @@ BAD: dict[str, Any] = {
 }  # fmt: skip
 
 
-def config(name: str, **settings: Any) -> PolicyConfig:
+def config(name: str, **settings: Any) -> PolicySettings:
     """A small configuration of the policy ``name``; settings that it does not have are left out."""
-    kind = policy_config(name)
+    kind = policies.get(name)
     return kind(**{k: v for k, v in (SMALL | settings).items() if k in kind.__dataclass_fields__})
 
 
 def policy(name: str, **settings: Any) -> ChunkPolicy:
-    known = policy_config(name).__dataclass_fields__
+    known = policies.get(name).__dataclass_fields__
     return fresh_policy(name, **{k: v for k, v in (SMALL | settings).items() if k in known})
 
 
@@ -148,7 +149,7 @@ def test_acting_leaves_the_shared_generator_alone(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_each_setting_refuses_what_it_cannot_be(name: str) -> None:
     """The message names the setting, the value and what is allowed."""
-    kind = policy_config(name)
+    kind = policies.get(name)
     for setting, value in BAD.items():
         if setting in kind.__dataclass_fields__:
             with pytest.raises(InvalidValueError, match=rf"{setting}.*({value!r}|\(\)).*(must|Valid)"):

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from aerial_il.policies.diffusion import DiffusionConfig, squared_cosine
+from aerial_il.policies.diffusion import Diffusion, squared_cosine
 from tests.policies.two_ways import CHUNK, TwoWays
 
 TARGETS, SAMPLERS = ("sample", "noise", "velocity"), ("ddim", "ddpm")
@@ -17,7 +17,7 @@ TARGETS, SAMPLERS = ("sample", "noise", "velocity"), ("ddim", "ddpm")
 class Oracle(nn.Module):
     """A denoiser that knows the data, independent elements N(``mean``, ``deviation``^2), and so the best answer."""
 
-    def __init__(self, config: DiffusionConfig, mean: Tensor, deviation: float) -> None:
+    def __init__(self, config: Diffusion, mean: Tensor, deviation: float) -> None:
         super().__init__()
         self.predict, self.schedule = config.predict, squared_cosine(config.noise_steps)
         self.mean, self.variance = mean, deviation**2
@@ -36,7 +36,7 @@ class Oracle(nn.Module):
 
 def flown_by_oracle(mean: Tensor, deviation: float, **settings: Any) -> Tensor:
     """Return 4000 chunks (N, CHUNK * 2) that the oracle's answers lead to."""
-    network = DiffusionConfig(chunk=CHUNK, width=8, **settings).build(1, 2).eval()
+    network = Diffusion(chunk=CHUNK, width=8, **settings).build(1, 2).eval()
     network.denoiser = Oracle(network.config, mean, deviation)  # type: ignore[assignment]
     noise = torch.randn(4000, network.noise_size, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
@@ -64,7 +64,7 @@ def test_samples_are_spread_as_the_data(predict: str, sampler: str) -> None:
 
 def test_two_ways_beside_what_is_seen_are_flown_and_nothing_between() -> None:
     torch.manual_seed(0)
-    network, ways = DiffusionConfig(chunk=CHUNK, width=128).build(2, 2), TwoWays()
+    network, ways = Diffusion(chunk=CHUNK, width=128).build(2, 2), TwoWays()
     ways.teach(network, steps=500)
     obs, noise = torch.rand(500, 1, 2) * 2 - 1, torch.randn(500, network.noise_size)
     with torch.no_grad():

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.flow import FlowConfig
+from aerial_il.policies.flow import Flow
 from tests.policies.two_ways import CHUNK, TwoWays
 
 TARGETS = ("sample", "velocity")
@@ -33,7 +33,7 @@ class Oracle(nn.Module):
 
 def flown_by_oracle(mean: Tensor, deviation: float, predict: str, **settings: Any) -> Tensor:
     """Return 4000 chunks (N, CHUNK * 2) that the oracle's answers lead to."""
-    network = FlowConfig(chunk=CHUNK, width=8, predict=predict, **settings).build(1, 2).eval()  # type: ignore[arg-type]
+    network = Flow(chunk=CHUNK, width=8, predict=predict, **settings).build(1, 2).eval()  # type: ignore[arg-type]
     network.denoiser = Oracle(predict, mean, deviation)  # type: ignore[assignment]
     noise = torch.randn(4000, network.noise_size, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
@@ -59,7 +59,7 @@ def test_samples_are_spread_as_the_data(predict: str) -> None:
 @pytest.mark.parametrize("predict", TARGETS)
 def test_what_is_learned_is_what_flying_takes_it_for(predict: str) -> None:
     torch.manual_seed(0)
-    network, ways = FlowConfig(chunk=CHUNK, width=128, predict=predict).build(2, 2), TwoWays()  # type: ignore[arg-type]
+    network, ways = Flow(chunk=CHUNK, width=128, predict=predict).build(2, 2), TwoWays()  # type: ignore[arg-type]
     ways.teach(network, steps=500)
     obs = torch.rand(500, 1, 2) * 2 - 1
     with torch.no_grad():
@@ -71,4 +71,4 @@ def test_what_is_learned_is_what_flying_takes_it_for(predict: str) -> None:
 
 def test_an_unknown_target_is_named_with_the_valid_ones() -> None:
     with pytest.raises(InvalidValueError, match=r"predict .noise.*sample, velocity"):
-        FlowConfig(predict="noise")  # type: ignore[arg-type]
+        Flow(predict="noise")  # type: ignore[arg-type]

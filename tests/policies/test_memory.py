@@ -7,24 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.policies import load_policy
-from aerial_il.policies.diffusion import DiffusionConfig
-from aerial_il.policies.mlp import MlpConfig
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.diffusion import Diffusion
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
 from tests.algorithms.drift import Drift, demonstrations
 
 CHUNKS = {"chunk": 4, "anchor": None, "blind_to": ()}
-CASES: dict[str, PolicyConfig] = {
-    "averaged": MlpConfig(hidden=(8,), history=2, execute=1, ensemble=0.1, **CHUNKS),
-    "one after the other": MlpConfig(hidden=(8,), execute=3, ensemble=None, **CHUNKS),
-    "with chance": DiffusionConfig(**CHUNKS),
+CASES: dict[str, PolicySettings] = {
+    "averaged": MLP(hidden=(8,), history=2, execute=1, ensemble=0.1, **CHUNKS),
+    "one after the other": MLP(hidden=(8,), execute=3, ensemble=None, **CHUNKS),
+    "with chance": Diffusion(**CHUNKS),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_policy_goes_on_in_the_middle_of_its_plans(tmp_path: Path, case: str) -> None:
-    short = BehaviourCloning(steps=3, batch_size=8, warmup_steps=1, validation=0.0, validate_every=0)
+    short = BC(steps=3, batch_size=8, warmup_steps=1, validation=0.0, validate_every=0)
     short.train(demonstrations(4), CASES[case], run=tmp_path, progress=False)
     policy, other = load_policy(tmp_path), load_policy(tmp_path).fresh()
     env = Drift(3)

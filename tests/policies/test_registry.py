@@ -11,11 +11,12 @@ import pytest
 import torch
 import yaml
 
-from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il import policies
+from aerial_il.algorithms.sac import SAC
 from aerial_il.algorithms.supervised.selection import Selection
 from aerial_il.core.errors import CheckpointError, InvalidValueError, UnknownNameError
-from aerial_il.policies import list_policies, load_policy, policy_config
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies import load_policy
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
@@ -24,12 +25,12 @@ from tests.algorithms.point_mass import SPEC, PointMassBatch
 
 SIZES = {"history": 2, "chunk": 5}
 NAMES = [  # importing lerobot takes seconds, and so does training its networks
-    pytest.param(name, marks=pytest.mark.slow) if name.startswith("lerobot_") else name for name in list_policies()
+    pytest.param(name, marks=pytest.mark.slow) if name.startswith("lerobot_") else name for name in policies.names()
 ]
 
 
 def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
-    config = policy_config(name)(**{**SIZES, **settings})
+    config = policies.get(name)(**{**SIZES, **settings})
     layout = Layout.of(SPEC, config)
     data = np.random.default_rng(0)
     scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, SPEC.action.size))
@@ -77,8 +78,8 @@ def test_a_saved_policy_flies_alone_and_alike(name: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("name", NAMES)
 def test_settings_survive_yaml(name: str) -> None:
-    config = policy_config(name)(**SIZES)
-    assert policy_config(name)(**yaml.safe_load(yaml.safe_dump(config.to_dict()))) == config
+    config = policies.get(name)(**SIZES)
+    assert policies.get(name)(**yaml.safe_load(yaml.safe_dump(config.to_dict()))) == config
     assert config.name == name
 
 
@@ -86,25 +87,25 @@ def test_settings_survive_yaml(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_impossible_settings_are_refused(name: str, settings: dict[str, int]) -> None:
     with pytest.raises(InvalidValueError, match=next(iter(settings))):
-        policy_config(name)(**{**SIZES, **settings})
+        policies.get(name)(**{**SIZES, **settings})
 
 
 def test_a_single_name_or_width_stands_for_a_list_of_it() -> None:
     """A command line writes ``policy.blind_to=target_*``, which must not be read letter by letter."""
-    config = MlpConfig(blind_to="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
+    config = MLP(blind_to="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
     assert (config.blind_to, config.hidden, config.images) == (("target_*",), (256,), ("wrist_rgb",))
     assert Selection(operators="expert").operators == ("expert",)  # type: ignore[arg-type]
-    assert SoftActorCriticLearning(critic_hidden=64).critic_hidden == (64,)  # type: ignore[arg-type]
+    assert SAC(critic_hidden=64).critic_hidden == (64,)  # type: ignore[arg-type]
 
 
 def test_names_come_without_importing_torch() -> None:
-    code = "import sys; from aerial_il.policies import list_policies; list_policies(); print('torch' in sys.modules)"
+    code = "import sys; from aerial_il.policies import list_policies; policies.names(); print('torch' in sys.modules)"
     assert run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"
 
 
 def test_unknown_policies_and_paths_say_what_there_is(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'mlp'"):
-        policy_config("mpl")
+        policies.get("mpl")
     with pytest.raises(CheckpointError, match="does not exist"):
         load_policy(tmp_path / "nowhere")
     with pytest.raises(CheckpointError, match="neither a policy nor a run"):

@@ -15,7 +15,7 @@ from aerial_il.algorithms.supervised.training_set import cut_windows, fit_interf
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rotations import mat_from_rot6d, rot6d_from_mat
 from aerial_il.core.specs import EnvSpec
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import Layout, to_offsets
 from aerial_il.policies.parts.relative import into_tool, into_world, rotations
 from aerial_il.suite.scenario import Scenario
@@ -52,7 +52,7 @@ def test_the_pose_itself_is_nothing() -> None:
 
 
 def test_relative_chunks_are_decoded_as_demonstrated_and_scaled_by_their_own_statistics() -> None:
-    config = MlpConfig(chunk=7, relative=True, history=2)
+    config = MLP(chunk=7, relative=True, history=2)
     layout, demos = read_demos(demonstrations(4), config)
     windows = cut_windows(demos, layout, config)
     interface = fit_interface(layout, windows, config)
@@ -83,10 +83,10 @@ def test_a_turned_and_moved_world_turns_and_moves_the_commands() -> None:
 def test_what_has_no_pose_is_refused() -> None:
     (demo,) = demonstrations(1)
     with pytest.raises(InvalidValueError, match="needs ee_pose actions; these are velocity"):
-        read_demos([with_action_level(demo, "velocity")], MlpConfig(relative=True))
+        read_demos([with_action_level(demo, "velocity")], MLP(relative=True))
     with pytest.raises(UnknownNameError, match=r"'ee_rot6d'.*see obs_names"):
-        Layout.of(SPEC, MlpConfig(relative=True, obs_names=("ee_pos", "cube_pos")))
-    assert Layout.of(replace(SPEC, tier="gusts"), MlpConfig(relative=True)).anchored == 0
+        Layout.of(SPEC, MLP(relative=True, obs_names=("ee_pos", "cube_pos")))
+    assert Layout.of(replace(SPEC, tier="gusts"), MLP(relative=True)).anchored == 0
 
 
 def turned_and_moved(spec: EnvSpec, layout: Layout) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -107,18 +107,18 @@ def turned_and_moved(spec: EnvSpec, layout: Layout) -> tuple[dict[str, np.ndarra
 
 def test_a_turned_and_moved_world_looks_the_same() -> None:
     spec = Scenario("fa_hexa_arm4", "press_button").spec
-    layout = Layout.of(spec, MlpConfig(relative=True))
+    layout = Layout.of(spec, MLP(relative=True))
     obs, moved = turned_and_moved(spec, layout)
     seen, seen_moved = (layout.relate(layout.flatten(o)) for o in (obs, moved))
     own = np.concatenate([np.full(spec.observation[name].size, name.startswith("ee_")) for name in layout.names])
     np.testing.assert_allclose(seen[:, ~own], seen_moved[:, ~own], atol=1e-9)
-    world = Layout.of(spec, MlpConfig())
+    world = Layout.of(spec, MLP())
     assert not np.allclose(*(world.relate(world.flatten(o)) for o in (obs, moved)), atol=0.1)
 
 
 def test_blind_to_its_own_pose_it_sees_a_turned_and_moved_world_as_the_same() -> None:
     spec = Scenario("fa_hexa_arm4", "press_button").spec
-    blind = Layout.of(spec, MlpConfig(relative=True, blind_to=("base_*", "joint_*", "gripper", "ee_*")))
+    blind = Layout.of(spec, MLP(relative=True, blind_to=("base_*", "joint_*", "gripper", "ee_*")))
     assert blind.unseen == ("ee_pos", "ee_rot6d")
     assert not any(name.startswith(("base_", "joint_")) for name in blind.names)
     obs, moved = turned_and_moved(spec, blind)
@@ -129,7 +129,7 @@ def test_blind_to_its_own_pose_it_sees_a_turned_and_moved_world_as_the_same() ->
 
 def test_the_anchor_can_be_hidden() -> None:
     spec = Scenario("fa_hexa_arm4", "press_button").spec
-    layout = Layout.of(spec, MlpConfig(blind_to=("ee_pos",)))
+    layout = Layout.of(spec, MLP(blind_to=("ee_pos",)))
     assert layout.unseen == ("ee_pos",)
     obs, _ = turned_and_moved(spec, layout)
     shifted = {
@@ -137,4 +137,4 @@ def test_the_anchor_can_be_hidden() -> None:
     }
     np.testing.assert_allclose(*(layout.relate(layout.flatten(o)) for o in (obs, shifted)), atol=1e-12)
     with pytest.raises(InvalidValueError, match="blind to every state field"):
-        Layout.of(spec, MlpConfig(blind_to=("*",)))
+        Layout.of(spec, MLP(blind_to=("*",)))

@@ -21,10 +21,10 @@ pytest.importorskip("stable_baselines3")
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 
 import aerial_il
-from aerial_il.suite.faces.sb3_env import Sb3Env
 from aerial_il.cli.main import main
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies.parts.sb3_checkpoint import Sb3Policy
+from aerial_il.suite.faces.sb3_env import Sb3Env
 
 SMALL: dict[str, Any] = {"net_arch": [8, 8]}
 

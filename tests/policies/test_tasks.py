@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.tasks import tasks_of, unite
 from tests.algorithms.point_mass import SPEC, demonstrations, with_action_level
@@ -48,14 +48,14 @@ def demos() -> list[Episode]:
 
 @pytest.fixture(scope="module")
 def policy(demos: list[Episode], tmp_path_factory: pytest.TempPathFactory) -> ChunkPolicy:
-    settings = BehaviourCloning(steps=250, batch_size=128, lr=3e-3, warmup_steps=20, ema=0.95, validation=0)
-    config = MlpConfig(hidden=(64, 64), chunk=3)
+    settings = BC(steps=250, batch_size=128, lr=3e-3, warmup_steps=20, ema=0.95, validation=0)
+    config = MLP(hidden=(64, 64), chunk=3)
     settings.train(demos, config, run=(run := tmp_path_factory.mktemp("run")), progress=False)
     return load_policy(run)
 
 
 def test_fields_are_united_and_absent_ones_are_zero(demos: list[Episode]) -> None:
-    layout, united = read_demos(demos, MlpConfig())
+    layout, united = read_demos(demos, MLP())
     assert tasks_of(layout.spec) == ("hang", "pick")
     assert layout.spec.task == "hang+pick"
     assert layout.spec.max_steps == SPEC.max_steps

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 import torch
 
+from aerial_il import policies
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
-from aerial_il.policies import load_policy, policy_config
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies import load_policy
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
@@ -36,7 +37,7 @@ EYES = {"history": 2, "chunk": 5, "images": ("wrist_rgb", "base_rgb"), "image_fe
 
 
 def fresh_policy(name: str = "mlp", **settings: object) -> ChunkPolicy:
-    config = policy_config(name)(**{**EYES, **settings})
+    config = policies.get(name)(**{**EYES, **settings})
     layout = Layout.of(SEEN, config)
     data = np.random.default_rng(0)
     scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, SEEN.action.size))
@@ -107,12 +108,12 @@ def test_a_resnet_from_random_weights_sees_too() -> None:
 
 
 def test_fields_are_hidden_by_pattern_down_to_images_alone() -> None:
-    assert Layout.of(SEEN, MlpConfig(blind_to=("*_pos",), anchor=None)).names == ("ee_rot6d", "gripper")
+    assert Layout.of(SEEN, MLP(blind_to=("*_pos",), anchor=None)).names == ("ee_rot6d", "gripper")
     policy = fresh_policy(obs_names=(), blind_to=("*",), anchor=None)
     assert policy.interface.layout.names == ()
     assert policy.act(look(2, np.random.default_rng(0))).shape == (2, 10)
     with pytest.raises(InvalidValueError, match="blind to every state field"):
-        Layout.of(SEEN, MlpConfig(blind_to=("*",), anchor=None))
+        Layout.of(SEEN, MLP(blind_to=("*",), anchor=None))
 
 
 def test_other_cameras_and_sizes_are_refused_and_both_are_named() -> None:
@@ -134,10 +135,10 @@ def test_other_cameras_and_sizes_are_refused_and_both_are_named() -> None:
 
 def test_images_that_were_not_recorded_or_are_no_colours_are_refused() -> None:
     with pytest.raises(UnknownNameError, match=r"Unknown colour image 'wrist_depth'.*Record it"):
-        Layout.of(SEEN, MlpConfig(images=("wrist_depth",)))
+        Layout.of(SEEN, MLP(images=("wrist_depth",)))
     with pytest.raises(InvalidValueError, match=r"is an image\. Name it in images"):
-        Layout.of(SEEN, MlpConfig(obs_names=("ee_pos", "wrist_rgb")))
+        Layout.of(SEEN, MLP(obs_names=("ee_pos", "wrist_rgb")))
     with pytest.raises(InvalidValueError, match="10 x 10 after crop"):
         fresh_policy(crop=0.5)
     with pytest.raises(InvalidValueError, match=r"Unknown encoder 'vit'\. Valid: cnn, resnet18"):
-        MlpConfig(encoder="vit")  # pyright: ignore[reportArgumentType]
+        MLP(encoder="vit")  # pyright: ignore[reportArgumentType]

@@ -30,8 +30,8 @@ REGISTRIES = {
     "task": aerial_il.list_tasks(),
     "tier": tiers.names(),
     "controller": laws.names(),
-    "policy": policies.list_policies(),
-    "algorithm": algorithms.list_algorithms(),
+    "policy": policies.names(),
+    "algorithm": algorithms.names(),
     "bench": benchmarks.names(),
 }
 TARGETS = [
@@ -147,9 +147,9 @@ def test_nested_settings_of_a_file_change_those_of_the_one_it_builds_on(
     assert (found["practising"]["steps"], found["practising"]["gamma"], found["demos"]) == (10, 0.8, 5)
 
 
-@pytest.mark.parametrize("name", policies.list_policies())
+@pytest.mark.parametrize("name", policies.names())
 def test_a_policy_file_of_that_name_builds_that_policy(name: str) -> None:
-    assert type(build(groups.read_option("policy", name))) is policies.policy_config(name)
+    assert type(build(groups.read_option("policy", name))) is policies.get(name)
 
 
 def test_the_brief_choices_leave_out_no_option_and_no_group() -> None:

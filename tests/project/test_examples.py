@@ -15,9 +15,8 @@ import pytest
 import yaml
 
 import aerial_il
-from aerial_il import benchmarks, robots
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.policies import policy_config
+from aerial_il import benchmarks, policies, robots
+from aerial_il.algorithms.bc import BC
 from aerial_il.suite import tasks
 from aerial_il.suite.tasks import CellError
 from aerial_il.teleop import devices
@@ -80,11 +79,11 @@ def test_the_robot_flies_and_declines(added: None) -> None:
 
 
 def test_the_policy_learns(added: None, tmp_path: Path) -> None:
-    policy = policy_config("linear")(chunk=1, ensemble=None, anchor=None)
-    settings = BehaviourCloning(steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
+    policy = policies.get("linear")(chunk=1, ensemble=None, anchor=None)
+    settings = BC(steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
     begun, learned = (
-        BehaviourCloning.train(each, drift.demonstrations(20), policy, run=tmp_path / name, progress=False)
-        for name, each in (("begun", BehaviourCloning(steps=1, validation=0.0)), ("learned", settings))
+        BC.train(each, drift.demonstrations(20), policy, run=tmp_path / name, progress=False)
+        for name, each in (("begun", BC(steps=1, validation=0.0)), ("learned", settings))
     )
     assert drift.mean_reward(learned) > drift.mean_reward(begun) + 0.05
 

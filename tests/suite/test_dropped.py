@@ -12,8 +12,8 @@ import aerial_il
 from aerial_il.collection.collect import collect
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.dataset import open_dataset
-from aerial_il.presentation.films.video import end_of
 from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.presentation.films.video import end_of
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props import CUBE_HALF_M, TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import PEG_RADIUS_M

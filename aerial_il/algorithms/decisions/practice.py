@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
 from aerial_il.algorithms.decisions.cut_short import cut_short
 from aerial_il.algorithms.decisions.hand_over import HandOver
@@ -35,7 +35,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 log = logging.getLogger(__name__)
 
@@ -74,13 +74,13 @@ class PractisedPolicy(Reinforcement):
     """
 
     demonstrated: ClassVar[bool] = True
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (PolicyConfig,)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (PolicySettings,)
     worlds: ClassVar[int] = 64
 
     log_every: int = 50_000
     reward: Reward = "sparse"
     prior: str | None = None
-    cloning: BehaviourCloning = field(default_factory=BehaviourCloning)
+    cloning: BC = field(default_factory=BC)
     warmup: int = 50_000
     patience: float = 2.0
     rollout: int = 65_536
@@ -93,7 +93,7 @@ class PractisedPolicy(Reinforcement):
     def train(
         self,
         dataset: Iterable[Episode] | None,
-        policy: PolicyConfig,
+        policy: PolicySettings,
         *,
         env: BatchEnv,
         run: str | os.PathLike[str],
@@ -261,7 +261,7 @@ class PractisedChunks(PractisedPolicy):
         return HandOver(practice.run, practice.begun, actor.network, flights=self.trial, every=self.trial_every)
 
 
-def shown(dataset: Iterable[Episode], policy: PolicyConfig, env: BatchEnv) -> list[Episode]:
+def shown(dataset: Iterable[Episode], policy: PolicySettings, env: BatchEnv) -> list[Episode]:
     """Return the demonstrations.
 
     Raises:

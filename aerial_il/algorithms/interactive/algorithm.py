@@ -14,7 +14,7 @@ from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,7 @@ class InteractiveAlgorithm(InteractiveSettings, ABC):
     def train(
         self,
         dataset: Iterable[Episode],
-        policy: PolicyConfig,
+        policy: PolicySettings,
         *,
         run: str | os.PathLike[str],
         env: BatchEnv,

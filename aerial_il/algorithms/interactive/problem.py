@@ -16,7 +16,7 @@ from aerial_il.core.settings import plain
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 
 class Collected(Protocol):
@@ -82,7 +82,7 @@ class InteractiveProblem:
     """
 
     settings: InteractiveSettings
-    policy: PolicyConfig
+    policy: PolicySettings
     seed: int
     env: BatchEnv
     expert: Policy | Operator | None

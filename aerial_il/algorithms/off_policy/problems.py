@@ -18,13 +18,20 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 OWN_NORM = "A prior brings its own normalisation of observations: set algorithm.obs_norm=false."
 
 
 def from_reward(
-    name: str, policy: PolicyConfig, env: BatchEnv, seed: int, scheme: RewardScheme, *, prior: Prior | None, norm: bool
+    name: str,
+    policy: PolicySettings,
+    env: BatchEnv,
+    seed: int,
+    scheme: RewardScheme,
+    *,
+    prior: Prior | None,
+    norm: bool,
 ) -> Problem:
     """Return a problem of the reward alone; with a ``prior``, through that policy's interface."""
     if prior is None:
@@ -39,7 +46,7 @@ def from_reward(
 
 def from_demonstrations(
     name: str,
-    policy: PolicyConfig,
+    policy: PolicySettings,
     env: BatchEnv,
     seed: int,
     scheme: RewardScheme,

@@ -1,4 +1,4 @@
-"""Groups of settings that off-policy algorithms share by composition. None has a default: each algorithm states its own."""
+"""Groups of settings that off-policy algorithms share by composition; each algorithm states their values itself."""
 
 from __future__ import annotations
 

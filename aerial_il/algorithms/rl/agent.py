@@ -11,7 +11,7 @@ from aerial_il.algorithms.rl.critics import Target
 from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 class Agent:
@@ -47,6 +47,6 @@ class Agent:
 
 
 @torch.no_grad()
-def sampled(actor: SquashedGaussian, obs: np.ndarray) -> np.ndarray:
+def sampled(actor: SquashedGaussianNetwork, obs: np.ndarray) -> np.ndarray:
     """Sample actions (n, Da) from ``actor`` for encoded observations (n, Do)."""
     return actor.sample(tensor(obs)[:, None])[0].numpy()

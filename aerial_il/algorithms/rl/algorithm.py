@@ -20,8 +20,8 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 TOO_SHORT = (
     "steps is {} and {} {}: the run would end before its policy has learned anything. Set algorithm.steps well above "
@@ -50,7 +50,7 @@ class OnlineAlgorithm(ABC):
     rewarded: ClassVar[bool] = True
     demonstrated: ClassVar[bool] = False
     worlds: ClassVar[int] = 8
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig,)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
 
     steps: int = 300_000
     gamma: float = 0.99
@@ -69,7 +69,7 @@ class OnlineAlgorithm(ABC):
     def train(
         self,
         dataset: Iterable[Episode] | None,
-        policy: PolicyConfig,
+        policy: PolicySettings,
         *,
         env: BatchEnv,
         run: str | os.PathLike[str],
@@ -109,7 +109,7 @@ class OnlineAlgorithm(ABC):
         """Return the environment steps of so many ``worlds`` that pass before the policy learns, by the settings."""
         return {}
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         """Return what is learned on: here the environment and its reward alone."""
         interface = plain_interface(Layout.of(env.spec, policy), policy)
         return Problem(self.name, seed, policy, env, interface, scheme=self.scheme)

@@ -24,7 +24,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 UNPAID = (
     "The demonstrations carry no reward: in none of their {} steps was anything paid. Pay for success alone "
@@ -87,7 +87,7 @@ class DemonstratedReinforcement(Reinforcement, Imitation):
     def forfeits_by_success(self) -> bool:
         return super().forfeits_by_success and not self.absorbing
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations and reward them as the learner is rewarded.
 
         Raises:
@@ -112,7 +112,7 @@ class RelabelledDemonstrated(RelabelledReinforcement, DemonstratedReinforcement)
     def learns_recorded_rewards(self) -> bool:
         return super().learns_recorded_rewards and not self.hindsight.goals
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations, and reward them as the learner is rewarded.
 
         Raises:

@@ -9,7 +9,7 @@ import torch
 
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 class ExplorationNoise:
@@ -32,7 +32,7 @@ class ExplorationNoise:
         self._last: torch.Tensor | None = None
 
     @torch.no_grad()
-    def explore(self, actor: SquashedGaussian, obs: np.ndarray) -> np.ndarray:
+    def explore(self, actor: SquashedGaussianNetwork, obs: np.ndarray) -> np.ndarray:
         """Return the mean actions (n, Da) of ``actor`` for encoded observations (n, Do), with noise added."""
         actions = actor(tensor(obs)[:, None])[:, 0]
         return (actions + self._deviation * self._drawn(actions)).clamp(-1, 1).numpy()

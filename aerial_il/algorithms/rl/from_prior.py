@@ -16,7 +16,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.normaliser import MIN_SCALE
 
 
@@ -31,7 +31,7 @@ class BegunFromPrior(OffPolicyReinforcement):
 
     prior: str | None = None
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         """Return what is learned on; with a prior, through that policy's interface.
 
         Raises:
@@ -69,7 +69,7 @@ def explored(interface: Interface) -> Interface:
     return replace(interface, action=replace(action, scale=scale), switches=switches)
 
 
-def check_weights(prior: ChunkPolicy, policy: PolicyConfig, source: str) -> None:
+def check_weights(prior: ChunkPolicy, policy: PolicySettings, source: str) -> None:
     """Raise :class:`InvalidValueError` unless the network of ``prior`` is one that ``policy`` builds."""
     found, wanted = ({"policy": config.name, **config.to_dict()} for config in (prior.config, policy))
     differing = sorted(key for key in found.keys() | wanted.keys() if found.get(key) != wanted.get(key))

@@ -13,7 +13,7 @@ from aerial_il.algorithms.rl.replay.demonstrations import Labels, check_same, ra
 from aerial_il.algorithms.run.checks import require_choice, require_positive
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 Control = Literal["none", "random_actions", "constant_reward"]
 
@@ -56,7 +56,7 @@ class Imitation(OnlineAlgorithm):
         """Whether failed episodes are learned from too: none is imitated."""
         return False
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations; in the control run ``random_actions``, fly at random in their place."""
         layout, demos, record = read_transitions(
             dataset or (),

@@ -9,12 +9,12 @@ import numpy as np
 
 from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 Bounds = Literal["environment", "demonstrations"]
 MARGIN, NARROWEST = 1.1, 0.02  # of demonstrated ranges: room beyond them, and the least share of the environment's
@@ -25,13 +25,13 @@ NO_SCORES = (
 ANCHORED = "There are no demonstrations to take another range from: set policy.anchor=null and policy.relative=false."
 
 
-def check_policy(policy: object, kinds: tuple[type[PolicyConfig], ...] = (SquashedGaussianConfig,)) -> PolicyConfig:
+def check_policy(policy: object, kinds: tuple[type[PolicySettings], ...] = (SquashedGaussian,)) -> PolicySettings:
     """Return ``policy`` if it is one of ``kinds``, and reinforcement learning can train it.
 
     Raises:
         InvalidValueError: it is another policy, sees images, or acts on more than one observation or step.
     """
-    if not isinstance(policy, PolicyConfig) or not isinstance(policy, kinds):
+    if not isinstance(policy, PolicySettings) or not isinstance(policy, kinds):
         name = getattr(policy, "name", type(policy).__name__)
         choices = " or ".join(f"policy={kind.__module__.rpartition('.')[2]}" for kind in kinds)
         raise InvalidValueError(f"policy={name} is none that can explore here; choose {choices}.")
@@ -43,7 +43,7 @@ def check_policy(policy: object, kinds: tuple[type[PolicyConfig], ...] = (Squash
     return policy
 
 
-def plain_interface(layout: Layout, policy: PolicyConfig) -> Interface:
+def plain_interface(layout: Layout, policy: PolicySettings) -> Interface:
     """Return the interface without demonstrations: observations as they are, actions in the environment's bounds.
 
     Raises:
@@ -51,7 +51,7 @@ def plain_interface(layout: Layout, policy: PolicyConfig) -> Interface:
             those have no bounds in the environment.
     """
     low, high = action_bounds(layout)
-    if isinstance(policy, CategoricalConfig) and policy.choices == "one_hot" and ((low != 0) | (high != 1)).any():
+    if isinstance(policy, Categorical) and policy.choices == "one_hot" and ((low != 0) | (high != 1)).any():
         raise InvalidValueError(NO_SCORES.format(layout.spec.task))
     _refuse_anchor(layout, ANCHORED)
     obs = Normaliser.none(layout.size)
@@ -64,7 +64,7 @@ def standardised(interface: Interface, obs_norm: RunningMoments) -> Interface:
 
 
 def fit_interface(
-    layout: Layout, frames: np.ndarray, actions: np.ndarray, *, policy: PolicyConfig, bounds: Bounds
+    layout: Layout, frames: np.ndarray, actions: np.ndarray, *, policy: PolicySettings, bounds: Bounds
 ) -> Interface:
     """Return the interface fitted to demonstrations.
 

@@ -104,9 +104,7 @@ class SoftOffPolicy(OffPolicyActorCritic):
 
     @property
     def replay(self) -> settings.Replay:
-        return settings.Replay(
-            capacity=self.buffer_size, batch_size=self.batch_size, updates_per_step=self.utd_ratio
-        )
+        return settings.Replay(capacity=self.buffer_size, batch_size=self.batch_size, updates_per_step=self.utd_ratio)
 
 
 class Collected(NamedTuple):

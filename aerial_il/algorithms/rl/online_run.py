@@ -30,7 +30,7 @@ from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import named_rng, torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ class Problem:
 
     algorithm: str
     seed: int
-    policy: PolicyConfig
+    policy: PolicySettings
     env: BatchEnv
     interface: Interface
     demos: Transitions | None = None

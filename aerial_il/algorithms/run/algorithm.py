@@ -17,8 +17,8 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 TOO_SHORT = (
     "steps is {} and {} {}: the run would end before its policy has learned anything. Set algorithm.steps well above "
@@ -50,7 +50,7 @@ class Cadence:
 
 
 class Algorithm(ABC):
-    """What a workflow asks of an algorithm. Its settings stand in the dataclass of each; here is what names mean in all.
+    """What a workflow asks of an algorithm. Settings stand in the dataclass of each; here is what names mean in all.
 
     Attributes:
         steps: environment steps, of all worlds together.
@@ -72,7 +72,7 @@ class Algorithm(ABC):
     rewarded: ClassVar[bool] = True
     demonstrated: ClassVar[bool] = False
     worlds: ClassVar[int] = 8
-    trains: ClassVar[tuple[type[PolicyConfig], ...]] = (SquashedGaussianConfig,)
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
 
     steps: int
     warmup: int
@@ -87,7 +87,7 @@ class Algorithm(ABC):
     def train(
         self,
         dataset: Iterable[Episode] | None,
-        policy: PolicyConfig,
+        policy: PolicySettings,
         *,
         env: BatchEnv,
         run: str | os.PathLike[str],
@@ -105,7 +105,9 @@ class Algorithm(ABC):
             return self.learn(opened) if opened else load_policy(run)
 
     @abstractmethod
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicyConfig, env: BatchEnv, seed: int) -> Problem: ...
+    def problem(
+        self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int
+    ) -> Problem: ...
 
     @abstractmethod
     def learn(self, run: OnlineRun) -> ChunkPolicy: ...

@@ -15,7 +15,7 @@ from aerial_il.algorithms.run.checks import require_not_negative, require_positi
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 SUCCESS = "success"
 
@@ -74,7 +74,7 @@ class SupervisedAlgorithm(ABC):
     def train(
         self,
         dataset: Iterable[Episode],
-        policy: PolicyConfig,
+        policy: PolicySettings,
         *,
         run: str | os.PathLike[str],
         seed: int = 0,
@@ -86,7 +86,7 @@ class SupervisedAlgorithm(ABC):
         weights: Sequence[float] | None = None,
         initial: ChunkPolicy | None = None,
     ) -> ChunkPolicy:
-        """Learn from ``dataset``; see :meth:`aerial_il.algorithms.bc.BehaviourCloning.train`."""
+        """Learn from ``dataset``; see :meth:`aerial_il.algorithms.bc.BC.train`."""
 
     @property
     def cadence(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Prepared:
         description: what of the data decides the run.
     """
 
-    policy: PolicyConfig
+    policy: PolicySettings
     initial: ChunkPolicy | None
     layout: Layout
     interface: Interface
@@ -44,7 +44,13 @@ class Prepared:
 
 
 def prepare(
-    demos: Demonstrations, policy: PolicyConfig, *, batch_size: int, device: str, seed: int, initial: ChunkPolicy | None
+    demos: Demonstrations,
+    policy: PolicySettings,
+    *,
+    batch_size: int,
+    device: str,
+    seed: int,
+    initial: ChunkPolicy | None,
 ) -> Prepared:
     """Cut demonstrations into windows and normalise them, as ``initial`` does where it is given.
 

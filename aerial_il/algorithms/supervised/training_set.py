@@ -19,7 +19,7 @@ from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.windows import Windows
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import unite
@@ -46,7 +46,7 @@ class Demonstrations(NamedTuple):
 
 
 def read_demos(
-    dataset: Iterable[Episode], policy: PolicyConfig, *, failures: bool = False
+    dataset: Iterable[Episode], policy: PolicySettings, *, failures: bool = False
 ) -> tuple[Layout, list[Episode]]:
     """Return the successful episodes, or all of them, and the layout ``policy`` sees them in.
 
@@ -68,7 +68,7 @@ def read_demos(
     return layout, demos
 
 
-def _within_memory(dataset: Iterable[Episode], policy: PolicyConfig) -> Iterator[Episode]:
+def _within_memory(dataset: Iterable[Episode], policy: PolicySettings) -> Iterator[Episode]:
     """Yield the episodes, which are kept by the caller, as long as the images of those to come will fit."""
     count, held = len(dataset) if isinstance(dataset, Dataset) else 0, 0  # others are in memory already
     for number, episode in enumerate(dataset, start=1):
@@ -125,7 +125,7 @@ def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T]
     return [d for i, d in enumerate(demos) if i not in held], [d for i, d in enumerate(demos) if i in held]
 
 
-def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicyConfig) -> Windows:
+def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicySettings) -> Windows:
     """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown."""
     return Windows(
         demos,
@@ -153,7 +153,7 @@ def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
     return seal.hexdigest()
 
 
-def fit_interface(layout: Layout, windows: Windows, policy: PolicyConfig) -> Interface:
+def fit_interface(layout: Layout, windows: Windows, policy: PolicySettings) -> Interface:
     """Fit normalisers and switches of ``layout``: observations as related frames, anchored actions as offsets."""
     obs, actions, is_pad = windows[np.arange(len(windows))]
     frames = layout.relate(obs[:, -1])

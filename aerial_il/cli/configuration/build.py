@@ -7,8 +7,8 @@ import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from aerial_il.core.fitting import check_types
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.fitting import check_types
 from aerial_il.core.renamed import TARGETS
 
 ALLOWED = ("aerial_il", "torch.optim")

@@ -11,10 +11,10 @@ from typing import Any
 from aerial_il.cli import commands
 from aerial_il.cli.commands import Command
 from aerial_il.cli.configuration import groups, keys
-from aerial_il.core.fitting import check_types
 from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.configuration.quoting import literal
 from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.core.fitting import check_types
 
 QUIET = {"hydra": "quiet"}
 

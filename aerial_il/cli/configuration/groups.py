@@ -25,11 +25,11 @@ Names = Callable[[], Iterable[str]]
 
 # group -> the room of its files, the names in it, and the method by which the class of settings is known in a file
 CONSTRUCTED: Mapping[str, tuple[str, Names, str]] = {
-    "algorithm": (algorithms.__name__, algorithms.list_algorithms, "train"),
+    "algorithm": (algorithms.__name__, algorithms.names, "train"),
     "bench": (benchmarks.__name__, benchmarks.names, "run"),
     "launcher": (launchers.__name__, launchers.names, "launch"),
     "sweeper": (sweepers.__name__, sweepers.names, "search"),
-    "policy": (policies.__name__, policies.list_policies, "build"),
+    "policy": (policies.__name__, policies.names, "build"),
 }
 NAMED: Mapping[str, Names] = {"robot": robots.names, "task": tasks.names}  # only their name is chosen
 _GLOBAL = "# @package _global_"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -14,10 +14,10 @@ from aerial_il.data.waypoints import LEVEL, LOOKAHEAD_S, Waypoints
 from aerial_il.policies.parts.egocentric import chose_view, egocentric
 
 if TYPE_CHECKING:
-    from aerial_il.policies.parts.network import PolicyConfig
+    from aerial_il.policies.parts.network import PolicySettings
 
 
-def suited[A, P: PolicyConfig](path: str | None, algorithm: A, policy: P, *, by_hand: bool | None) -> tuple[A, P]:
+def suited[A, P: PolicySettings](path: str | None, algorithm: A, policy: P, *, by_hand: bool | None) -> tuple[A, P]:
     """Return settings that learn from the dataset as it was flown; those of the user's own choice are kept.
 
     Demonstrations that a person flew are relabelled (:mod:`aerial_il.data.waypoints`) and seen from the tool
@@ -52,12 +52,12 @@ def _relabels(episode: Episode) -> bool:
     return episode.spec.action.level == LEVEL
 
 
-def _cloning(algorithm: Any) -> BehaviourCloning | None:
+def _cloning(algorithm: Any) -> BC | None:
     """Return the settings of cloning in ``algorithm``, if it clones at all."""
     if isinstance(algorithm, InteractiveSettings):
         algorithm = algorithm.training
-    return algorithm if isinstance(algorithm, BehaviourCloning) else None
+    return algorithm if isinstance(algorithm, BC) else None
 
 
-def _with_cloning(algorithm: Any, cloning: BehaviourCloning) -> Any:
+def _with_cloning(algorithm: Any, cloning: BC) -> Any:
     return replace(algorithm, training=cloning) if isinstance(algorithm, InteractiveSettings) else cloning

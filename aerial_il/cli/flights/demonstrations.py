@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import InvalidValueError
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 
 def open_demonstrations(
-    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: Algorithm | BehaviourCloning | None = None
+    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: Algorithm | BC | None = None
 ) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
 
@@ -30,7 +30,7 @@ def open_demonstrations(
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
-    selected = isinstance(algorithm, BehaviourCloning) and algorithm.selection.failures > 0
+    selected = isinstance(algorithm, BC) and algorithm.selection.failures > 0
     failures = selected or (isinstance(algorithm, Imitation) and algorithm.learns_from_failures)
     if limit is None:
         return open_dataset(path, cameras=tuple(images), failures=failures)

@@ -45,8 +45,8 @@ def predictor(source: str | None) -> Callable[[Episode], Chunks | None]:
     if source is None:
         return lambda episode: None
     from aerial_il.evaluation.predictions import predict
-    from aerial_il.presentation.rerun.chunks import Chunks
     from aerial_il.policies import load_policy
+    from aerial_il.presentation.rerun.chunks import Chunks
 
     policy = load_policy(source)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import aerial_il
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.evaluation.curves import DatasetSummary
+from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.presentation.films.video import Clip, Footage, film
 from aerial_il.presentation.pages.report import write_report
-from aerial_il.evaluation.result import EvaluationResult
 
 VIDEOS = "videos"
 PAGE = "report.html"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from aerial_il.cli.flights import demonstrations, pilots, results
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.presentation.films.video import Footage, film
 from aerial_il.evaluation.training_run import TrainingRun
+from aerial_il.presentation.films.video import Footage, film
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,7 +37,7 @@ def predictions(run: TrainingRun, dataset: str | None) -> tuple[list[Prediction]
 
 def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     """Return the episodes that ``run`` held out, once it is certain that the dataset is the same still."""
-    from aerial_il.algorithms.bc import BehaviourCloning
+    from aerial_il.algorithms.bc import BC
     from aerial_il.algorithms.supervised.selection import Selection
     from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, window_weights
     from aerial_il.policies import load_policy
@@ -49,7 +49,7 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     if path is None:
         raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
     policy = load_policy(run.path).config
-    algorithm = BehaviourCloning(selection=Selection(**settings["selection"]), validation=settings["validation"])
+    algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
     limit = recorded.get("episodes") if path == recorded.get("path") else None
     divided = algorithm.divide(
         demonstrations.open_demonstrations(path, limit=limit, images=policy.images, algorithm=algorithm),

@@ -21,7 +21,7 @@ from aerial_il.policies.parts import constant
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.prefixed import below, under
@@ -45,7 +45,7 @@ class ChunkPolicy:
 
     def __init__(
         self,
-        config: PolicyConfig,
+        config: PolicySettings,
         interface: Interface,
         network: ChunkNetwork,
         origin: Mapping[str, Any] | None = None,
@@ -164,7 +164,7 @@ class ChunkPolicy:
         return Checkpoint(arrays, {"origin": self.origin}, config)
 
     @staticmethod
-    def from_checkpoint(saved: Checkpoint, config: PolicyConfig) -> ChunkPolicy:
+    def from_checkpoint(saved: Checkpoint, config: PolicySettings) -> ChunkPolicy:
         """Rebuild a policy whose settings were read as ``config``."""
         spec = EnvSpec.from_dict(saved.config["spec"])
         layout = Layout.of(spec, config)

@@ -12,7 +12,7 @@ import numpy as np
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations, turned
 from aerial_il.policies.parts.switches import Switches
@@ -63,7 +63,7 @@ class Layout:
             self._check_relative()
 
     @staticmethod
-    def of(spec: EnvSpec, config: PolicyConfig) -> Layout:
+    def of(spec: EnvSpec, config: PolicySettings) -> Layout:
         """Return the layout that a policy of this configuration sees ``spec`` in.
 
         An environment from outside the suite that shows no positions has nothing to anchor.

@@ -80,7 +80,7 @@ class StochasticNetwork(ChunkNetwork, ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PolicyConfig(ABC):
+class PolicySettings(ABC):
     """Settings of all chunked policies; every policy file extends it.
 
     Attributes:

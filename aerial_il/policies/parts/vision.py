@@ -19,13 +19,13 @@ from torch import Tensor, nn
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import ChunkNetwork, PolicyConfig
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
 CHANNELS, GROUPS = (16, 32, 32), 8
 SMALLEST = 16  # pixels that the CNN can still halve twice
 
 
-def build_network(config: PolicyConfig, layout: Layout) -> ChunkNetwork:
+def build_network(config: PolicySettings, layout: Layout) -> ChunkNetwork:
     """Return a new network of ``config`` for what ``layout`` shows, with eyes where that includes images."""
     if layout.images:
         return VisionNetwork(config, layout)
@@ -50,7 +50,7 @@ class VisionNetwork(ChunkNetwork):
         eyes: an encoder for each image. body: what acts upon state and features.
     """
 
-    def __init__(self, config: PolicyConfig, layout: Layout) -> None:
+    def __init__(self, config: PolicySettings, layout: Layout) -> None:
         super().__init__()
         self.shapes, self.crop = layout.image_shapes, config.crop
         self.columns = [layout.size, *(int(torch.Size(shape).numel()) for shape in self.shapes)]
@@ -111,7 +111,7 @@ class SpatialSoftmax(nn.Module):
         return torch.cat([weights.sum(3) @ down, weights.sum(2) @ across, maps.mean((2, 3))], dim=-1)
 
 
-def _encoder(config: PolicyConfig) -> nn.Sequential:
+def _encoder(config: PolicySettings) -> nn.Sequential:
     trunk, channels = _resnet18() if config.encoder == "resnet18" else _cnn()
     width = config.image_features
     return nn.Sequential(*trunk, SpatialSoftmax(channels), nn.Linear(3 * channels, width), nn.LayerNorm(width))

@@ -13,13 +13,13 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from aerial_il.presentation.analysis.flights import Evaluation, read
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.compare import compare
-from aerial_il.presentation.pages.run_figures import mean_success, unit_of
 from aerial_il.evaluation.training_run import TrainingRun, read_run
+from aerial_il.presentation.analysis.flights import Evaluation, read
+from aerial_il.presentation.pages.run_figures import mean_success, unit_of
 
 # Seven hues that people with any colour vision tell apart; M. Okabe and K. Ito, "Color Universal Design", 2008.
 HUES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

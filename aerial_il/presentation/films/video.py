@@ -25,11 +25,11 @@ from aerial_il.core.files import write_atomic
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
+from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
+from aerial_il.evaluation.result import EvaluationResult, Flight
 from aerial_il.presentation.films.overlay import Caption, compose
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
-from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
 from aerial_il.presentation.pages.page import data_uri
-from aerial_il.evaluation.result import EvaluationResult, Flight
 from aerial_il.presentation.studio.studio import QUICK
 from aerial_il.presentation.studio.viewpoint import Viewpoint
 

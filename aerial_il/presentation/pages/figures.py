@@ -8,8 +8,8 @@ import numpy as np
 
 from aerial_il.evaluation.curves import Curve, LearningPoint
 from aerial_il.evaluation.metrics import EpisodeRecord, Metric, metrics_of
-from aerial_il.presentation.pages.charts import HEIGHT, WIDE, Figure, Plot, equal_height, histogram, tick_label
 from aerial_il.evaluation.result import EvaluationResult, Flight
+from aerial_il.presentation.pages.charts import HEIGHT, WIDE, Figure, Plot, equal_height, histogram, tick_label
 
 KINDS = {"success": "good", "failure": "bad"}
 MOST_PATHS = 60  # of each outcome, so that the drawing stays readable and small

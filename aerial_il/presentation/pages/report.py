@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, training_curves
-from aerial_il.presentation.films.video import Footage, embedded
 from aerial_il.evaluation.metrics import EpisodeRecord, metrics_of, spread
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.training_run import is_run, read_run
+from aerial_il.presentation.films.video import Footage, embedded
 from aerial_il.presentation.pages import figures
 from aerial_il.presentation.pages.charts import Figure
 from aerial_il.presentation.pages.page import END_WORDS, flat, words, write_page
-from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.training_run import is_run, read_run
 
 MOST_FAILURES = 200
 

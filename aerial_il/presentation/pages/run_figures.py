@@ -9,11 +9,11 @@ import numpy as np
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.curves import Curve, curves_of
-from aerial_il.presentation.pages.charts import HEIGHT, NARROW, WIDE, Figure, Plot, tick_label
-from aerial_il.presentation.pages.figures import CLOCK, logged
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.evaluation.run_collection import axes_of, settings_of
 from aerial_il.evaluation.training_run import EPISODES, REWARD, SUCCESS, TrainingRun
+from aerial_il.presentation.pages.charts import HEIGHT, NARROW, WIDE, Figure, Plot, tick_label
+from aerial_il.presentation.pages.figures import CLOCK, logged
 
 Groups = Mapping[str, Sequence[TrainingRun]]  # label -> runs that only differ in seed
 Each = Mapping[TrainingRun, Sequence[tuple[float, float]]]  # run -> (step, value)

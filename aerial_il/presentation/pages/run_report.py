@@ -12,13 +12,13 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
-from aerial_il.presentation.films.video import Footage, embedded
-from aerial_il.presentation.pages import run_figures
-from aerial_il.presentation.pages.page import END_WORDS, flat, write_page
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.run_collection import axes_of
 from aerial_il.evaluation.training_run import TrainingRun
+from aerial_il.presentation.films.video import Footage, embedded
+from aerial_il.presentation.pages import run_figures
+from aerial_il.presentation.pages.page import END_WORDS, flat, write_page
 
 MOST_SETTINGS = 4  # named in a label
 OF_ONE = (run_figures.success, run_figures.mean_reward)  # what rollouts on the way show

@@ -15,7 +15,15 @@ from aerial_il.presentation.rerun.cameras import log_cameras, log_pictures
 from aerial_il.presentation.rerun.chunks import Chunks, log_chunks
 from aerial_il.presentation.rerun.clock import Clock
 from aerial_il.presentation.rerun.motion import Motion, compile_scene, move
-from aerial_il.presentation.rerun.scene import M_PER_M_S, M_PER_N, log_command, log_goal, log_motion, log_scene, log_trails
+from aerial_il.presentation.rerun.scene import (
+    M_PER_M_S,
+    M_PER_N,
+    log_command,
+    log_goal,
+    log_motion,
+    log_scene,
+    log_trails,
+)
 
 TOOL_LABELS = ("ee_x", "ee_y", "ee_z")  # of an action that says where the tool is to be
 NO_FLAGS = (

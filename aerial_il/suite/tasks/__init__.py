@@ -4,28 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from aerial_il import robots
+from aerial_il.core import registry
 from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
 
 if TYPE_CHECKING:  # names are listed without importing a task or MuJoCo
     from aerial_il.robots.robot import Robot
     from aerial_il.suite.tasks.task import Task
 
-_INFRASTRUCTURE = {"task"}
-
 
 class CellError(AerialError, ValueError):
     """A robot asked to do a task it cannot do."""
 
 
-@cache
 def names() -> tuple[str, ...]:
     """Names of all tasks, in alphabetical order."""
-    return tuple(sorted(m.name for m in iter_modules(__path__) if m.name not in _INFRASTRUCTURE))
+    return registry.names("task")
 
 
 @cache
@@ -35,9 +31,7 @@ def get(name: str) -> Task:
     Raises:
         UnknownNameError: no task has that name.
     """
-    if name not in names():
-        raise UnknownNameError("task", name, names(), "Run `aerial-il list` to see which robot can do which.")
-    return import_module(f"{__name__}.{name}").TASK
+    return registry.get("task", name)
 
 
 @cache

@@ -10,36 +10,36 @@ import numpy as np
 import pytest
 
 from aerial_il import algorithms
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.decisions.practice import PractisedChunks, PractisedPolicy
-from aerial_il.algorithms.jsrl import JumpStart
+from aerial_il.algorithms.jsrl import JSRL
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.policies import load_policy
-from aerial_il.policies.flow import FlowConfig
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.flow import Flow
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.residual import ResidualPolicy
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
 from tests.algorithms.point_mass import StepResult
 
-NAMES = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), PractisedPolicy)]
-CHUNKED = [n for n in NAMES if issubclass(algorithms.settings_of(n), PractisedChunks)]
+NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), PractisedPolicy)]
+CHUNKED = [n for n in NAMES if issubclass(algorithms.get(n), PractisedChunks)]
 each, each_chunked = pytest.mark.parametrize("name", NAMES), pytest.mark.parametrize("name", CHUNKED)
 PLAIN: dict[str, Any] = {"anchor": None, "blind_to": ()}
-POLICY = MlpConfig(hidden=(16,), chunk=3, history=2, execute=3, ensemble=None, **PLAIN)
-CLONING = BehaviourCloning(steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
+POLICY = MLP(hidden=(16,), chunk=3, history=2, execute=3, ensemble=None, **PLAIN)
+CLONING = BC(steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
 SMALL: dict[str, Any] = {"steps": 640, "warmup": 128, "rollout": 128, "batch_size": 16, "lr": 1e-3, "gamma": 0.9}
 SMALL |= {"critic_hidden": (16,), "hidden": (16,), "execute": 3, "hold": 2, "log_every": 128, "epochs": 2}
 SMALL |= {"checkpoint_every": 128, "cloning": CLONING, "window": 10, "reward": "environment", "trial": 0}
 
 
 def train(
-    name: str, run: Path, *, env: Any = None, demos: Any = None, policy: PolicyConfig = POLICY, **changes: Any
+    name: str, run: Path, *, env: Any = None, demos: Any = None, policy: PolicySettings = POLICY, **changes: Any
 ) -> Any:
-    cls: Any = algorithms.settings_of(name)
+    cls: Any = algorithms.get(name)
     kept = {"evaluate": changes.pop("evaluate", None), "expert": changes.pop("expert", Guide())}
     settings = cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
     return settings.train(
@@ -174,13 +174,13 @@ def test_demonstrations_need_no_rewards(tmp_path: Path, name: str, prior: Path) 
 
 @each_chunked
 def test_chunks_that_a_network_draws_by_itself_are_refused(tmp_path: Path, name: str) -> None:
-    drawing = FlowConfig(width=16, blocks=1, chunk=3, execute=3, ensemble=None, **PLAIN)
+    drawing = Flow(width=16, blocks=1, chunk=3, execute=3, ensemble=None, **PLAIN)
     with pytest.raises(InvalidValueError, match=r"policy=flow.*noise of its own.*algorithm=residual"):
         train(name, tmp_path, policy=drawing, cloning=replace(CLONING, steps=2))
 
 
 def test_a_residual_shifts_a_prior_of_any_class(tmp_path: Path) -> None:
-    drawing = FlowConfig(width=16, blocks=1, chunk=3, execute=1, ensemble=0.1, **PLAIN)
+    drawing = Flow(width=16, blocks=1, chunk=3, execute=1, ensemble=0.1, **PLAIN)
     policy = train("residual", tmp_path, policy=drawing, cloning=replace(CLONING, steps=20))
     assert isinstance(policy, ResidualPolicy)
     assert policy.base.config == drawing
@@ -247,4 +247,4 @@ def test_steps_of_the_guide_do_not_count_as_the_learners_warm_up(tmp_path: Path,
 def test_a_guide_from_elsewhere_is_called_a_guide(prior: Path) -> None:
     spec = replace(SPEC, action=replace(SPEC.action, level="force"))
     with pytest.raises(InvalidValueError, match=r"The guide .*cannot fly here.*algorithm.guide=RUN"):
-        JumpStart(guide=str(prior)).inputs(spec, None, demonstrations(2))
+        JSRL(guide=str(prior)).inputs(spec, None, demonstrations(2))

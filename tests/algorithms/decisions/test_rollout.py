@@ -14,12 +14,12 @@ from aerial_il.algorithms.decisions.gate import ReturnGate
 from aerial_il.algorithms.decisions.rollout import Decisions, advantages
 from aerial_il.algorithms.rl.collector import Collector
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork
 from tests.algorithms.drift import SPEC, Drift
 
-PLAIN = MlpConfig(hidden=(8,), chunk=4, anchor=None, blind_to=())
+PLAIN = MLP(hidden=(8,), chunk=4, anchor=None, blind_to=())
 
 
 def rollout(decided: list[int], *, terminal: tuple[int, ...] = (), truncated: tuple[int, ...] = ()) -> Decisions:

@@ -10,12 +10,12 @@ import torch
 from safetensors.numpy import load_file
 
 from aerial_il import algorithms
-from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.sac import SAC
 from aerial_il.core.checkpoint import ARRAYS
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
 
-SETTINGS = {n: algorithms.settings_of(n) for n in algorithms.list_algorithms()}
+SETTINGS = {n: algorithms.get(n) for n in algorithms.names()}
 NAMES = [n for n, settings in SETTINGS.items() if "critic_norm" in settings.__dataclass_fields__]
 SMALL: dict[str, Any] = {"steps": 96, "warmup": 32, "batch_size": 16, "critic_hidden": (8,), "checkpoint_every": 32}
 SMALL |= {"bc_pretrain_steps": 5, "offline_steps": 8, "reward_hidden": (8,), "actor_every": 1, "utd_ratio": 0.2}
@@ -28,7 +28,7 @@ def critics_of(name: str, run: Path, **changes: Any) -> set[str]:
     shown = settings.demonstrated
     settings.train(
         demonstrations(4, ends_at_success=True) if shown else None,
-        SquashedGaussianConfig(hidden=(8,)),
+        SquashedGaussian(hidden=(8,)),
         env=Drift(8, ends_at_success=shown),
         run=run,
         seed=1,
@@ -53,6 +53,6 @@ def test_each_algorithm_standardises_its_critics_where_that_is_asked_and_nowhere
 def test_values_of_actions_that_were_never_tried_are_bounded() -> None:
     obs, far = torch.zeros(1, 3), torch.tensor([[1e4, -1e4]])
     torch.manual_seed(0)
-    plain, normed = (SoftActorCriticLearning(critic_norm=norm).build_critics(5) for norm in (False, True))
+    plain, normed = (SAC(critic_norm=norm).build_critics(5) for norm in (False, True))
     assert plain(obs, far).abs().max() > 100.0
     assert normed(obs, far).abs().max() < 2.0

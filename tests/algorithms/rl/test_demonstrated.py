@@ -17,25 +17,25 @@ from aerial_il.algorithms.rl.interface import plain_interface
 from aerial_il.algorithms.rl.replay.demonstrations import read_transitions
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, rows_of
 from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.rlpd import EnsembleActorCritic, PriorDataLearning
+from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
 from tests.algorithms.point_mass import StepResult
 
-SHOWN = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), DemonstratedReinforcement)]
+SHOWN = [n for n in algorithms.names() if issubclass(algorithms.get(n), DemonstratedReinforcement)]
 each = pytest.mark.parametrize("name", SHOWN)
-POLICY = SquashedGaussianConfig(hidden=(16,))
+POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 320, "warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 80, "checkpoint_every": 0}
 SMALL |= {"offline_steps": 40}
 
 
 def short(name: str, **changes: Any) -> Any:
-    cls: Any = algorithms.settings_of(name)
+    cls: Any = algorithms.get(name)
     if getattr(cls(), "bc_pretrain_steps", 0):  # whose clone would take thousands, which nothing here asks about
         changes = {"bc_pretrain_steps": 50, **changes}
     return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
@@ -160,7 +160,7 @@ def batch(size: int = 7) -> Batch:
 
 def test_a_backup_believes_the_least_of_the_critics_that_were_drawn() -> None:
     """With all of them drawn, that of all; alpha at nothing, so that only rewards and values are left."""
-    settings = PriorDataLearning(critics=3, subset=3, critic_hidden=(8,), alpha=1e-9)
+    settings = RLPD(critics=3, subset=3, critic_hidden=(8,), alpha=1e-9)
     agent, seen = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch()
     seen = seen._replace(next_obs=torch.cat([seen.next_obs[:, :-1], torch.ones(7, 1)], 1))  # absorbing: action 0
     worth = agent._targets.network(seen.next_obs, torch.zeros(7, 1))
@@ -185,11 +185,11 @@ def test_layer_norm_bounds_values_far_away() -> None:
 
 def test_more_critics_are_drawn_than_there_are() -> None:
     with pytest.raises(InvalidValueError, match="at most critics, 2"):
-        PriorDataLearning(critics=2, subset=3)
+        RLPD(critics=2, subset=3)
 
 
 def test_the_pull_to_demonstrations_moves_the_actor_to_their_actions() -> None:
-    settings = PriorDataLearning(critics=2, critic_hidden=(8,), actor_every=1, bc_weight=1e4, lr=1e-2)
+    settings = RLPD(critics=2, critic_hidden=(8,), actor_every=1, bc_weight=1e4, lr=1e-2)
     agent, demos = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch(32)
     demos = demos._replace(obs=torch.cat([demos.obs[:, :2], torch.zeros(32, 1)], 1), actions=torch.full((32, 1), 0.7))
     for _ in range(200):

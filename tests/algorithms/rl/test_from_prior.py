@@ -10,31 +10,31 @@ import numpy as np
 import pytest
 
 from aerial_il import algorithms
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.rl.from_prior import BegunFromPrior, explored
 from aerial_il.algorithms.rl.interface import decode
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import ActionSpec
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import Interface, Layout
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms import point_mass
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
 
-NAMES = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), BegunFromPrior)]
+NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), BegunFromPrior)]
 each = pytest.mark.parametrize("name", NAMES)
-POLICY = SquashedGaussianConfig(hidden=(16,))
+POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 320, "warmup": 160, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 160, "checkpoint_every": 0}
 
 
-def cloned(run: Path, policy: PolicyConfig = POLICY) -> Path:
-    cloning = BehaviourCloning(steps=400, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
+def cloned(run: Path, policy: PolicySettings = POLICY) -> Path:
+    cloning = BC(steps=400, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
     cloning.train(demonstrations(40), policy, run=run, progress=False)
     return run
 
@@ -46,17 +46,17 @@ def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def chunked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    policy = MlpConfig(hidden=(16,), chunk=3, anchor=None, blind_to=())
+    policy = MLP(hidden=(16,), chunk=3, anchor=None, blind_to=())
     return cloned(tmp_path_factory.mktemp("chunked") / "run", policy)
 
 
 @pytest.fixture(scope="module")
 def narrow(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return cloned(tmp_path_factory.mktemp("narrow") / "run", SquashedGaussianConfig(hidden=(8,)))
+    return cloned(tmp_path_factory.mktemp("narrow") / "run", SquashedGaussian(hidden=(8,)))
 
 
 def train(name: str, run: Path, *, evaluate: Any = None, **changes: Any) -> Any:
-    settings = algorithms.settings_of(name)(**{**SMALL, **changes})
+    settings = algorithms.get(name)(**{**SMALL, **changes})
     return settings.train(None, POLICY, env=Drift(8), run=run, seed=1, progress=False, evaluate=evaluate)
 
 
@@ -150,10 +150,10 @@ def test_an_offset_that_never_varied_is_held_where_the_end_effector_is() -> None
 @each
 def test_a_prior_with_an_anchor_is_gone_on_from(tmp_path: Path, name: str) -> None:
     """Its actions have no bounds in the environment, but they have those that it was trained with."""
-    policy = SquashedGaussianConfig(hidden=(16,), anchor="ee_pos")
-    cloning = BehaviourCloning(steps=40, batch_size=64, warmup_steps=5, ema=0.9, validation=0.0)
+    policy = SquashedGaussian(hidden=(16,), anchor="ee_pos")
+    cloning = BC(steps=40, batch_size=64, warmup_steps=5, ema=0.9, validation=0.0)
     cloning.train(point_mass.demonstrations(4), policy, run=tmp_path / "prior", progress=False)
-    settings = algorithms.settings_of(name)(**{**SMALL, "prior": str(tmp_path / "prior"), "reward_patience": 0})
+    settings = algorithms.get(name)(**{**SMALL, "prior": str(tmp_path / "prior"), "reward_patience": 0})
     env = point_mass.PointMassBatch(8)
     begun = settings.train(None, policy, env=env, run=tmp_path / "run", seed=1, progress=False)
     assert "actor/loss" in read_metrics(tmp_path / "run")[-1]

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.ibrl import ImitationBootstrapped, ProposedAgent
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.ibrl import IBRL, ProposedAgent
 from aerial_il.algorithms.rl.interface import encode_actions, plain_interface
 from aerial_il.algorithms.rl.proposals import demonstrated_rows
 from aerial_il.algorithms.rl.replay.demonstrations import read_transitions
@@ -21,28 +21,28 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.gated import GatedPolicy
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
 
-POLICY = SquashedGaussianConfig(hidden=(16,))
-CHUNKED = MlpConfig(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+POLICY = SquashedGaussian(hidden=(16,))
+CHUNKED = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
 SMALL: dict[str, Any] = {"steps": 320, "warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 80, "critics": 3, "bc_pretrain_steps": 50}
 
 
 def train(run: Path, *, seed: int = 1, evaluate: Any = None, env: Any = None, **changes: Any) -> Any:
     options = {"env": env or Drift(8), "run": run, "seed": seed, "progress": False, "evaluate": evaluate}
-    return ImitationBootstrapped(**{**SMALL, **changes}).train(demonstrations(6), POLICY, **options)
+    return IBRL(**{**SMALL, **changes}).train(demonstrations(6), POLICY, **options)
 
 
 @pytest.fixture(scope="module")
 def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clone of another class that acts in chunks of three steps."""
     run = tmp_path_factory.mktemp("prior") / "run"
-    cloning = BehaviourCloning(steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
+    cloning = BC(steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
     cloning.train(demonstrations(40), CHUNKED, run=run, progress=False)
     return run
 
@@ -118,7 +118,7 @@ def test_another_prior_in_the_same_place_is_another_run(tmp_path: Path, prior: P
     shutil.copytree(prior, here)
     train(tmp_path / "run", prior=str(here))
     shutil.rmtree(here)
-    cloning = BehaviourCloning(steps=20, batch_size=64, warmup_steps=10, ema=0.9, validation=0.0)
+    cloning = BC(steps=20, batch_size=64, warmup_steps=10, ema=0.9, validation=0.0)
     cloning.train(demonstrations(4), CHUNKED, run=here, progress=False)
     with pytest.raises(InvalidValueError, match=r"holds another run.*prior"):
         train(tmp_path / "run", prior=str(here))
@@ -176,7 +176,7 @@ def test_from_a_prior_that_knows_nothing_it_learns(tmp_path: Path) -> None:
 
 def agent(**changes: Any) -> ProposedAgent:
     torch.manual_seed(0)
-    return ProposedAgent(ImitationBootstrapped(**{**SMALL, **changes}), POLICY.build(2, 1), (2, 1))
+    return ProposedAgent(IBRL(**{**SMALL, **changes}), POLICY.build(2, 1), (2, 1))
 
 
 def batch(size: int = 64, *, known: float = 1.0) -> Batch:

@@ -13,25 +13,25 @@ import pytest
 import torch
 
 from aerial_il import algorithms
-from aerial_il.algorithms.iql import ImplicitAgent, ImplicitQLearning, expectile_loss
+from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
 from aerial_il.algorithms.rl.offline import OfflineFirst
 from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations, mean_reward
 
-NAMES = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), OfflineFirst)]
+NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), OfflineFirst)]
 each = pytest.mark.parametrize("name", NAMES)
-POLICY = SquashedGaussianConfig(hidden=(16,))
+POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 80, "warmup": 16, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"gamma": 0.9, "log_every": 20, "checkpoint_every": 20, "offline_steps": 50, "utd_ratio": 0.5}
 
 
 def train(name: str, run: Path, demos: list[Episode] | None = None, evaluate: Any = None, **changes: Any) -> Any:
-    settings = algorithms.settings_of(name)(**{**SMALL, **changes})
+    settings = algorithms.get(name)(**{**SMALL, **changes})
     options = {"env": Drift(8), "run": run, "seed": 1, "progress": False, "evaluate": evaluate}
     return settings.train(demos or demonstrations(6), POLICY, **options)
 
@@ -126,7 +126,7 @@ def batch(size: int = 16) -> Batch:
 
 
 def test_iql_never_asks_what_another_action_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
-    agent = ImplicitAgent(ImplicitQLearning(critic_hidden=(8,)), POLICY.build(2, 1), (2, 1))
+    agent = ImplicitAgent(IQL(critic_hidden=(8,)), POLICY.build(2, 1), (2, 1))
     monkeypatch.setattr(agent.actor, "sample", None)
     seen = batch()
     agent.update(seen)
@@ -141,11 +141,11 @@ def test_shares_of_the_dataset_in_minibatches() -> None:
     for buffer, mark in ((shown, 1.0), (flown, 2.0)):
         buffer.add(np.full((4, 9), mark, np.float32))
     for share, count in ((0.0, 0), (0.25, 8), (1.0, 32)):
-        drawn = ImplicitQLearning(demos_share=share, batch_size=32).minibatch(shown, flown)
+        drawn = IQL(demos_share=share, batch_size=32).minibatch(shown, flown)
         assert int((drawn.rewards == 1.0).sum()) == count
         assert len(drawn.rewards) == 32
 
 
 def test_an_expectile_of_one_has_no_end() -> None:
     with pytest.raises(InvalidValueError, match="expectile"):
-        ImplicitQLearning(expectile=1.0)
+        IQL(expectile=1.0)

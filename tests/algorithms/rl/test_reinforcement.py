@@ -12,8 +12,8 @@ import torch
 import yaml
 
 from aerial_il import algorithms
-from aerial_il.algorithms.dqn import DeepQAgent, DeepQLearning, HeldChoices
-from aerial_il.algorithms.npg import NaturalGradientAgent, NaturalGradientLearning, conjugate_gradients, flat_gradient
+from aerial_il.algorithms.dqn import DQN, DeepQAgent, HeldChoices
+from aerial_il.algorithms.npg import NPG, NaturalGradientAgent, conjugate_gradients, flat_gradient
 from aerial_il.algorithms.rl.collector import Collector, RewardScheme
 from aerial_il.algorithms.rl.interface import check_policy, encode, plain_interface, standardised
 from aerial_il.algorithms.rl.on_policy import OnPolicy
@@ -27,24 +27,24 @@ from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.core.goals import GoalColumns, GoalSpec
 from aerial_il.policies import load_policy
-from aerial_il.policies.categorical import CategoricalConfig
+from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import EDGE, MAX_STEPS, SPEC, Drift
 from tests.algorithms.sought import GOAL, Hidden, Sought, near
 
-TAUGHT = {n: algorithms.settings_of(n) for n in algorithms.list_algorithms()}
+TAUGHT = {n: algorithms.get(n) for n in algorithms.names()}
 REWARDED = [n for n, s in TAUGHT.items() if getattr(s, "rewarded", False) and not s.demonstrated]
 RELABELLED = [n for n, s in TAUGHT.items() if issubclass(s, RelabelledReinforcement)]
-POLICY = SquashedGaussianConfig(hidden=(16,))
-CHOICES = CategoricalConfig(hidden=(16,), choices="bounds")
+POLICY = SquashedGaussian(hidden=(16,))
+CHOICES = Categorical(hidden=(16,), choices="bounds")
 SMALL: dict[str, Any] = {"warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "target_every": 1, "gamma": 0.9, "epochs": 4, "rollout": 80}
 SMALL |= {"log_every": 80, "checkpoint_every": 0}
 
 
 def short(name: str, **changes: Any) -> Any:
-    cls: Any = algorithms.settings_of(name)
+    cls: Any = algorithms.get(name)
     return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
 
 
@@ -76,7 +76,7 @@ class Ends(Paid):
 def test_a_time_limit_is_no_end_of_what_is_to_come(tmp_path: Path, name: str) -> None:
     """One step of 1 is worth 1, steps without end 10 at gamma 0.9: only who goes on in the estimate tells the two."""
     entropy = {"alpha": 1e-6, "entropy": -20.0} if name == "sac" else {}
-    often = {"rollout": 16, "lr": 1e-2, "steps": 800} if issubclass(algorithms.settings_of(name), OnPolicy) else {}
+    often = {"rollout": 16, "lr": 1e-2, "steps": 800} if issubclass(algorithms.get(name), OnPolicy) else {}
     settings = short(name, **({"steps": 400} | entropy | often))
     values = {}
     for env in (Paid(8), Ends(8)):
@@ -195,8 +195,8 @@ def test_an_actor_of_choices_cannot_be_regularised() -> None:
         Smoothness(temporal=1.0).loss(network, torch.zeros(3, 2), torch.zeros(3, 2))
     for asked in ("temporal", "spatial"):
         with pytest.raises(InvalidValueError, match=rf"{asked}( is)? 0\.5.*rate_penalty"):
-            DeepQLearning(smoothness=Smoothness(**{asked: 0.5}))
-    DeepQLearning(smoothness=Smoothness(rate_penalty=0.5))
+            DQN(smoothness=Smoothness(**{asked: 0.5}))
+    DQN(smoothness=Smoothness(rate_penalty=0.5))
 
 
 # -- hindsight
@@ -325,8 +325,8 @@ def test_with_hindsight_another_reward_is_refused(name: str) -> None:
 
 def test_natural_steps_are_those_of_the_fisher_information_written_out() -> None:
     torch.manual_seed(0)
-    actor = SquashedGaussianConfig(hidden=(3,), activation="tanh", spread="free").build(2, 1)
-    settings = NaturalGradientLearning(cg_damping=0.05, cg_iterations=50, step_size=1e-3)
+    actor = SquashedGaussian(hidden=(3,), activation="tanh", spread="free").build(2, 1)
+    settings = NPG(cg_damping=0.05, cg_iterations=50, step_size=1e-3)
     agent, obs = NaturalGradientAgent(settings, actor, 2), torch.randn(400, 2)
     raw = actor.sample(obs[:, None])[1].detach()
     weights, advantages = list(actor.parameters()), torch.randn(400)
@@ -356,9 +356,9 @@ def test_conjugate_gradients_solve() -> None:
 
 def test_choices_are_refused_where_actions_are_none() -> None:
     with pytest.raises(InvalidValueError, match="choices=bounds"):
-        plain_interface(Layout.of(SPEC, CHOICES), CategoricalConfig())
+        plain_interface(Layout.of(SPEC, CHOICES), Categorical())
     with pytest.raises(InvalidValueError, match="choose policy=categorical"):
-        check_policy(POLICY, (CategoricalConfig,))
+        check_policy(POLICY, (Categorical,))
 
 
 def test_a_run_that_was_begun_before_a_setting_was_there_goes_on(tmp_path: Path) -> None:
@@ -376,14 +376,14 @@ def test_a_run_that_was_begun_before_a_setting_was_there_goes_on(tmp_path: Path)
 
 @pytest.mark.parametrize("worlds", [1, 3])
 def test_updates_in_bouts_are_as_many_and_the_policy_stands_still_between_them(worlds: int) -> None:
-    evenly, bouts = (DeepQLearning(utd_ratio=0.5, update_every=every) for every in (1, 24))
+    evenly, bouts = (DQN(utd_ratio=0.5, update_every=every) for every in (1, 24))
     turns = range(worlds, 241, worlds)
     assert sum(bouts.updates_due(steps, worlds) for steps in turns) == 120
     assert sum(evenly.updates_due(steps, worlds) for steps in turns) == 120
     assert {steps % 24 for steps in turns if bouts.updates_due(steps, worlds)} == {0}
     assert max(evenly.updates_due(steps, worlds) for steps in turns) == 1 + (worlds > 1)
     with pytest.raises(InvalidValueError, match="update_every"):
-        DeepQLearning(update_every=0)
+        DQN(update_every=0)
 
 
 @pytest.mark.parametrize(("huber", "loss"), [(1.0, 49.5), (20.0, 800.0), (100.0, 1250.0)])
@@ -395,7 +395,7 @@ def test_an_end_that_costs_much_teaches_as_much_as_it_is_allowed_to(huber: float
         obs=torch.zeros(4, 3), actions=torch.zeros(4, 1), rewards=torch.full((4,), -50.0),
         next_obs=torch.zeros(4, 3), continues=torch.zeros(4),
     )  # fmt: skip
-    told = DeepQAgent(DeepQLearning(huber=huber), network).update(end)
+    told = DeepQAgent(DQN(huber=huber), network).update(end)
     assert told["critic/loss"] == pytest.approx(loss)
 
 

@@ -17,20 +17,20 @@ from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
 from tests.algorithms.sought import NEAR, Sought
 
-NAMES = [n for n in algorithms.list_algorithms() if issubclass(algorithms.settings_of(n), RelabelledDemonstrated)]
+NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), RelabelledDemonstrated)]
 each = pytest.mark.parametrize("name", NAMES)
-POLICY = SquashedGaussianConfig(hidden=(16,))
+POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 160, "warmup": 32, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"utd_ratio": 0.2, "actor_every": 1, "gamma": 0.9, "log_every": 80, "checkpoint_every": 0}
 SMALL |= {"offline_steps": 10, "critics": 3, "hindsight": Hindsight(goals=2)}
 
 
 def short(name: str, **changes: Any) -> Any:
-    cls: Any = algorithms.settings_of(name)
+    cls: Any = algorithms.get(name)
     return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
 
 

@@ -13,14 +13,14 @@ from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.categorical import CategoricalConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.categorical import Categorical
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
 
-ONLINE = {n: s for n in algorithms.list_algorithms() if issubclass(s := algorithms.settings_of(n), OnlineAlgorithm)}
+ONLINE = {n: s for n in algorithms.names() if issubclass(s := algorithms.get(n), OnlineAlgorithm)}
 NAMES = [n for n, s in ONLINE.items() if not issubclass(s, PractisedPolicy)]
 each = pytest.mark.parametrize("name", NAMES)
-POLICY, CHOICES = SquashedGaussianConfig(hidden=(8,)), CategoricalConfig(hidden=(8,), choices="bounds")
+POLICY, CHOICES = SquashedGaussian(hidden=(8,)), Categorical(hidden=(8,), choices="bounds")
 SMALL: dict[str, Any] = {"warmup": 60, "rollout": 28, "batch_size": 16, "critic_hidden": (8,), "reward_hidden": (8,)}
 SMALL |= {"bc_pretrain_steps": 0, "offline_steps": 0, "checkpoint_every": 0, "reward_batch": 16, "epochs": 1}
 SMALL |= {"actor_every": 1, "utd_ratio": 1.0, "critics": 3}

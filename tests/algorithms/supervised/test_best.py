@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.supervised.best_checkpoint import BestCheckpoint
 from aerial_il.core import checkpoint
@@ -18,11 +18,11 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 
-POLICY = MlpConfig(hidden=(16,), blind_to=())
-SETTINGS = BehaviourCloning(steps=60, batch_size=16, log_every=20, validate_every=0, evaluate_every=10)
+POLICY = MLP(hidden=(16,), blind_to=())
+SETTINGS = BC(steps=60, batch_size=16, log_every=20, validate_every=0, evaluate_every=10)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ class Judge:
         return {"success": self.rates[step // 10 - 1], "episodes": 20}
 
 
-def learn(demos: list[Episode], run: Path, judge: Any, settings: BehaviourCloning = SETTINGS) -> Any:
+def learn(demos: list[Episode], run: Path, judge: Any, settings: BC = SETTINGS) -> Any:
     return settings.train(demos, POLICY, run=run, evaluate=judge, progress=False)
 
 
@@ -143,7 +143,7 @@ def test_how_often_a_patient_run_is_judged_is_part_of_it(demos: list[Episode], t
 
 def test_patience_needs_rollouts_and_cameras_can_be_asked_for(demos: list[Episode], tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="evaluate_every"):
-        BehaviourCloning(patience=3)
+        BC(patience=3)
     with pytest.raises(InvalidValueError, match="cameras=scene_rgb; cameras=wrist_rgb was asked for"):
         SETTINGS.train(demos, POLICY, run=tmp_path, expect={"cameras": "wrist_rgb"})
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.bc import BehaviourCloning, with_noise
+from aerial_il.algorithms.bc import BC, with_noise
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.supervised import training_set
 from aerial_il.algorithms.supervised.loader import Loader
@@ -20,15 +20,15 @@ from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import AHEAD, Dataset
 from aerial_il.data.episode import Episode
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 from tests.policies.test_vision import seeing
 
 SIDE = 18
-EYES = MlpConfig(
+EYES = MLP(
     chunk=1, hidden=(32,), images=("wrist_rgb",), image_features=16, obs_names=("ee_pos",), ensemble=None, crop=1.0
 )
-SHORT = BehaviourCloning(steps=6, batch_size=8, warmup_steps=1, log_every=2, validate_every=3, checkpoint_every=3)
+SHORT = BC(steps=6, batch_size=8, warmup_steps=1, log_every=2, validate_every=3, checkpoint_every=3)
 
 
 def pointing(episode: Episode, rng: np.random.Generator) -> Episode:
@@ -74,7 +74,7 @@ def test_noise_shakes_the_state_and_leaves_pixels_alone() -> None:
 
 def test_it_learns_where_the_dot_is(demos: list[Episode], tmp_path: Path) -> None:
     """Fails if frames and actions are not those of the same moment, or if nothing reaches the encoder."""
-    algorithm = BehaviourCloning(steps=250, batch_size=64, lr=3e-3, warmup_steps=20, ema=0.98, validation=0.1)
+    algorithm = BC(steps=250, batch_size=64, lr=3e-3, warmup_steps=20, ema=0.98, validation=0.1)
     algorithm.train(demos, EYES, run=tmp_path, progress=False)
     last = read_metrics(tmp_path)[-1]
     guess = 0.2 * np.abs(np.arange(1, SIDE - 1) / (SIDE - 1) - 0.5).mean()

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.selection import Selection, jerk
 from aerial_il.algorithms.supervised.training_set import Shuffle, cut_windows, digest_of, read_demos, window_weights
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 
 
@@ -70,10 +70,10 @@ def test_failed_flights_count_as_much_as_is_said(demos: list[Episode]) -> None:
     assert uids(kept) == uids(demos)
     np.testing.assert_array_equal(weights, [1, 1, 1, 1, 0.5, 0.5])
     for failures, count in ((0.0, 4), (0.5, 6)):
-        cloning = BehaviourCloning(selection=Selection(failures=failures), validation=0.0)
-        divided = cloning.divide(mixed, MlpConfig(chunk=4, blind_to=()), seed=0)
+        cloning = BC(selection=Selection(failures=failures), validation=0.0)
+        divided = cloning.divide(mixed, MLP(chunk=4, blind_to=()), seed=0)
         assert len(divided.kept) == count
-    labelled = BehaviourCloning(validation=0.0).divide(mixed, MlpConfig(chunk=4, blind_to=()), seed=0, failures=True)
+    labelled = BC(validation=0.0).divide(mixed, MLP(chunk=4, blind_to=()), seed=0, failures=True)
     assert (labelled.weights == 1).all()
 
 
@@ -106,7 +106,7 @@ def test_windows_are_visited_as_often_as_they_weigh() -> None:
 
 
 def test_weights_reach_the_windows_and_the_digest(demos: list[Episode]) -> None:
-    config = MlpConfig(chunk=4, blind_to=())
+    config = MLP(chunk=4, blind_to=())
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     assert window_weights(np.ones(6), windows) is None

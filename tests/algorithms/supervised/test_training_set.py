@@ -19,7 +19,7 @@ from aerial_il.algorithms.supervised.training_set import (
 )
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations, with_action_level
 
 
@@ -30,7 +30,7 @@ def demos() -> list[Episode]:
 
 @pytest.mark.parametrize("anchor", ["ee_pos", None])
 def test_minibatches_hold_the_history_behind_and_the_chunk_ahead(demos: list[Episode], anchor: str | None) -> None:
-    config = MlpConfig(history=3, chunk=7, anchor=anchor)
+    config = MLP(history=3, chunk=7, anchor=anchor)
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     interface = fit_interface(layout, windows, config)
@@ -52,7 +52,7 @@ def test_minibatches_hold_the_history_behind_and_the_chunk_ahead(demos: list[Epi
 
 def test_what_is_learned_is_what_is_flown(demos: list[Episode]) -> None:
     """Decoding the encoded label gives back the demonstrated action."""
-    config = MlpConfig(chunk=7)
+    config = MLP(chunk=7)
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     batch = windows[np.arange(50)]
@@ -63,7 +63,7 @@ def test_what_is_learned_is_what_is_flown(demos: list[Episode]) -> None:
 
 def test_anchored_actions_are_normalised_as_offsets(demos: list[Episode]) -> None:
     """Offsets are far smaller than the places they lead to."""
-    config = MlpConfig(chunk=1)
+    config = MLP(chunk=1)
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     scaler = fit_interface(layout, windows, config).action
@@ -74,7 +74,7 @@ def test_anchored_actions_are_normalised_as_offsets(demos: list[Episode]) -> Non
 
 
 def test_the_digest_depends_on_every_value(demos: list[Episode]) -> None:
-    config = MlpConfig(chunk=7)
+    config = MLP(chunk=7)
     layout, kept = read_demos(demos, config)
     before = digest_of(cut_windows(kept, layout, config))
     assert digest_of(cut_windows(kept, layout, config)) == before
@@ -104,7 +104,7 @@ def test_validation_takes_whole_demonstrations(count: int, fraction: float, held
 
 def test_failures_are_left_out_and_labels_preferred(demos: list[Episode]) -> None:
     unlabelled = replace(demos[1], expert_actions=np.full_like(demos[1].actions, np.nan))
-    config = MlpConfig(chunk=1)
+    config = MLP(chunk=1)
     layout, kept = read_demos([replace(demos[0], success=False), unlabelled, demos[2]], config)
     assert [d.uid for d in kept] == ["demo-1", "demo-2"]
     actions = cut_windows(kept, layout, config)[np.array([3, len(demos[1]) + 3])].actions[:, 0]
@@ -114,18 +114,18 @@ def test_failures_are_left_out_and_labels_preferred(demos: list[Episode]) -> Non
 
 def test_what_cannot_be_learned_from_is_refused(demos: list[Episode]) -> None:
     with pytest.raises(InvalidValueError, match="no successful demonstration"):
-        read_demos([], MlpConfig())
+        read_demos([], MLP())
     with pytest.raises(InvalidValueError, match="no successful demonstration"):
-        read_demos([replace(demos[0], success=False)], MlpConfig())
+        read_demos([replace(demos[0], success=False)], MLP())
     with pytest.raises(InvalidValueError, match=f"demo-0 has {len(demos[0])} steps; chunk=500"):
-        read_demos(demos, MlpConfig(chunk=500))
+        read_demos(demos, MLP(chunk=500))
     with pytest.raises(UnknownNameError, match="cube_pos"):
-        read_demos(demos, MlpConfig(obs_names=("ee_pos", "cube_position")))
+        read_demos(demos, MLP(obs_names=("ee_pos", "cube_position")))
     with pytest.raises(InvalidValueError, match=r"demo-1 comes from another environment: action\.level"):
-        read_demos([demos[0], with_action_level(demos[1], "velocity")], MlpConfig())
+        read_demos([demos[0], with_action_level(demos[1], "velocity")], MLP())
     nan = {**demos[1].obs, "goal_pos": np.where(np.arange(len(demos[1]) + 1)[:, None] == 9, np.nan, 0.0)}
     with pytest.raises(InvalidValueError, match="demo-1: observation goal_pos is not finite at step 9"):
-        read_demos([demos[0], replace(demos[1], obs=nan)], MlpConfig())
+        read_demos([demos[0], replace(demos[1], obs=nan)], MLP())
     broken = np.full_like(demos[0].actions, np.nan)
     with pytest.raises(InvalidValueError, match="demo-0: the action is not finite at step 0"):
-        read_demos([replace(demos[0], executed_actions=broken, expert_actions=broken)], MlpConfig())
+        read_demos([replace(demos[0], executed_actions=broken, expert_actions=broken)], MLP())

@@ -151,7 +151,7 @@ def test_composition_gives_a_typed_object() -> None:
     config = compose(TRAIN, ["dataset=datasets/x", "run=runs/y", "seed=3", "policy.chunk=7"])
     assert isinstance(config, TRAIN.config)
     assert (config.dataset.path, config.run, config.seed, config.policy["chunk"]) == ("datasets/x", "runs/y", 3, 7)
-    assert config.policy["_target_"].endswith("MlpConfig")
+    assert config.policy["_target_"].endswith("MLP")
 
 
 def test_what_the_user_must_say_is_asked_for() -> None:

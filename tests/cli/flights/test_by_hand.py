@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.cli.flights.by_hand import suited
 from aerial_il.cli.main import main
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.egocentric import egocentric
 from aerial_il.teleop.driver.operator import DriverOperator
 from tests.teleop.hands import world
@@ -56,23 +56,23 @@ def test_a_run_says_what_it_does_about_flights_by_hand(
 
 
 def test_only_flights_by_hand_that_command_poses_are_taken_so(home: Path) -> None:
-    as_it_is = (BehaviourCloning(), MlpConfig())
+    as_it_is = (BC(), MLP())
     for folder in ("script", "rates"):
         assert suited(str(home / folder), *as_it_is, by_hand=None) == as_it_is
     assert suited(None, *as_it_is, by_hand=True) == as_it_is
     algorithm, policy = suited(str(home / "script"), *as_it_is, by_hand=True)
     assert algorithm.waypoints == Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="anyone")
-    assert policy == egocentric(MlpConfig())
+    assert policy == egocentric(MLP())
 
 
 def test_what_the_user_has_chosen_is_kept(home: Path) -> None:
-    cloning = BehaviourCloning(waypoints=Waypoints(lookahead_s=0.5))
-    for mine in (MlpConfig(blind_to=("gripper",)), MlpConfig(obs_names=("ee_pos",)), MlpConfig(relative=True)):
+    cloning = BC(waypoints=Waypoints(lookahead_s=0.5))
+    for mine in (MLP(blind_to=("gripper",)), MLP(obs_names=("ee_pos",)), MLP(relative=True)):
         assert suited(str(home / "hands"), cloning, mine, by_hand=None) == (cloning, mine)
 
 
 def test_rounds_of_taking_over_learn_so_too(home: Path) -> None:
-    algorithm, policy = suited(str(home / "hands"), DAgger(gate=HumanGate()), MlpConfig(), by_hand=None)
-    assert isinstance(algorithm.training, BehaviourCloning)
+    algorithm, policy = suited(str(home / "hands"), DAgger(gate=HumanGate()), MLP(), by_hand=None)
+    assert isinstance(algorithm.training, BC)
     assert algorithm.training.waypoints == SUITED
     assert policy.relative

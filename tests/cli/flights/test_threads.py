@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import aerial_il
-from aerial_il.algorithms.dac import DiscriminatorActorCritic
+from aerial_il.algorithms.dac import DAC
 from aerial_il.cli.flights import pilots, training_resources
 from aerial_il.collection.collect import collect
 from aerial_il.evaluation.baselines import Random
@@ -41,6 +41,6 @@ def test_of_a_training_that_flies(asked: list[int], tmp_path: Path) -> None:
     collect(env, Random(), range(1), tmp_path, policy_name="random", settings={}, progress=False)
     asked.clear()
     where = {"images": (), "expert": None, "tier": None, "num_envs": 24, "threads": 3}
-    with training_resources.training_resources(DiscriminatorActorCritic(), str(tmp_path), **where) as handed:
+    with training_resources.training_resources(DAC(), str(tmp_path), **where) as handed:
         assert handed["env"].num_envs == 24
     assert asked == [3]

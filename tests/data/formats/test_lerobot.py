@@ -14,13 +14,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats.lerobot import convert_to_lerobot, write_states, write_with_lerobot
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.data.crane import CraneBatch, CraneExpert
 
 
@@ -225,10 +225,8 @@ def test_a_foreign_dataset_is_read_from_its_columns(derived: Path, tmp_path: Pat
     episode, ours = open_dataset(copy)[0], open_dataset(derived)[0]
     assert episode.spec.observation.names == ("observation.state", "observation.environment_state")
     np.testing.assert_array_equal(episode.actions, ours.actions)
-    settings = BehaviourCloning(steps=2, warmup_steps=1, validation=0.0)
-    policy = settings.train(
-        list(open_dataset(copy)), MlpConfig(hidden=(8,), chunk=2), run=tmp_path / "run", progress=False
-    )
+    settings = BC(steps=2, warmup_steps=1, validation=0.0)
+    policy = settings.train(list(open_dataset(copy)), MLP(hidden=(8,), chunk=2), run=tmp_path / "run", progress=False)
     assert policy.spec.is_foreign, "the shipped anchor is not among its fields"
 
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats.lerobot import convert_to_lerobot
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from tests.data.crane import crane_spec
 
 
@@ -40,8 +40,8 @@ def checked(path: Path, uids: tuple[str, ...], folder: DatasetFolder, home: Path
         np.testing.assert_array_equal(episode.actions, of.labels)
         for name in of.spec.observation.state_names:
             np.testing.assert_array_equal(episode.obs[name][:-1], of.obs[name][:-1])
-    settings = BehaviourCloning(steps=2, warmup_steps=1, validation=0.0)
-    policy = settings.train(list(found), MlpConfig(hidden=(8,), chunk=2), run=home / "run", progress=False)
+    settings = BC(steps=2, warmup_steps=1, validation=0.0)
+    policy = settings.train(list(found), MLP(hidden=(8,), chunk=2), run=home / "run", progress=False)
     assert (policy.spec.robot, policy.spec.task) == (crane_spec().robot, crane_spec().task)
 
 

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.container import BarContainer, ErrorbarContainer
 from matplotlib.figure import Figure
 
-from aerial_il.presentation import analysis
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.statistics import wilson
+from aerial_il.presentation import analysis
 from tests.presentation.analysis.test_frames import evaluated
 from tests.presentation.pages.test_run_report import RATES, make_adversarial, make_dagger, make_run
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.presentation import analysis
 from aerial_il.core.errors import AerialError, DemoError, InvalidValueError
 from aerial_il.evaluation.metrics import EpisodeRecord
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import wilson
+from aerial_il.presentation import analysis
 from tests.presentation.pages.test_run_report import make_adversarial, make_other, make_run
 
 RECORD = EpisodeRecord(0, "timeout", 100, 2.0, None, 30.0, 0.3, 0.01, 0.02, 0.2, {"m/s^3": 5.0}, 0, 0.0, {"near": None})

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation.result import EvaluationResult, load_result
 from aerial_il.presentation.films import video
 from aerial_il.presentation.films.overlay import Caption, compose, strip_height
-from aerial_il.evaluation.result import EvaluationResult, load_result
 from tests.evaluation.hover import DT_S, HoverBatch
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aerial_il.evaluation.curves import Curve, LearningPoint
+from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.presentation.pages.charts import (
     BOTTOM,
     HEIGHT,
@@ -27,7 +28,6 @@ from aerial_il.presentation.pages.charts import (
     tick_label,
 )
 from aerial_il.presentation.pages.figures import distributions, learning_curve, paths, training
-from aerial_il.evaluation.result import EvaluationResult
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -13,10 +13,10 @@ import pytest
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, training_curves
+from aerial_il.evaluation.result import EvaluationResult, load_result
 from aerial_il.presentation.films.video import Clip, Footage
 from aerial_il.presentation.pages.page import number, percent, seconds
 from aerial_il.presentation.pages.report import write_report
-from aerial_il.evaluation.result import EvaluationResult, load_result
 from tests.evaluation.browser import needs_browser, picture
 from tests.evaluation.outline import Outline
 

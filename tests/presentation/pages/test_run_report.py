@@ -12,14 +12,14 @@ import yaml
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.curves import training_curves
-from aerial_il.presentation.films.video import Footage
-from aerial_il.presentation.pages import run_figures
-from aerial_il.presentation.pages.report import write_report
-from aerial_il.presentation.pages.run_report import grouped, write_run_report, write_runs_report
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import bootstrap_macro, wilson
 from aerial_il.evaluation.training_run import find_runs, read_run
+from aerial_il.presentation.films.video import Footage
+from aerial_il.presentation.pages import run_figures
+from aerial_il.presentation.pages.report import write_report
+from aerial_il.presentation.pages.run_report import grouped, write_run_report, write_runs_report
 from tests.evaluation.browser import needs_browser, picture
 from tests.evaluation.outline import Outline, needs_nothing_else
 

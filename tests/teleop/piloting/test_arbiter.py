@@ -14,7 +14,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.replay import replay
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
@@ -176,7 +176,7 @@ def _network(env: BatchEnvironment) -> ChunkPolicy:
     """Return a network with the same random weights each time, which plans ten steps ahead."""
     import torch
 
-    config, size = MlpConfig(chunk=10, execute=10, ensemble=None), env.spec.action.size
+    config, size = MLP(chunk=10, execute=10, ensemble=None), env.spec.action.size
     layout, data = Layout.of(env.spec, config), np.random.default_rng(0)
     scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, size))
     interface = Interface(layout, *scalers, config.obs_clip, Switches.none(size))

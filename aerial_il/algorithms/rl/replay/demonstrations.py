@@ -20,7 +20,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
 from aerial_il.policies.parts.layout import Interface, Layout
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 Labels = Literal["executed", "expert"]
 
@@ -76,7 +76,7 @@ class Transitions(NamedTuple):
 
 def read_transitions(
     dataset: Iterable[Episode],
-    policy: PolicyConfig,
+    policy: PolicySettings,
     *,
     trajectories: int | None,
     subsample: int,

@@ -16,18 +16,18 @@ from typing import Any
 import gymnasium
 
 import aerial_il
-from aerial_il.algorithms.ddpg import DeterministicGradientLearning
-from aerial_il.algorithms.dqn import DeepQLearning
-from aerial_il.algorithms.ppo import ProximalPolicyOptimisation
+from aerial_il.algorithms.ddpg import DDPG
+from aerial_il.algorithms.dqn import DQN
+from aerial_il.algorithms.ppo import PPO
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.sac import SoftActorCriticLearning
+from aerial_il.algorithms.sac import SAC
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
 from aerial_il.benchmarks.parts.reporting.notes import About, Note
 from aerial_il.benchmarks.parts.sb3.theirs import Theirs
 from aerial_il.benchmarks.parts.training.outside import Task, gymnasium_task
-from aerial_il.policies.categorical import CategoricalConfig
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.categorical import Categorical
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
 
 CLASSIC: dict[str, Any] = {"log_every": 1_000, "checkpoint_every": 0}
@@ -91,7 +91,7 @@ class Cell:
 
     task: str
     ours: OnlineAlgorithm
-    policy: PolicyConfig
+    policy: PolicySettings
     theirs: Theirs
     worlds: int = 1
     wanted: float | None = None
@@ -128,11 +128,11 @@ def cells() -> dict[str, Cell]:
     return {
         "dqn_cartpole": Cell(
             "CartPole-v1",
-            DeepQLearning(
+            DQN(
                 steps=50_000, lr=1e-3, lr_floor=0.0, batch_size=64, buffer_size=100_000, warmup=1_000, utd_ratio=0.5,
                 update_every=256, target_every=1, tau=0.01, huber=100.0, exploration=0.16, epsilon=0.04, **CLASSIC,
             ),
-            CategoricalConfig(hidden=(256, 256), activation="relu"),
+            Categorical(hidden=(256, 256), activation="relu"),
             Theirs(
                 "DQN",
                 {
@@ -147,12 +147,12 @@ def cells() -> dict[str, Cell]:
         ),
         "dqn_mountain_car": Cell(
             "MountainCar-v0",
-            DeepQLearning(
+            DQN(
                 steps=120_000, lr=4e-3, batch_size=128, buffer_size=10_000, warmup=1_000, gamma=0.98, utd_ratio=0.5,
                 update_every=16, target_every=300, exploration=0.2, epsilon=0.07, lr_floor=0.0, longest_hold=30,
                 reward_patience=0, **CLASSIC,
             ),
-            CategoricalConfig(hidden=(256, 256), activation="relu"),
+            Categorical(hidden=(256, 256), activation="relu"),
             Theirs(
                 "DQN",
                 {
@@ -167,21 +167,21 @@ def cells() -> dict[str, Cell]:
         ),
         "ddpg_mountain_car": Cell(
             "MountainCarContinuous-v0",
-            DeterministicGradientLearning(
+            DDPG(
                 steps=100_000, warmup=1_000, noise=0.913, noise_correlation=0.9985, reward_patience=0,
                 critic_hidden=(256, 256), **CLASSIC,
             ),
-            SquashedGaussianConfig(hidden=(256, 256)),
+            SquashedGaussian(hidden=(256, 256)),
             Theirs("DDPG", {"learning_starts": 1_000, "batch_size": 256, "noise": 0.5}, {"net_arch": [256, 256]}),
             wanted=90.0,
             bounds=(-99.9, 100.0),
         ),
         "ppo_cartpole": Cell(
             "CartPole-v1",
-            ProximalPolicyOptimisation(
+            PPO(
                 steps=100_000, rollout=256, batch_size=256, gae_lambda=0.8, gamma=0.98, epochs=20, lr=1e-3, **CLASSIC,
             ),
-            CategoricalConfig(hidden=(64, 64), activation="tanh"),
+            Categorical(hidden=(64, 64), activation="tanh"),
             Theirs(
                 "PPO",
                 {
@@ -196,11 +196,11 @@ def cells() -> dict[str, Cell]:
         ),
         "ppo_reach": Cell(
             "fa_hexa_arm4:reach",
-            ProximalPolicyOptimisation(
+            PPO(
                 steps=1_000_000, rollout=8_192, batch_size=512, gamma=0.98, epochs=10, lr=3e-4, log_every=8_192,
                 checkpoint_every=0,
             ),
-            SquashedGaussianConfig(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5),
+            SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5),
             Theirs(
                 "PPO",
                 {"n_steps": 512, "batch_size": 512, "gamma": 0.98, "n_epochs": 10, "learning_rate": "lin_0.0003"},
@@ -213,22 +213,22 @@ def cells() -> dict[str, Cell]:
         ),
         "sac_half_cheetah": Cell(
             "HalfCheetah-v5",
-            SoftActorCriticLearning(
+            SAC(
                 steps=100_000, warmup=10_000, utd_ratio=1.0, alpha=1.0, actor_every=1, log_every=1_000,
                 checkpoint_every=25_000, keep_checkpoints=1,
             ),
-            SquashedGaussianConfig(hidden=(256, 256)),
+            SquashedGaussian(hidden=(256, 256)),
             Theirs("SAC", {"learning_starts": 10_000}, {"net_arch": [256, 256]}),
             as_theirs=True,
         ),
         "ppo_half_cheetah": Cell(
             "HalfCheetah-v5",
-            ProximalPolicyOptimisation(
+            PPO(
                 steps=1_000_000, rollout=512, batch_size=64, gamma=0.98, lr=2.0633e-05, entropy=0.000401762, clip=0.1,
                 epochs=20, gae_lambda=0.92, clip_norm=0.8, critic_hidden=(256, 256), log_every=8_192,
                 checkpoint_every=100_000, keep_checkpoints=1,
             ),
-            SquashedGaussianConfig(hidden=(256, 256), activation="relu", spread="free", log_std=-2.0),
+            SquashedGaussian(hidden=(256, 256), activation="relu", spread="free", log_std=-2.0),
             Theirs(
                 "PPO",
                 {

@@ -11,7 +11,7 @@ from typing import Any
 
 import aerial_il
 from aerial_il import teleop
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks.parts.records.fingerprint import flight_fingerprint
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.core.errors import InvalidValueError
@@ -19,7 +19,7 @@ from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, DatasetFolder
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 from aerial_il.policies.parts.egocentric import egocentric
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.driver.operator import DriverOperator
 
@@ -78,7 +78,7 @@ class Driven:
         return dataset.only(sorted(dataset.uids)[:count])
 
 
-def suited[P: PolicyConfig](algorithm: BehaviourCloning, policy: P) -> tuple[BehaviourCloning, P]:
+def suited[P: PolicySettings](algorithm: BC, policy: P) -> tuple[BC, P]:
     """Return settings as ``aerial-il train`` makes them by itself for what a person flew."""
     return replace(algorithm, waypoints=Waypoints(lookahead_s=LOOKAHEAD_S)), egocentric(policy)
 

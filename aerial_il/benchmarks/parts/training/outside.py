@@ -24,7 +24,7 @@ from aerial_il.benchmarks.parts.training.stages import (
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 
 Open = Callable[[int], BatchEnv]
 VERSIONS = ("gymnasium", "mujoco")
@@ -71,7 +71,7 @@ class Learned:
     arm: str
     task: Task
     algorithm: OnlineAlgorithm
-    policy: PolicyConfig
+    policy: PolicySettings
     seed: int
     worlds: int
     shown: Mapping[str, Any] | None = None

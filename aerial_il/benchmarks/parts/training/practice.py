@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.algorithms.jsrl import JumpStart
+from aerial_il.algorithms.jsrl import JSRL
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks.parts.reporting.report import Row, Target
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
@@ -142,7 +142,7 @@ class Practice:
         rows = [row for row in read_metrics(self.stages.run_of(arm.training)) if "episode/success" in row]
         for number, row in enumerate(rows, start=1):
             solved = round(100 * row["episode/success"], 1)
-            alone = not isinstance(arm.training.algorithm, JumpStart)  # a guide begins
+            alone = not isinstance(arm.training.algorithm, JSRL)  # a guide begins
             yield {
                 **arm.head(),
                 "round": number,

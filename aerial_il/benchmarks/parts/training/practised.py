@@ -10,7 +10,7 @@ from typing import Any
 from aerial_il import experts
 from aerial_il.algorithms.decisions.practice import PractisedPolicy
 from aerial_il.algorithms.expert_iteration import ExpertIteration
-from aerial_il.algorithms.filtered_bc import FilteredCloning
+from aerial_il.algorithms.filtered_bc import FilteredBC
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.run.cadence import Evaluate
@@ -25,10 +25,10 @@ from aerial_il.benchmarks.parts.training.stages import (
 )
 from aerial_il.core.contracts import Policy
 from aerial_il.evaluation.rollouts import evaluate
-from aerial_il.policies.parts.network import PolicyConfig
-from aerial_il.policies.squashed_gaussian import SquashedGaussianConfig
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
-Practising = ExpertIteration | FilteredCloning | OnlineAlgorithm
+Practising = ExpertIteration | FilteredBC | OnlineAlgorithm
 BESIDE = {  # the other algorithms whose code an algorithm uses
     "filtered_bc": ("dart",),
     "bc_ppo": ("ppo",),
@@ -49,7 +49,7 @@ class Practised(Shown):
         algorithm: how, beside those of :class:`Shown`.
     """
 
-    algorithm: ExpertIteration | FilteredCloning
+    algorithm: ExpertIteration | FilteredBC
 
     def decided_by(self) -> dict[str, Any]:
         return all_that_decides(self, "bc", self.algorithm.name, *BESIDE.get(self.algorithm.name, ()))
@@ -92,9 +92,9 @@ class Continued(Shown):
         return max(self.algorithm.worlds, ON_POLICY_WORLDS if isinstance(self.algorithm, OnPolicy) else 1)
 
     @property
-    def trained(self) -> PolicyConfig:
+    def trained(self) -> PolicySettings:
         """What is trained: the prior's own kind, or the one that the algorithm knows."""
-        return self.policy if isinstance(self.policy, self.algorithm.trains) else SquashedGaussianConfig()
+        return self.policy if isinstance(self.policy, self.algorithm.trains) else SquashedGaussian()
 
     def decided_by(self) -> dict[str, Any]:
         own = all_that_decides(self, "bc", self.algorithm.name, *BESIDE.get(self.algorithm.name, ()))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import aerial_il
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.round_flights import ROUNDS
 from aerial_il.algorithms.interactive.settings import InteractiveSettings
@@ -30,7 +30,7 @@ from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import LOG
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
-from aerial_il.policies.parts.network import PolicyConfig
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite.batch import BatchEnvironment
 
 EVALUATION_SEED, TUNING_SEEDS = 10_000, range(5_000, 6_000)
@@ -70,7 +70,7 @@ class Shown:
     method: str
     source: Source
     demos: int
-    policy: PolicyConfig
+    policy: PolicySettings
 
     @property
     def label(self) -> str:
@@ -87,7 +87,7 @@ class Cloned(Shown):
         algorithm: how, beside those of :class:`Shown`.
     """
 
-    algorithm: BehaviourCloning
+    algorithm: BC
 
     def decided_by(self) -> dict[str, Any]:
         return all_that_decides(self, "bc")
@@ -256,7 +256,7 @@ def judged_once(
     return result
 
 
-def described(policy: PolicyConfig) -> dict[str, Any]:
+def described(policy: PolicySettings) -> dict[str, Any]:
     """Return a policy's settings as JSON values."""
     return json.loads(json.dumps({"name": policy.name, **policy.to_dict()}))
 
@@ -270,9 +270,9 @@ def without_cadence(settings: Any) -> dict[str, Any]:
     return kept(plain(settings))
 
 
-def steps_of(algorithm: BehaviourCloning | InteractiveSettings) -> int:
+def steps_of(algorithm: BC | InteractiveSettings) -> int:
     """Return the optimisation steps of all rounds: the first and the last in full, those between shorter."""
-    if isinstance(algorithm, BehaviourCloning):
+    if isinstance(algorithm, BC):
         return algorithm.steps
     return 2 * algorithm.training.steps + (algorithm.rounds - 1) * algorithm.between_steps
 

@@ -145,8 +145,8 @@ def _present(
     config: Config, viewer: str, episode: Any, file: Path, out: Path, *, env: BatchEnv | None, again: str
 ) -> None:
     """Write what shows one flight without a window, or hand it to rerun."""
-    from aerial_il.presentation.films.video import end_of
     from aerial_il.evaluation.outcome import subtask_flags
+    from aerial_il.presentation.films.video import end_of
     from aerial_il.suite.batch import BatchEnvironment
 
     print(f"{episode.spec.task} on {episode.spec.robot}: {end_of(episode)} after {episode.sim_time[-1]:.2f} s.")

@@ -87,8 +87,8 @@ def catalogue() -> dict[str, list[dict[str, Any]]]:
         "tier_components": [_component_row(name, tiers.HARD) for name in tiers.COMPONENTS],
         "action_levels": [{"name": level.label} for level in ActionLevel],
         "controllers": [{"name": law.label, "summary": law.summary} for law in Law],
-        "policies": [{"name": name} for name in policies.list_policies()],
-        "algorithms": [{"name": name} for name in algorithms.list_algorithms()],
+        "policies": [{"name": name} for name in policies.names()],
+        "algorithms": [{"name": name} for name in algorithms.names()],
     }
 
 

@@ -76,8 +76,8 @@ def _of_session(config: Config, flown: list[str]) -> Path:
 def _of_evaluation(config: Config) -> Path:
     from aerial_il.cli.flights import results
     from aerial_il.evaluation.curves import LearningPoint
-    from aerial_il.presentation.pages.report import write_report
     from aerial_il.evaluation.result import load_result
+    from aerial_il.presentation.pages.report import write_report
 
     if len(config.result) > 1:
         raise InvalidValueError(f"{config.result[0]} is not a training run; evaluations are reported one at a time.")

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from aerial_il.algorithms.bc import BehaviourCloning
-from aerial_il.algorithms.dapg import DemonstrationAugmented
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practice import Arm, Practice, by_training, largest_dip, spread_evenly
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.benchmarks.parts.training.stages import Cloned, trained_s
-from aerial_il.policies.mlp import MlpConfig
+from aerial_il.policies.mlp import MLP
 
 
 def rounds(*first: float, flown: int = 1000) -> list[dict[str, Any]]:
@@ -39,8 +39,8 @@ def test_of_many_rounds_some_are_listed_from_the_first_to_the_last() -> None:
 def test_practice_that_goes_on_from_other_practice_counts_the_steps_and_minutes_of_both(tmp_path: Path) -> None:
     """Or a method would look as quick as its last stretch."""
     source = Source(robot="z1", task="reach")
-    rounds = Practised("rounds", source, 2, MlpConfig(), ExpertIteration(rounds=2))
-    arm = Arm("dapg", 2, Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), rounds))
+    rounds = Practised("rounds", source, 2, MLP(), ExpertIteration(rounds=2))
+    arm = Arm("dapg", 2, Continued("dapg", source, 2, MLP(), DAPG(), rounds))
     told = {
         "begun": [{"step": 1, "flight_steps": 900, "elapsed_s": 60.0}, {"step": 2, "flight_steps": 100}],
         "own": [
@@ -70,7 +70,7 @@ def test_practice_that_goes_on_from_other_practice_counts_the_steps_and_minutes_
     assert practice.dips[0]["exploring_dip"] == 0.0, "its own first 2 % end at step 10"
     alone = Arm("rounds", 2, rounds)
     assert (alone.flown(stages), alone.minutes(stages)) == (1000, 1.0)
-    clone = Arm("bc", 2, Cloned("bc", source, 2, MlpConfig(), BehaviourCloning()))
+    clone = Arm("bc", 2, Cloned("bc", source, 2, MLP(), BC()))
     assert clone.flown(stages) == 0
 
 
@@ -93,7 +93,7 @@ def test_what_is_kept_of_trainings_has_a_list_for_each_of_them() -> None:
 
 @pytest.mark.parametrize(("name", "met"), [("bc_ppo", False), ("filtered_bc", None)])
 def test_no_method_may_fall_far_below_its_prior(name: str, met: bool | None) -> None:
-    arm = Arm(name, 2, Practised(name, Source(robot="z1", task="reach"), 2, MlpConfig(), ExpertIteration(rounds=2)))
+    arm = Arm(name, 2, Practised(name, Source(robot="z1", task="reach"), 2, MLP(), ExpertIteration(rounds=2)))
 
     class Told(Practice):
         def _rounds(self, arm: Arm) -> Any:
@@ -108,8 +108,8 @@ def test_the_dip_of_what_learns_step_by_step_is_that_of_its_flights_on_the_way(
 ) -> None:
     """However good practice looked meanwhile; and practice itself is judged where nothing was flown on the way."""
     source = Source(robot="z1", task="reach")
-    clone = Cloned("bc", source, 2, MlpConfig(), BehaviourCloning())
-    training = Continued("dapg", source, 2, MlpConfig(), DemonstrationAugmented(), clone, watched=3)
+    clone = Cloned("bc", source, 2, MLP(), BC())
+    training = Continued("dapg", source, 2, MLP(), DAPG(), clone, watched=3)
     (tmp_path / "config.yaml").write_text("steps: 1000\n")
     steps = (0, 10, 500, 1000)
     flown = [{"step": step, "evaluate/success": rate} for step, rate in zip(steps, rates, strict=False)]

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from aerial_il import policies, robots
-from aerial_il.algorithms.bc import BehaviourCloning
+from aerial_il.algorithms.bc import BC
 from aerial_il.cli import starts
 from aerial_il.cli.commands.project import new
 from aerial_il.cli.main import main
-from aerial_il.policies import policy_config
 from aerial_il.suite import tasks
 from tests.algorithms import drift
 from tests.cli.next_lines import next_commands
@@ -35,9 +34,9 @@ def written(kind: str, name: str, top: Path) -> None:
 def test_a_policy_learns_at_once(tmp_path: Path) -> None:
     written("policy", "my_network", tmp_path)
     with found_beside_ours(tmp_path):
-        assert "my_network" in policies.list_policies()
-        policy = policy_config("my_network")(chunk=1, ensemble=None, anchor=None)
-        settings = BehaviourCloning(steps=20, batch_size=64, warmup_steps=1, validation=0.0)
+        assert "my_network" in policies.names()
+        policy = policies.get("my_network")(chunk=1, ensemble=None, anchor=None)
+        settings = BC(steps=20, batch_size=64, warmup_steps=1, validation=0.0)
         learned = settings.train(drift.demonstrations(5), policy, run=tmp_path / "run", progress=False)
         assert learned.origin["step"] == 20
 

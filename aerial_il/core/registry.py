@@ -1,0 +1,119 @@
+"""The one registry: what there is of each kind, found by its file, or in other packages by an entry point.
+
+A file in the folder of its kind is registered by being there. A package outside registers a module of the same make::
+
+    [project.entry-points."aerial_il.task"]
+    fold_cloth = "my_package.fold_cloth"
+
+Names are listed without importing what they name.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from types import ModuleType
+from typing import Any
+
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Where the files of one kind lie, and what a file defines.
+
+    Attributes:
+        package: whose modules they are; packages inside it hold what they share.
+        defines: the module's attribute; empty for a class that is called as the file is, whatever its capitals:
+            ``SAC`` in ``sac.py``.
+        besides: modules of that package which are none of them.
+        hint: where to look, said beside an unknown name.
+    """
+
+    package: str
+    defines: str = ""
+    besides: frozenset[str] = frozenset()
+    hint: str = ""
+
+
+KINDS: Mapping[str, Kind] = {
+    "robot": Kind(
+        "aerial_il.robots", "ROBOT", frozenset({"robot", "figures"}), "Run `aerial-il list` to see what each can do."
+    ),
+    "task": Kind(
+        "aerial_il.suite.tasks", "TASK", frozenset({"task"}), "Run `aerial-il list` to see which robot can do which."
+    ),
+    "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
+    "policy": Kind("aerial_il.policies"),
+    "algorithm": Kind("aerial_il.algorithms"),
+}
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """Return the names of all that is registered of a kind, in alphabetical order, without importing any of it.
+
+    Raises:
+        InvalidValueError: a package outside registers a name that is taken.
+    """
+    return tuple(sorted(_modules(kind)))
+
+
+def module(kind: str, name: str) -> ModuleType:
+    """Import and return the module that defines ``name``.
+
+    Raises:
+        UnknownNameError: nothing of that kind has the name.
+    """
+    if name not in _modules(kind):
+        raise UnknownNameError(kind, name, names(kind), KINDS[kind].hint)
+    return importlib.import_module(_modules(kind)[name])
+
+
+def get(kind: str, name: str) -> Any:
+    """Return what the file ``name`` defines: a robot, a task, the class of an algorithm's settings, ….
+
+    Raises:
+        UnknownNameError: nothing of that kind has the name.
+        InvalidValueError: its file defines nothing of the kind.
+    """
+    found, wanted = module(kind, name), KINDS[kind].defines
+    if wanted:
+        return _defined(found, kind, wanted)
+    plain = name.replace("_", "").lower()
+    own = (value for value in vars(found).values() if isinstance(value, type) and value.__module__ == found.__name__)
+    if (match := next((value for value in own if value.__name__.lower() == plain), None)) is None:
+        raise InvalidValueError(f"{found.__name__} defines no class that is called as its file, {name}.")
+    return match
+
+
+def _defined(found: ModuleType, kind: str, attribute: str) -> Any:
+    if not hasattr(found, attribute):
+        raise InvalidValueError(f"{found.__name__} defines no {attribute}, by which a {kind} is registered.")
+    return getattr(found, attribute)
+
+
+def _modules(kind: str) -> dict[str, str]:
+    """Return name -> module."""
+    here = KINDS[kind]
+    files = pkgutil.iter_modules(importlib.import_module(here.package).__path__)
+    found = {
+        each.name: f"{here.package}.{each.name}" for each in files if not each.ispkg and each.name not in here.besides
+    }
+    for name, place in outside(kind).items():
+        if name in found:
+            raise InvalidValueError(
+                f"{place} registers a {kind} called {name}, but {found[name]} has that name: rename the entry point, or "
+                f"uninstall the package that brings it."
+            )
+        found[name] = place
+    return found
+
+
+@cache
+def outside(kind: str) -> dict[str, str]:
+    """Return name -> module of what other packages bring."""
+    return {point.name: point.value for point in entry_points(group=f"aerial_il.{kind}")}
