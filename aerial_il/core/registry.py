@@ -100,14 +100,13 @@ def _modules(kind: str) -> dict[str, str]:
     """Return name -> module."""
     here = KINDS[kind]
     files = pkgutil.iter_modules(importlib.import_module(here.package).__path__)
-    found = {
-        each.name: f"{here.package}.{each.name}" for each in files if not each.ispkg and each.name not in here.besides
-    }
+    own = (each.name for each in files if not each.ispkg and each.name not in here.besides)
+    found = {name: f"{here.package}.{name}" for name in own}
     for name, place in outside(kind).items():
         if name in found:
             raise InvalidValueError(
-                f"{place} registers a {kind} called {name}, but {found[name]} has that name: rename the entry point, or "
-                f"uninstall the package that brings it."
+                f"{place} registers a {kind} called {name}, but {found[name]} has that name: rename the entry point, "
+                f"or uninstall the package that brings it."
             )
         found[name] = place
     return found
