@@ -105,10 +105,9 @@ def _value(hint: Any, value: Any, before: Any, at: str) -> Any:
 
 
 def _merged(hint: Any, value: Mapping[str, Any], before: Mapping[str, Any], at: str) -> dict[str, Any]:
-    """Return a mapping with what is given changed or added; null takes out an entry that has settings of its own."""
+    """Return a mapping with what is given changed or added; null takes an entry out unless it is a value."""
     _, inside = get_args(hint) or (Any, Any)
-    gone = {name for name, each in value.items() if each is None and isinstance(before.get(name, {}), Mapping)}
-    gone |= {name for name, each in value.items() if each is None and is_dataclass(before.get(name))}
+    gone = {name for name, each in value.items() if each is None and not fits(None, inside)}
     given = {n: _value(inside, v, before.get(n), f"{at}.{n}") for n, v in value.items() if n not in gone}
     return {name: each for name, each in {**before, **given}.items() if name not in gone}
 

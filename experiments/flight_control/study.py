@@ -164,10 +164,8 @@ class FlightControl:
         for what, known in (("learners", LEARNERS), ("laws", LAWS), ("entropy", TASKS)):
             if unknown := set(getattr(self, what)) - set(known):
                 raise InvalidValueError(f"{what} names {sorted(unknown)}; valid: {', '.join(known)}.")
-        if not self.learners or min(self.seeds, self.sac_seeds, self.episodes) < 1 or self.flights < 2:
-            raise InvalidValueError(
-                "learners names one at least; seeds, sac_seeds and episodes start at 1, flights at 2."
-            )
+        if min(self.seeds, self.sac_seeds, self.episodes) < 1 or self.flights < 2:
+            raise InvalidValueError("seeds, sac_seeds and episodes start at 1, flights at 2.")
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Train, judge and fly what ``folder`` does not hold yet; see :class:`Study`."""
@@ -314,7 +312,7 @@ class FlightControl:
             figures={
                 "steps.svg": step_lines(drawn_times(), drawn_responses(flown)),
                 "mismatch.svg": mismatch_lines(by_mismatch(flown)),
-                "learning.svg": success_curves(self._curves(record)),
+                **({"learning.svg": success_curves(self._curves(record))} if self.learners else {}),
             },
             details={"failed_seeds": {f"{flier}, {tier}": failed_seeds(r) for (flier, tier), r in results.items()}},
             wall_time_s=spent_s((self.run_of(training, record) for training in self.trainings()), results.values()),

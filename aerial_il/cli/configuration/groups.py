@@ -7,6 +7,7 @@ only what differs from them: a file of a registered name changes that one, any o
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import asdict
@@ -105,7 +106,7 @@ def _registered(group: str) -> tuple[str, ...]:
 @cache
 def _option(group: str, name: str) -> dict[str, Any]:
     if group == STUDY:
-        return {"name": name, **asdict(registry.get("study", name)())}
+        return {"name": name, **json.loads(json.dumps(asdict(registry.get("study", name)())))}
     said = _said(group, name)
     if group in NAMED:
         return {"name": name, **said}
