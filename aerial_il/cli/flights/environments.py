@@ -12,7 +12,7 @@ from typing import Any
 
 import aerial_il
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.suite import outside
 from aerial_il.suite.outside.processes import processes_for
 from aerial_il.suite.scenario import horizon_of
@@ -141,7 +141,7 @@ def reference_of(spec: EnvSpec, *, images: Sequence[str] = (), typed: str | None
         action=spec.action.level,
         controller=spec.controller,
         horizon=horizon_of(spec),
-        cameras=tuple(name.removesuffix("_rgb") for name in images),
+        cameras=tuple(map(camera_name, images)),
         image_size=(height, width),
     )
 
