@@ -30,7 +30,6 @@ MOVED: Mapping[str, str] = {
     "critic_hidden": "critics.hidden",
     "critic_norm": "critics.layer_norm",
     "tau": "critics.tau",
-    "prior": "prior.path",
     "reward": "reward.form",
     "reward_hidden": "reward.hidden",
     "reward_lr": "reward.lr",
