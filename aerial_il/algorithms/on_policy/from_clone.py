@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
-from aerial_il.algorithms.decisions.cut_short import cut_short
-from aerial_il.algorithms.decisions.hand_over import HandOver
+from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
+from aerial_il.algorithms.on_policy.cut_short import cut_short
+from aerial_il.algorithms.on_policy.hand_over import HandOver
 from aerial_il.algorithms.rl.demonstrated import check_lengths
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
+from aerial_il.algorithms.online.run import OnlineRun, Problem, open_run
 from aerial_il.algorithms.rl.reinforcement import Reinforcement, Reward
 from aerial_il.algorithms.rl.replay.demonstrations import check_same
 from aerial_il.algorithms.run.cadence import Evaluate
@@ -198,7 +198,7 @@ class GatedOnPolicy(AnchoredOnPolicy):
 
     Attributes:
         gate: standard errors by which a rollout's episodes may return less than the prior's; see
-            :mod:`aerial_il.algorithms.decisions.gate`. A large number for any.
+            :mod:`aerial_il.algorithms.on_policy.gate`. A large number for any.
     """
 
     gate: float = 2.0
@@ -218,7 +218,7 @@ class PractisedChunks(PractisedPolicy):
         correlation: of that noise from one step of a chunk to the next.
         trial: flights in which what was learned is compared with the prior by itself, before it is handed over; 0 for
             none. trial_every: environment steps between two such trials. See
-            :mod:`aerial_il.algorithms.decisions.hand_over`.
+            :mod:`aerial_il.algorithms.on_policy.hand_over`.
     """
 
     execute: int = 10
