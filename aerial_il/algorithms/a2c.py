@@ -1,7 +1,8 @@
 """Advantage actor-critic (A2C): a few steps of every world, one step of actor and critic, and on.
 
-Each turn collects ``rollout.steps`` steps, estimates generalised advantages A (with ``gae_lambda`` 1 the discounted rewards
-to the rollout's end and the critic's estimate there, less the estimate at the step), and takes one step to minimise
+Each turn collects ``rollout.steps`` steps, estimates generalised advantages A (with ``gae_lambda`` 1 the discounted
+rewards to the rollout's end and the critic's estimate there, less the estimate at the step), and takes one step to
+minimise
 
     ``-E[A log pi(a | s)] - entropy * H(pi)``    and    ``E[(V(s) - R)^2]``.
 
@@ -17,18 +18,25 @@ synchronous and its optimiser Adam.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.agent import ActorCritic
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.problems import from_reward
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.steps import StepFlights
-from aerial_il.algorithms.online.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -58,16 +66,18 @@ class A2C(Algorithm):
     critic_hidden: tuple[int, ...] = (64, 64)
     rollout: Rollout = Rollout(steps=64, epochs=1, batch_size=None)
     reward: Source = "environment"
-    smoothness: Smoothness = Smoothness()
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "clip_norm")
         require_not_negative(self, "entropy")
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return from_reward(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         actor = run.build_actor(StochasticNetwork)

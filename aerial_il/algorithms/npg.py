@@ -22,7 +22,7 @@ mjrl, for that paper, whose policy is ``hidden=(32, 32)``, ``activation=tanh``, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -34,14 +34,20 @@ from torch.nn.utils import parameters_to_vector, vector_to_parameters
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.critic import Critic
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.problems import from_reward
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.steps import StepFlights
-from aerial_il.algorithms.online.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import Weights
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -73,18 +79,17 @@ class NPG(Algorithm):
     critic_hidden: tuple[int, ...] = (64, 64)
     rollout: Rollout = Rollout(steps=20_000, epochs=2, batch_size=64)
     reward: Source = "environment"
-    smoothness: Smoothness = Smoothness()
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_natural(self)
 
-    def flown_before_learning(self, worlds: int) -> dict[str, int]:
-        return {}  # its steps do not shrink: even a single rollout moves the actor
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return from_reward(self, policy, env, seed, fades=False)  # even a single rollout moves the actor
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         actor = run.build_actor(StochasticNetwork)

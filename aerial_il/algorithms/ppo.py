@@ -18,7 +18,7 @@ defaults are those of its table 3.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -30,12 +30,20 @@ from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.agent import ActorCritic
 from aerial_il.algorithms.on_policy.critic import minibatches
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.problems import from_reward
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.steps import StepFlights
-from aerial_il.algorithms.online.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.cloning import bc_pretrain
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer
+from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -65,15 +73,17 @@ class PPO(Algorithm):
     critic_hidden: tuple[int, ...] = (64, 64)
     rollout: Rollout = Rollout(steps=2048, epochs=10, batch_size=64)
     reward: Source = "environment"
-    smoothness: Smoothness = Smoothness()
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_proximal(self)
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return from_reward(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         actor = run.build_actor(StochasticNetwork)
@@ -121,7 +131,12 @@ class ProximalActorCritic[Actor: StochasticNetwork](ActorCritic[Actor]):
         self, settings: ProximalSettings, actor: Actor, obs_size: int, *, smoothness: Smoothness | None = None
     ) -> None:
         super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)
-        self.settings, self._smoothness = settings, smoothness or Smoothness()
+        self.settings, self._smoothness = settings, smoothness or NO_SMOOTHNESS
+
+    def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
+        """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""
+        size = self.settings.rollout.batch_size or len(demos)
+        bc_pretrain(self._actor, self.actor, demos, steps=steps, batch_size=size)
 
     def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; the learning rate follows the share of the training that is ``left``."""

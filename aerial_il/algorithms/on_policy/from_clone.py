@@ -1,7 +1,8 @@
-"""Settings of on-policy learners that practise what was demonstrated: the clone they start from, and its opening.
+"""Learning that goes on from a clone: what it starts from, and how its run is opened.
 
-They start from a clone of the demonstrations, trained in the folder ``prior`` of the run, or from a policy that was
-trained before. It is flown chunk by chunk: a mean over overlapping chunks is no chunk that could have been sampled.
+It starts from a clone of the demonstrations, trained in the folder ``prior`` of the run, or from a policy that was
+trained before. A learner of chunks flies it chunk by chunk: a mean over overlapping chunks is no chunk that could have
+been sampled.
 """
 
 from __future__ import annotations
@@ -11,21 +12,23 @@ import math
 import os
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
 from aerial_il.algorithms.on_policy.cut_short import cut_short
-from aerial_il.algorithms.on_policy.hand_over import HandOver
-from aerial_il.algorithms.rl.demonstrated import check_lengths
-from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy
-from aerial_il.algorithms.online.run import OnlineRun, Problem, open_run
-from aerial_il.algorithms.rl.reinforcement import Reinforcement, Reward
-from aerial_il.algorithms.rl.replay.demonstrations import check_same
+from aerial_il.algorithms.on_policy.settings import Exploration, Rollout
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.demonstrations import check_same
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths
+from aerial_il.algorithms.online.rewards import Source, reward_scheme
+from aerial_il.algorithms.online.run import OnlineRun, open_run
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint, digest
@@ -41,49 +44,59 @@ log = logging.getLogger(__name__)
 
 TOO_FEW = (
     "In algorithm.steps={} next to nothing is learned: a warm-up of {} (algorithm.warmup) in rollouts of {} "
-    "(algorithm.rollout) comes first. Take more than {} steps."
+    "(algorithm.rollout.steps) comes first. Take more than {} steps."
 )
 PRIOR = "prior"  # folder of the clone below a run's
 ANY_CLASS = "algorithm=residual takes a prior of any class."
 
 
-class Practice(NamedTuple):
-    """What practice has: the run, demonstrations, an expert where there is one, and the policy that it starts from.
+class Start(NamedTuple):
+    """What learning starts from: a policy, the demonstrations, and an expert where there is one.
 
-    That is ``begun`` as it flies by itself, and ``prior`` as practice flies it.
+    The policy is ``begun`` as it flies by itself, and ``prior`` as the learner flies it.
     """
 
-    run: OnlineRun
     begun: ChunkPolicy
     prior: ChunkPolicy
     demos: Sequence[Episode]
     expert: Policy | None = None
 
+    def chunk_actor(self, run: OnlineRun, exploration: Exploration) -> ChunkActor:
+        """Return the clone, exploring."""
+        config = self.prior.config
+        return ChunkActor(
+            run.build_actor(ChunkNetwork),
+            history=config.history,
+            execute=config.execute,
+            explored=self.prior.interface.varied,
+            deviation=exploration.noise,
+            correlation=exploration.correlation,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
-class PractisedPolicy(Reinforcement):
-    """Settings of these learners; stands before :class:`OnPolicy` among the bases. :meth:`practise` is the algorithm.
-
-    The reward is sparse unless ``reward`` says otherwise.
+class FromClone(Algorithm):
+    """Opens the run of a learner that goes on from a clone; :meth:`go_on` is the algorithm.
 
     Attributes:
-        prior: a run or policy to start from; None for a clone of the demonstrations. cloning: how that is made.
-        warmup: environment steps in which the prior flies alone, and a critic learns its value.
+        warmup: environment steps in which the clone flies as it is, and a critic learns its value.
+        prior: a run or policy to start from; null for a clone of the demonstrations.
+        cloning: how that is made.
         patience: episodes of practice are truncated at so many times the longest demonstration.
-        rollout: environment steps in a rollout, of all worlds together.
     """
 
     demonstrated: ClassVar[bool] = True
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (PolicySettings,)
     worlds: ClassVar[int] = 64
 
-    log_every: int = 50_000
-    reward: Reward = "sparse"
-    prior: str | None = None
-    cloning: BC = field(default_factory=BC)
-    warmup: int = 50_000
-    patience: float = 2.0
-    rollout: int = 65_536
+    warmup: int
+    rollout: Rollout
+    prior: str | None
+    cloning: BC
+    patience: float
+    reward: Source
+    reward_patience: int
+    smoothness: Smoothness
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -103,7 +116,7 @@ class PractisedPolicy(Reinforcement):
         resume: bool = True,
         progress: bool = True,
     ) -> ChunkPolicy:
-        """Clone the demonstrations, or take the prior, and practise in ``env``; see :class:`OnlineAlgorithm`.
+        """Clone the demonstrations, or take the prior, and go on from there in ``env``; see :class:`Algorithm`.
 
         Args:
             policy: what is cloned; the prior's own is trained where there is one.
@@ -128,28 +141,32 @@ class PractisedPolicy(Reinforcement):
             cut_short(env, self.longest(demos)),
             prior.interface,
             dataset=described(demos, prior),
-            scheme=self.scheme,
+            scheme=reward_scheme(self),
             inputs={PRIOR: digest(Checkpoint(prior.to_checkpoint().arrays)), **inputs},
             initial=prior.network.state_dict(),
         )
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
-            return self.practise(Practice(opened, begun, prior, demos, expert)) if opened else load_policy(run)
-
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        """Refuse: practice needs something to start from, which :meth:`train` brings.
-
-        Raises:
-            InvalidValueError: always.
-        """
-        raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
+            return self.go_on(opened, Start(begun, prior, demos, expert)) if opened else load_policy(run)
 
     @abstractmethod
-    def practise(self, practice: Practice) -> ChunkPolicy:
+    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
+        """Return the prior as the learner flies it.
+
+        Raises:
+            InvalidValueError: it cannot be learned from.
+        """
+
+    @abstractmethod
+    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
         """Collect and learn until the run has no steps left; return the trained policy."""
 
-    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        """Return the prior as practice flies it."""
-        return prior
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        """Refuse: there has to be something to start from, which :meth:`train` brings."""
+        raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
+
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        """Refuse: there has to be something to start from, which :meth:`train` brings."""
+        raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
 
     def longest(self, demos: Sequence[Episode]) -> int:
         """Return after how many steps an episode of practice is truncated."""
@@ -157,108 +174,25 @@ class PractisedPolicy(Reinforcement):
 
     def _warn_of_too_few_steps(self) -> None:
         """Say so where the last rollout, of a learning rate of zero, would be the first one after the warm-up."""
-        least = (math.ceil(self.warmup / self.rollout) + 1) * self.rollout
+        rollout = self.rollout.steps
+        least = (math.ceil(self.warmup / rollout) + 1) * rollout
         if self.steps <= least:
-            log.warning(TOO_FEW.format(self.steps, self.warmup, self.rollout, least))
+            log.warning(TOO_FEW.format(self.steps, self.warmup, rollout, least))
 
     def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
         """Return digests of whatever else it learns from, by name; refuse what cannot be learned from."""
         return {}
 
 
-@dataclass(frozen=True, kw_only=True)
-class AnchoredOnPolicy(ProximalOnPolicy):
-    """Settings of PPO that starts from a good policy and stays near it; ``lr`` is the actor's.
+def chunked(prior: ChunkPolicy, source: str | None, exploration: Exploration) -> ChunkPolicy:
+    """Return a prior, loaded from ``source`` or cloned, as a policy of single chunks.
 
-    The divergences of all numbers of a chunk add up, and there are tens: ``clip`` and ``target_kl`` are wide.
-
-    Attributes:
-        critic_lr: the critic's learning rate, which stays.
-        kl: weight of a decision's KL divergence from the policy that it starts from; it falls linearly to zero.
+    Raises:
+        InvalidValueError: its network cannot be trained by policy gradients.
     """
-
-    lr: float = 5e-5
-    critic_lr: float = 1e-3
-    epochs: int = 5
-    batch_size: int = 1024
-    clip: float = 0.9
-    target_kl: float = 1.0
-    critic_hidden: tuple[int, ...] = (128, 128)
-    kl: float = 0.001
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "critic_lr")
-        require_not_negative(self, "kl")
-
-
-@dataclass(frozen=True, kw_only=True)
-class GatedOnPolicy(AnchoredOnPolicy):
-    """The same, given up where it has become worse.
-
-    Attributes:
-        gate: standard errors by which a rollout's episodes may return less than the prior's; see
-            :mod:`aerial_il.algorithms.on_policy.gate`. A large number for any.
-    """
-
-    gate: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_not_negative(self, "gate")
-
-
-@dataclass(frozen=True, kw_only=True)
-class PractisedChunks(PractisedPolicy):
-    """Settings of learners that go on with the clone's own network.
-
-    Attributes:
-        execute: steps of a chunk that are flown before the next one is sampled, no more than it has.
-        noise: standard deviation of the samples at first, in actions normalised by ``action_scaling``; it is learned.
-        correlation: of that noise from one step of a chunk to the next.
-        trial: flights in which what was learned is compared with the prior by itself, before it is handed over; 0 for
-            none. trial_every: environment steps between two such trials. See
-            :mod:`aerial_il.algorithms.on_policy.hand_over`.
-    """
-
-    execute: int = 10
-    noise: float = 0.15
-    correlation: float = 0.9
-    trial: int = 128
-    trial_every: int = 400_000
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "execute", "noise", "trial_every")
-        require_not_negative(self, "trial")
-        require_share(self, "correlation", below_one=True)
-
-    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        """Return the prior as a policy of single chunks.
-
-        Raises:
-            InvalidValueError: its network cannot be trained by policy gradients.
-        """
-        check_trainable(prior, self.prior)
-        execute = min(self.execute, prior.config.chunk)
-        config = replace(prior.config, execute=execute, ensemble=None)
-        return ChunkPolicy(config, prior.interface, prior.network, prior.origin)
-
-    def actor(self, practice: Practice) -> ChunkActor:
-        """Return the clone, exploring."""
-        config = practice.prior.config
-        return ChunkActor(
-            practice.run.build_actor(ChunkNetwork),
-            history=config.history,
-            execute=config.execute,
-            explored=practice.prior.interface.varied,
-            deviation=self.noise,
-            correlation=self.correlation,
-        )
-
-    def hand_over(self, practice: Practice, actor: ChunkActor) -> HandOver:
-        """Return what decides which weights are evaluated and saved."""
-        return HandOver(practice.run, practice.begun, actor.network, flights=self.trial, every=self.trial_every)
+    check_trainable(prior, source)
+    config = replace(prior.config, execute=min(exploration.execute, prior.config.chunk), ensemble=None)
+    return ChunkPolicy(config, prior.interface, prior.network, prior.origin)
 
 
 def shown(dataset: Iterable[Episode], policy: PolicySettings, env: BatchEnv) -> list[Episode]:

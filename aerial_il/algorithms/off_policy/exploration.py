@@ -1,15 +1,37 @@
-"""Noise on the actions of a deterministic policy, independent from step to step or correlated."""
+"""Who explores: random actions, or a deterministic policy with noise, independent from step to step or correlated."""
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 import torch
 
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.state import Generator, Snapshot
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
+
+
+class Explorer(Protocol):
+    """Samples normalised actions (n, Da) for encoded observations (n, Do)."""
+
+    def explore(self, obs: np.ndarray) -> np.ndarray: ...
+
+
+class RandomActions(Generator):
+    """Samples actions uniformly from [-1, 1], whatever is observed.
+
+    Args:
+        size: elements Da of an action. rng: samples them.
+    """
+
+    def __init__(self, size: int, rng: np.random.Generator) -> None:
+        super().__init__(rng)
+        self._size = size
+
+    def explore(self, obs: np.ndarray) -> np.ndarray:
+        return self.rng.uniform(-1, 1, (len(obs), self._size))
 
 
 class ExplorationNoise:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.algorithms.rl.collector import Collector, Transition
-from aerial_il.algorithms.rl.interface import encode, encode_actions
-from aerial_il.algorithms.rl.replay.demonstrations import Transitions
-from aerial_il.algorithms.rl.replay.replay_buffer import rows_of
+from aerial_il.algorithms.online.collector import Collector, Transition
+from aerial_il.algorithms.online.demonstrations import Transitions
+from aerial_il.algorithms.online.interface import encode, encode_actions
+from aerial_il.algorithms.online.replay_buffer import rows_of
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.rl.collector import RECENT, Collector, RewardScheme
-from aerial_il.algorithms.rl.interface import action_bounds, encode, encode_actions
-from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.online.collector import RECENT, Collector, RewardScheme
+from aerial_il.algorithms.online.interface import Bounds, action_bounds, encode, encode_actions
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
+from aerial_il.algorithms.run.checks import require_choice, require_positive
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
@@ -23,6 +25,48 @@ from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import PolicySettings
 
 Labels = Literal["executed", "expert"]
+Control = Literal["none", "random_actions", "constant_reward"]
+MEANT = (
+    "labels=expert pairs what the demonstrator meant with the rewards of what was executed, so that critics would "
+    "learn values of actions that nobody took: set algorithm.demonstrations.labels=executed."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demonstrations:
+    """Which demonstrations are learned from, and how.
+
+    Attributes:
+        trajectories: how many, the first ones; null for all.
+        subsample: keep one step in so many.
+        bounds: what actions of ±1 stand for, the ``environment``'s bounds or the range of the ``demonstrations``.
+        labels: what counts as the demonstrator's action where it was perturbed: what was ``executed``, or what the
+            ``expert`` meant, which shows how to recover; only the former has a reward.
+        absorbing: whether an end leads to an absorbing state: any in imitation; where the environment rewards, success
+            alone, with its reward. Otherwise the value after it is zero.
+        control: ``none``, or what stands in for demonstrations: ``random_actions``, or in imitation
+            ``constant_reward``.
+    """
+
+    trajectories: int | None
+    subsample: int
+    bounds: Bounds
+    labels: Labels
+    absorbing: bool
+    control: Control
+
+    def __post_init__(self) -> None:
+        require_positive(self, "subsample", *(["trajectories"] if self.trajectories is not None else []))
+        require_choice(self, "bounds", Bounds)
+        require_choice(self, "labels", Labels)
+        require_choice(self, "control", Control)
+
+    def check_in(self, algorithm: Any) -> None:
+        """Raise :class:`InvalidValueError` where the algorithm learns from rewards that such demonstrations lack."""
+        if algorithm.rewarded and self.control == "constant_reward":
+            raise InvalidValueError(f"{algorithm.name} learns from a reward: control is none or random_actions.")
+        if algorithm.rewarded and self.labels == "expert":
+            raise InvalidValueError(MEANT)
 
 
 class Transitions(NamedTuple):
@@ -107,7 +151,7 @@ def read_transitions(
         )
     demos = demos[:trajectories]
     rng = named_rng(seed, "subsample")
-    asked = smoothness or Smoothness()
+    asked = smoothness or NO_SMOOTHNESS
     parts = [_thin(_transitions_of(episode, layout, labels, asked), subsample, rng) for episode in demos]
     found = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     record = {"demonstrations": len(demos), "transitions": len(found.frames)}

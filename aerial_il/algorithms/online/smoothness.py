@@ -29,7 +29,7 @@ OF_CHOICES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Smoothness:
-    """Weights, all 0 by default: nothing is asked. Actions count from -1 to 1 over their bounds.
+    """Weights; 0 asks for nothing. Actions count from -1 to 1 over their bounds.
 
     Attributes:
         temporal: CAPS, of the squared difference between the actor's mean actions from one step to the next.
@@ -40,11 +40,11 @@ class Smoothness:
         jerk_penalty: the same of the squared third difference of four actions.
     """
 
-    temporal: float = 0.0
-    spatial: float = 0.0
-    radius: float = 0.05
-    rate_penalty: float = 0.0
-    jerk_penalty: float = 0.0
+    temporal: float
+    spatial: float
+    radius: float
+    rate_penalty: float
+    jerk_penalty: float
 
     def __post_init__(self) -> None:
         require_not_negative(self, "temporal", "spatial", "radius", "rate_penalty", "jerk_penalty")
@@ -94,3 +94,6 @@ class Smoothness:
                 change = np.diff(scaled, n=order, axis=1)[:, -1]
                 cost += np.where(ages > order, weight * (change**2).mean(axis=1), 0.0)
         return cost
+
+
+NO_SMOOTHNESS = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from aerial_il.algorithms.rl.interface import decode, encode, standardised
-from aerial_il.algorithms.rl.off_policy import Explorer
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight, Relabeller, goal_columns
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of
-from aerial_il.algorithms.rl.returns import RunningMoments
+from aerial_il.algorithms.off_policy.exploration import Explorer
+from aerial_il.algorithms.off_policy.hindsight import Hindsight, Relabeller, goal_columns
+from aerial_il.algorithms.online.interface import decode, encode, standardised
+from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, rows_of
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Snapshot, Stateful
 
 

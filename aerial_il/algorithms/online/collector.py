@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
@@ -38,7 +38,7 @@ class RewardScheme:
     """
 
     sparse: bool = False
-    smoothness: Smoothness = field(default_factory=Smoothness)
+    smoothness: Smoothness = NO_SMOOTHNESS
     patience: int = 0
     advice: str = ""
 

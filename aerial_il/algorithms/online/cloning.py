@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.run.train_state import TrainState
 from aerial_il.policies.parts.network import ChunkNetwork
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import torch
 
-from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.off_policy.target import Target
 from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState
 from aerial_il.core.tensors import tensor

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from aerial_il.algorithms.rl.returns import RunningMoments
+from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets

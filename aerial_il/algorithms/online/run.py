@@ -7,30 +7,28 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import torch
-from torch import Tensor
 
-from aerial_il.algorithms.rl.collector import Collector, RewardScheme
-from aerial_il.algorithms.rl.replay.demonstrations import Transitions
-from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
+from aerial_il.algorithms.online.collector import Collector
+from aerial_il.algorithms.online.demonstrations import Transitions
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.run.cadence import CADENCE, Cadence, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.judged_first import is_judged_first
 from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
 from aerial_il.algorithms.run.threads import torch_threads
-from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import NoRewardError, TrainingDivergedError
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import named_rng, torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
+from aerial_il.policies.parts.network import ChunkNetwork
 
 log = logging.getLogger(__name__)
 
@@ -49,48 +47,9 @@ class Settings(Protocol):
     @property
     def steps(self) -> int: ...
     @property
-    def log_every(self) -> int: ...
-    @property
-    def evaluate_every(self) -> int: ...
-    @property
-    def checkpoint_every(self) -> int: ...
-    @property
-    def keep_checkpoints(self) -> int: ...
+    def cadence(self) -> Cadence: ...
     @property
     def threads(self) -> int: ...
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """What a run learns on.
-
-    Attributes:
-        algorithm: its name. seed: decides all randomness. policy: what is trained. env: a batch environment.
-        interface: the way into and out of its network.
-        demos: transitions to imitate, or flown at random in a control run; None where the reward alone teaches.
-        dataset: which demonstrations these are, for the run's configuration.
-        scheme: how its steps are rewarded.
-        inputs: name -> digest of whatever else it learns from, such as a prior.
-        initial: weights that its network starts from; None for random ones.
-    """
-
-    algorithm: str
-    seed: int
-    policy: PolicySettings
-    env: BatchEnv
-    interface: Interface
-    demos: Transitions | None = None
-    dataset: Mapping[str, Any] | None = None
-    scheme: RewardScheme = field(default_factory=RewardScheme)
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    initial: Mapping[str, Tensor] | None = None
-
-    def describe(self) -> dict[str, Any]:
-        """Return what determines the run besides its settings and policy."""
-        spec, learned = self.env.spec, {"dataset": dict(self.dataset)} if self.dataset else {}
-        where = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level}
-        environment = {**where, "num_envs": int(self.env.num_envs)}
-        return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned, **self.inputs}
 
 
 class OnlineRun:
@@ -189,11 +148,11 @@ class OnlineRun:
 
     def _end_offline_step(self, done: int, steps: int) -> None:
         """Write metrics, take a checkpoint, leave on a signal, each where it is due."""
-        settings, last = self._settings, done == steps
-        if last or due(settings.log_every, done):
+        cadence, last = self._settings.cadence, done == steps
+        if last or due(cadence.log_every, done):
             self.folder.log(done - steps, {**self._means.take(), "elapsed_s": self.elapsed_s})
-        if last or self._signals.pending or due(settings.checkpoint_every, done):
-            self.folder.save(0, pack(self._parts, self.policy()), keep=settings.keep_checkpoints)
+        if last or self._signals.pending or due(cadence.checkpoint_every, done):
+            self.folder.save(0, pack(self._parts, self.policy()), keep=cadence.keep_checkpoints)
         if self._signals.pending:
             self._signals.stop()
 
@@ -224,7 +183,9 @@ class OnlineRun:
         if is_judged_first(self._settings, self._problem.inputs) and self._evaluate and step == self._offline == 0:
             with self._signals.at_once(), torch.random.fork_rng():
                 self.folder.log(0, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), 0).items()})
-        if self._evaluate and (self._done or self._due(self._settings.evaluate_every) if step else self._offline):
+        if self._evaluate and (
+            self._done or self._due(self._settings.cadence.evaluate_every) if step else self._offline
+        ):
             with self._signals.at_once(), torch.random.fork_rng():
                 self.folder.log(step, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), step).items()})
         self._before, self._clock = step, time.perf_counter()
@@ -243,16 +204,16 @@ class OnlineRun:
 
     def end_turn(self) -> None:
         """End one turn of the loop: write metrics, take a checkpoint, leave on a signal, each where it is due."""
-        step, settings = self.collector.steps, self._settings
+        step, cadence = self.collector.steps, self._settings.cadence
         self.elapsed_s += time.perf_counter() - self._clock
         self._bar.update(step - self._before)
-        if self._done or self._due(settings.log_every):
+        if self._done or self._due(cadence.log_every):
             episodes = self.collector.episode_means()
             self.folder.log(step, {**self._means.take(), **episodes, "elapsed_s": self.elapsed_s})
             self._bar.set_postfix_str(f"return {episodes['episode/return']:.0f}" if episodes else "", refresh=False)
-        saves = self._due(settings.checkpoint_every) or self._due(settings.evaluate_every)
+        saves = self._due(cadence.checkpoint_every) or self._due(cadence.evaluate_every)
         if self._done or self._signals.pending or saves:
-            self.folder.save(step, pack(self._parts, self.policy()), keep=settings.keep_checkpoints)
+            self.folder.save(step, pack(self._parts, self.policy()), keep=cadence.keep_checkpoints)
         if self._signals.pending:
             self._signals.stop()
         self._refuse_silence()
@@ -271,7 +232,7 @@ class OnlineRun:
         """End a run in which rewards have carried no information for too long; what it has done is kept."""
         step, patience = self.collector.steps, self._problem.scheme.patience
         if patience and step >= patience and not self.collector.informed and not self._done:
-            self.folder.save(step, pack(self._parts, self.policy()), keep=self._settings.keep_checkpoints)
+            self.folder.save(step, pack(self._parts, self.policy()), keep=self._settings.cadence.keep_checkpoints)
             raise NoRewardError(step, self.collector.first_reward, self._problem.scheme.advice)
 
     @property
