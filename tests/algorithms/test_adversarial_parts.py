@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from aerial_il.algorithms.rl.returns import RewardNorm, gae
 
 from aerial_il.algorithms.adversarial.action_noise import with_action_noise
 from aerial_il.algorithms.adversarial.discriminator import (
@@ -25,7 +26,6 @@ from aerial_il.algorithms.online.interface import check_policy, decode, encode, 
 from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, rows_of, split
 from aerial_il.algorithms.ppo import PPO, minibatches
-from aerial_il.algorithms.rl.returns import RewardNorm, gae
 from aerial_il.algorithms.sac import SAC, SoftActorCritic
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.policies.mlp import MLP

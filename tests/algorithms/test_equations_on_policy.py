@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
+from aerial_il.algorithms.decisions.rollout import Judged
 from torch import Tensor
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO, AnchoredActorCritic
 from aerial_il.algorithms.dapg import DAPG, AugmentedAgent, Demonstrated
-from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
-from aerial_il.algorithms.decisions.rollout import Judged
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.ppo import PPO, Advantages, ProximalActorCritic
 from aerial_il.policies.mlp import MLP

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from aerial_il.algorithms.decisions.practice import PractisedChunks, PractisedPolicy
 
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.decisions.practice import PractisedChunks, PractisedPolicy
 from aerial_il.algorithms.jsrl import JSRL
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-
 from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
 from aerial_il.algorithms.decisions.cut_short import cut_short
 from aerial_il.algorithms.decisions.gate import ReturnGate
 from aerial_il.algorithms.decisions.rollout import Decisions, advantages
+
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.policies.mlp import MLP

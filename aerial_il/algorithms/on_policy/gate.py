@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from aerial_il.algorithms.decisions.rollout import Decisions, Returns
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import load_weights, weights_of
 from aerial_il.policies.parts.network import ChunkNetwork
@@ -35,13 +34,16 @@ class ReturnGate:
         self._prior, self._own, self._keeps = (np.zeros(0) for _ in range(3))  # returns of the prior, now, of the kept
         self._flies: Literal["prior", "kept", "new"] = "prior"
 
-    def passes(self, decisions: Decisions, *, warming_up: bool) -> bool:
+    def passes(self, rewards: np.ndarray, ended: np.ndarray, *, warming_up: bool) -> bool:
         """Take in what the actor flew as it is; where it flew worse than the prior, let it be as it was before.
+
+        Args:
+            rewards, ended: (T, n) of a rollout's steps. warming_up: whether the prior is to fly on.
 
         Returns:
             Whether the actor may learn from the rollout: it flew with the weights that it has now, not clearly worse.
         """
-        returns = self._ended.ended(decisions)
+        returns = self._ended.ended(rewards, ended)
         if self._flies == "prior":
             self._prior = np.concatenate([self._prior, returns])
             if warming_up or len(self._prior) < FEWEST:
@@ -80,6 +82,28 @@ class ReturnGate:
         self._prior, self._own, self._keeps = (saved.arrays[name].copy() for name in ("prior", "own", "keeps"))
         self._begun, self._kept = (below(name, saved.arrays) for name in ("begun", "kept"))
         self._flies = saved.values["flies"]
+
+
+class Returns:
+    """Returns of the episodes of n worlds, across rollouts."""
+
+    def __init__(self, worlds: int) -> None:
+        self._running = np.zeros(worlds)
+
+    def ended(self, rewards: np.ndarray, ended: np.ndarray) -> np.ndarray:
+        """Take a rollout's rewards and ends (T, n) in; return the returns (k,) of the episodes that ended in it."""
+        found: list[float] = []
+        for paid, over in zip(rewards, ended, strict=True):
+            self._running = self._running + paid
+            found += self._running[over].tolist()
+            self._running = np.where(over, 0.0, self._running)
+        return np.array(found)
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot({"running": self._running.copy()})
+
+    def restore(self, saved: Snapshot) -> None:
+        self._running = saved.arrays["running"].copy()
 
 
 def _copied(actor: ChunkNetwork) -> dict[str, np.ndarray]:

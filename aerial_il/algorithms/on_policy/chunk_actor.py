@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.decisions.rollout import Acted
+from aerial_il.algorithms.on_policy.decisions import Acted
 from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.tensors import tensor
@@ -121,6 +121,10 @@ class ChunkPilot:
         self._seen = np.zeros((collector.n, policy.config.history, policy.interface.layout.size))
         self._plan = np.zeros((collector.n, actor.execute, policy.spec.action.size), np.float32)
         self._at = np.full(collector.n, actor.execute)
+
+    @property
+    def flown(self) -> int:
+        return self._collector.steps
 
     def cut(self) -> None:
         self._at[:] = self._actor.execute

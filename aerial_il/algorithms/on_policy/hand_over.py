@@ -14,7 +14,8 @@ import math
 
 import numpy as np
 
-from aerial_il.algorithms.decisions.cut_short import uncut
+from aerial_il.algorithms.on_policy.cut_short import uncut
+from aerial_il.algorithms.on_policy.settings import Trial
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Snapshot
@@ -28,7 +29,7 @@ log = logging.getLogger(__name__)
 
 STILL_THE_PRIOR = (
     "Nothing that was learned flew as well as the prior does by itself: the policy of this run is the prior. Train for "
-    "longer (algorithm.steps), or explore less (algorithm.noise)."
+    "longer (algorithm.steps), or explore less (algorithm.exploration.noise)."
 )
 ERRORS = 1.0  # standard errors of the mean difference by which a learner may return less
 FIRST_SEED, SEEDS = 500_000, 500_000  # between those of evaluations, from 10,000, and of practice, from 1,000,000
@@ -39,16 +40,15 @@ class HandOver:
 
     Args:
         run: whose policies it decides, from now on. prior: as it flies by itself. network: what learns.
-        flights: of a trial, rounded up to whole batches of worlds; with 0 whatever was learned passes.
-        every: environment steps between two trials; the last one is where the training ends.
+        trial: how many flights, with 0 whatever was learned passes; and how often, the last one where training ends.
     """
 
-    def __init__(self, run: OnlineRun, prior: ChunkPolicy, network: ChunkNetwork, *, flights: int, every: int) -> None:
-        self._run, self._prior, self._network, self._every = run, prior.fresh(), network, every
+    def __init__(self, run: OnlineRun, prior: ChunkPolicy, network: ChunkNetwork, trial: Trial) -> None:
+        self._run, self._prior, self._network, self._every = run, prior.fresh(), network, trial.every
         self._handed, self._passed = copy.deepcopy(network), False
         self._wanted, self._turn = np.zeros(0), 0
         worlds = run.collector.n
-        batches = math.ceil(flights / worlds)
+        batches = math.ceil(trial.flights / worlds)
         drawn = run.rng("trial").choice(SEEDS, batches * worlds, replace=False)
         self._seeds = FIRST_SEED + drawn.reshape(batches, worlds)
         run.wrap = self._policy

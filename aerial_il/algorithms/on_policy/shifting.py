@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.decisions.rollout import Acted
+from aerial_il.algorithms.on_policy.decisions import Acted
 from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.tensors import tensor
@@ -79,6 +79,10 @@ class ShiftPilot:
         base.reset()
         self._actions = self._proposed = np.zeros((0, size))
         self._propose()
+
+    @property
+    def flown(self) -> int:
+        return self._collector.steps
 
     def cut(self) -> None:
         self._age[:] = self._hold
