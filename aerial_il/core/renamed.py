@@ -37,7 +37,6 @@ MOVED: Mapping[str, tuple[str, ...]] = {
     "correlation": ("exploration.correlation",),
     "trial": ("trial.flights",),
     "trial_every": ("trial.every",),
-    "prior": ("prior.path",),
     "reward": ("reward.form",),
     "reward_hidden": ("reward.hidden",),
     "reward_lr": ("reward.lr",),
