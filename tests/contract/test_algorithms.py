@@ -25,7 +25,6 @@ from aerial_il.algorithms.online.algorithm import Algorithm as Flying
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.composition import build, keys
@@ -47,7 +46,14 @@ FIRST = 24  # steps that are few, and yet more than a warm-up or a rollout
 LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to what its first steps have reached
 
 CLONES = BC(
-    steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0, validate_every=0, checkpoint_every=60
+    steps=200,
+    batch_size=64,
+    lr=3e-3,
+    warmup_steps=10,
+    ema=0.9,
+    validation=0.0,
+    validate_every=0,
+    cadence=replace(BC.cadence, checkpoint_every=60),
 )
 ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_floor": 1.0}
 ALONE |= {"cloning": replace(CLONES, steps=1)}  # no clone does the work
@@ -115,8 +121,8 @@ def small(name: str) -> Any:
         paid = {"reward": "environment"} if issubclass(cls, Reinforcement) else {}  # elsewhere it names a learned one
         fewer = {"steps": 6_144} if known(cls, {"reward_updates": 0}) else {}  # a learned reward says more per step
         return cls(**known(cls, ON_POLICY | paid | fewer))
-    if issubclass(cls, SupervisedAlgorithm):
-        return cls(**known(cls, {f.name: getattr(CLONES, f.name) for f in fields(CLONES)}))
+    if cls is BC:
+        return CLONES
     return cls(**known(cls, {"rounds": 2, "episodes": 4, "training": CLONES, "between_steps": 60}))
 
 
