@@ -14,7 +14,6 @@ import yaml
 
 from aerial_il import policies
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.sac import SAC
 from aerial_il.core.errors import CheckpointError, InvalidValueError, UnknownNameError
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
@@ -96,7 +95,6 @@ def test_a_single_name_or_width_stands_for_a_list_of_it() -> None:
     config = MLP(blind_to="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
     assert (config.blind_to, config.hidden, config.images) == (("target_*",), (256,), ("wrist_rgb",))
     assert replace(BC.selection, operators="expert").operators == ("expert",)  # type: ignore[arg-type]
-    assert replace(SAC.critics, hidden=64).hidden == (64,)  # type: ignore[arg-type]
 
 
 def test_names_come_without_importing_torch() -> None:

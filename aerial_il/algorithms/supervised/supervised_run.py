@@ -6,8 +6,8 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
-from typing import Any, Protocol
+from dataclasses import Field, asdict
+from typing import Any, ClassVar, Protocol
 
 import torch
 from torch import Tensor
@@ -37,6 +37,8 @@ SUCCESS = "success"
 
 class Settings(Protocol):
     """What a run reads of the settings of its algorithm, a dataclass; :class:`BC` says what they mean."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @property
     def steps(self) -> int: ...
