@@ -27,7 +27,7 @@ from experiments.by_hand.fly import served, stranger_at
 from tests.teleop.chromium import browser
 from tests.teleop.stranger import Sight, Wish
 
-HERE, ROOT = Path(__file__).parent, Path(__file__).resolve().parents[2]
+HERE, ROOT = Path(__file__).resolve().parent, Path(__file__).resolve().parents[2]
 TASK, ROBOT, LIMIT_S = "touch_ball", "fa_hexa_arm4", 60.0
 
 
@@ -59,12 +59,13 @@ def command(*words: str, cwd: Path) -> None:
 
 def walk(out: Path, number: int, flights: int, episodes: int) -> dict[str, Any]:
     """Walk the whole way once; return successes and minutes."""
-    copy, seed = out / "checkout", 930_000 + 100 * number
+    copy, seed = out.resolve() / "checkout", 930_000 + 100 * number
     shutil.rmtree(copy, ignore_errors=True)
     copy.mkdir(parents=True)
     archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, check=True, capture_output=True)
     subprocess.run(["tar", "-x", "-C", str(copy)], input=archive.stdout, check=True)
-    os.environ["PYTHONPATH"] = str(copy.resolve())
+    os.environ["PYTHONPATH"] = str(copy)
+    os.chdir(copy)  # what is run as a module is looked for here first
     started, minutes = time.monotonic(), dict[str, float]()
 
     def clock(what: str) -> None:
@@ -72,7 +73,7 @@ def walk(out: Path, number: int, flights: int, episodes: int) -> dict[str, Any]:
 
     command("new", "task", TASK, cwd=copy)
     clock("new")
-    solved = asyncio.run(fly(copy.resolve() / "datasets" / "mine", seed, flights))
+    solved = asyncio.run(fly(copy / "datasets" / "mine", seed, flights))
     clock("fly")
     command("train", "dataset=datasets/mine", "run=runs/mine", f"seed={number}", cwd=copy)
     clock("train")
@@ -90,6 +91,7 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=6)
     parser.add_argument("--episodes", type=int, default=40)
     args = parser.parse_args()
+    args.out = args.out.resolve()
     record = HERE / "results.json"
     walks = json.loads(record.read_text())["walks"] if record.exists() else []
     for number in range(len(walks), args.walks):

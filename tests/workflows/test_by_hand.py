@@ -10,12 +10,12 @@ import yaml
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.human import HumanGate
-from aerial_il.cli.flights.by_hand import suited
 from aerial_il.cli.main import main
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.egocentric import egocentric
 from aerial_il.teleop.driver.operator import DriverOperator
+from aerial_il.workflows.parts.by_hand import suited
 from tests.teleop.hands import world
 
 SMALL = ["policy.hidden=[8]", "algorithm.steps=2", "progress=false"]

@@ -24,7 +24,7 @@ def operator(name: str, env: BatchEnvironment, *, port: int = PORT) -> Iterator[
 
     A person's page is served on ``port``, or, said to them, on any that is free where that one is taken.
     """
-    from aerial_il.cli.configuration import groups
+    from aerial_il.core import presets
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.devices import bindings_of
     from aerial_il.teleop.driver.operator import DriverOperator
@@ -36,7 +36,7 @@ def operator(name: str, env: BatchEnvironment, *, port: int = PORT) -> Iterator[
         yield DriverOperator()
         return
     require_rendering("flying by hand")
-    bindings = bindings_of({device: groups.read_option("device", device) for device in DEVICES})
+    bindings = bindings_of({device: presets.read("device", device) for device in DEVICES})
     opened = partial(greet, open_page=True)
 
     def at(port: int) -> PageOperator:

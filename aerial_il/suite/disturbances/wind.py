@@ -9,7 +9,8 @@ the place of the aircraft's airspeed. ``docs/tiers.md`` has the equations.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.arrays import length
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip
+from aerial_il.robots.robot import Robot
+from aerial_il.suite.disturbances.disturbance import Disturbance, Start
+from aerial_il.suite.physics.aerodynamics import quadratic_drag
 from aerial_il.suite.physics.noise import gaussian
 
 FOOT = 0.3048  # m
@@ -27,8 +31,6 @@ ROUGHNESS_M = 0.15 * FOOT  # roughness length of the ground, flight phase catego
 LARGEST_GUST = 3.0  # standard deviations
 WIND_SIZE = 12
 
-AIR_DENSITY = 1.225  # kg/m³
-DRAG_AREA = 0.025  # m² of flat plate for a vehicle of 1 kg, growing with mass^(2/3); see docs/tiers.md
 WORK_HEIGHT_M = 1.0  # where a vehicle works, for setting the strength of the wind
 PRESSURE_SHARE = 0.05  # of half the span: standard deviation of the centre of pressure
 
@@ -51,6 +53,56 @@ class Air(NamedTuple):
     quadratic_drag: float
     span: float
     pressure_spread: float
+
+
+@dataclass(frozen=True)
+class Wind(Disturbance):
+    """Mean wind with Dryden turbulence.
+
+    Attributes:
+        share: by how much of the vehicle's weight the largest gust changes its drag.
+    """
+
+    share: float = 0.13
+    memory: ClassVar[int] = WIND_SIZE
+    stream: ClassVar[int | None] = 0
+
+    def numbers(self, robot: Robot) -> dict[str, float]:
+        return air_about(robot.vehicle, self.share)._asdict()
+
+    def start(self, at: Start) -> np.ndarray:
+        return start_wind(at.rng)
+
+    def drawn(self, memory: np.ndarray) -> dict[str, Any]:
+        return {"wind_direction_rad": float(memory[DIRECTION])}
+
+    def about(self, robot: Robot) -> dict[str, Any]:
+        air = air_about(robot.vehicle, self.share)
+        return {
+            "speed_at_6m_m_s": air.speed,
+            "speed_at_work_m_s": air.speed * mean_share(WORK_HEIGHT_M),
+            "quadratic_drag_n_s2_m2": air.quadratic_drag,
+        }
+
+
+TIERS = {"breeze": Wind(0.06), "gusts": Wind(), "hard": Wind()}
+
+
+@kernel
+def advance(own, memory, now):
+    """Advance the turbulence, if the robot feels air at all."""
+    if own.speed > 0.0:
+        advance_wind(own, memory, now.pos[2], now.seed, now.tick, now.dt)
+
+
+@kernel
+def act(own, memory, now, effects):
+    """Add the wind, and where it attacks."""
+    if own.speed > 0.0:
+        where = centre_of_pressure(own, memory)
+        for k in range(3):
+            effects.wind[k] += memory[VELOCITY + k]
+            effects.lever[k] += where[k]
 
 
 @kernel
@@ -149,7 +201,7 @@ def air_about(vehicle: Vehicle, share: float) -> Air:
     if not vehicle.drag.any():
         return Air(speed=0.0, quadratic_drag=0.0, span=1.0, pressure_spread=0.0)
     linear = 0.5 * float(vehicle.drag[0] + vehicle.drag[1])
-    quadratic = 0.5 * AIR_DENSITY * DRAG_AREA * vehicle.mass ** (2.0 / 3.0)
+    quadratic = quadratic_drag(vehicle)
     mean, gust = mean_share(WORK_HEIGHT_M), LARGEST_GUST * intensities(WORK_HEIGHT_M)[0]
     a, b, c = quadratic * gust * (2.0 * mean + gust), linear * gust, -share * vehicle.mass * GRAVITY
     speed = (math.sqrt(b * b - 4.0 * a * c) - b) / (2.0 * a)  # drag(mean + gust) - drag(mean) = share of weight

@@ -7,9 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from aerial_il.cli.flights import pilots
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
+from aerial_il.workflows.parts import pilots
 
 if TYPE_CHECKING:
     from aerial_il.presentation.rerun.chunks import Chunks

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.cli.flights.typed_code import names_code, policy_of
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.recording.reader import read_episode
+from aerial_il.workflows.parts.typed_code import names_code, policy_of
 
 PILOTS = '''
 import numpy as np

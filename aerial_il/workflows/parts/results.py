@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import aerial_il
 from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.dataset import open_dataset
 from aerial_il.evaluation.curves import DatasetSummary
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.presentation.films.video import Clip, Footage, film
@@ -36,4 +36,4 @@ def footage_of(folder: Path, result: EvaluationResult) -> Footage:
 
 def summary_of(dataset: str) -> DatasetSummary:
     """Sum up the demonstrations in a folder."""
-    return DatasetSummary.of(dataset, aerial_il.open_dataset(dataset))
+    return DatasetSummary.of(dataset, open_dataset(dataset))

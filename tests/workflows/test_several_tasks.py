@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.flights import demonstrations, run_results
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.training_run import read_run
+from aerial_il.workflows.parts import demonstrations, run_results
 
 QUIET = "progress=false"
 TASKS = ("press_button", "reach")

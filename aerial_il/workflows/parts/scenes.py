@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-import aerial_il
 from aerial_il.core.errors import AerialError
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.outcome import subtask_flags
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.scenario import Scenario
 
 WORLDS = 64
 
@@ -17,14 +17,9 @@ def same_scene(episode: Episode, num_envs: int = 1) -> BatchEnvironment | None:
     """Return an environment in the very scene of a recording, or None if there is none any more."""
     spec = episode.spec
     try:
-        env = aerial_il.load_batch(
-            spec.robot,
-            spec.task,
-            num_envs=num_envs,
-            tier=spec.tier,
-            action=spec.action.level,
-            controller=spec.controller,
-        )
+        scenario = Scenario(spec.robot, spec.task, spec.tier, spec.action.level, controller=spec.controller)
+        env = BatchEnvironment(scenario, num_envs)
+        env.reset(0)
     except AerialError:
         return None
     if env.model_xml == episode.model_xml and env.spec.state_size == spec.state_size:

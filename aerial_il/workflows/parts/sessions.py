@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from aerial_il.cli.configuration import spelling
-from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.files import write_atomic
 from aerial_il.presentation.pages.session import PAGE, session_page
+from aerial_il.workflows import spelling
+from aerial_il.workflows.spelling import command_line
 
 
 def summary(folder: str) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerial_il.algorithms.dac import DAC
-from aerial_il.cli.flights import run_results
 from aerial_il.data.recording.writer import write_episode
 from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from aerial_il.workflows.parts import run_results
 from tests.algorithms.drift import MAX_STEPS, Drift, demonstrations
 
 

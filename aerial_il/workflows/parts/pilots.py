@@ -12,17 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import aerial_il
-from aerial_il.cli.configuration import spelling
-from aerial_il.cli.flights import typed_code
-from aerial_il.cli.flights.environments import (
-    DEFAULT_ACTION,
-    DEFAULT_CONTROLLER,
-    IMAGE_SIZE,
-    EnvironmentReference,
-    key_of,
-    reference_of,
-)
+from aerial_il import experts
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import require_rendering
@@ -36,6 +26,16 @@ from aerial_il.policies.parts import sb3_checkpoint
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
 from aerial_il.suite.changes import tier_note
+from aerial_il.workflows import spelling
+from aerial_il.workflows.parts import typed_code
+from aerial_il.workflows.parts.environments import (
+    DEFAULT_ACTION,
+    DEFAULT_CONTROLLER,
+    IMAGE_SIZE,
+    EnvironmentReference,
+    key_of,
+    reference_of,
+)
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -93,7 +93,7 @@ def pilot(
     if source == EXPERT or source in BASELINES:
         if robot is None or task is None:
             raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
-        policy = aerial_il.expert(robot, task) if source == EXPERT else BASELINES[source]()
+        policy = experts.make(robot, task) if source == EXPERT else BASELINES[source]()
         said = _cell_overrides(source, robot, task, action)
         return Pilot(policy, robot, task, said, _cell(robot, task, action))
     if found := find_lerobot(Path(source)):

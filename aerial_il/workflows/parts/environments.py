@@ -10,12 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.suite import outside
+from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.outside.processes import processes_for
-from aerial_il.suite.scenario import horizon_of
+from aerial_il.suite.scenario import Scenario, horizon_of
 
 DEFAULT_TIER, DEFAULT_ACTION, DEFAULT_CONTROLLER = "calm", "ee_pose", "geometric_observer"
 IMAGE_SIZE = (240, 320)
@@ -83,18 +83,19 @@ class EnvironmentReference:
         if self.robot is None or self.task is None:
             hint = "set env=KEY, or robot=... and task=..., or dataset=PATH to use its environment."
             raise InvalidValueError(f"Where shall it learn? Without demonstrations, {hint} See: aerial-il list")
-        return aerial_il.load_batch(
+        scenario = Scenario(
             self.robot,
             self.task,
-            num_envs=num_envs,
-            tier=tier or self.tier or DEFAULT_TIER,
-            action=self.action or DEFAULT_ACTION,
-            num_threads=threads,
-            controller=controller or self.controller or DEFAULT_CONTROLLER,
-            horizon=self.horizon,
-            cameras=self.cameras,
-            image_size=self.image_size,
+            tier or self.tier or DEFAULT_TIER,
+            self.action or DEFAULT_ACTION,
+            self.cameras,
+            self.image_size,
+            controller or self.controller or DEFAULT_CONTROLLER,
+            self.horizon,
         )
+        env = BatchEnvironment(scenario, num_envs, threads)
+        env.reset(0)
+        return env
 
     def _ours(self) -> dict[str, str]:
         return {name: value for name in OURS if (value := getattr(self, name)) is not None}

@@ -9,10 +9,10 @@ import pytest
 
 import aerial_il
 from aerial_il.algorithms.dac import DAC
-from aerial_il.cli.flights import pilots, training_resources
 from aerial_il.collection.collect import collect
 from aerial_il.evaluation.baselines import Random
 from aerial_il.suite import outside
+from aerial_il.workflows.parts import pilots, training_resources
 
 
 @pytest.fixture

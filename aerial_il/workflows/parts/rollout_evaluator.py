@@ -63,7 +63,7 @@ class RolloutEvaluator:
 
     def _environments(self, policy: ChunkPolicy) -> tuple[Any, ...]:
         """Return the batch environment of each task, loaded when they are needed first."""
-        from aerial_il.cli.flights.pilots import pilots_of
+        from aerial_il.workflows.parts.pilots import pilots_of
 
         if not self._envs:
             pilots, tier, law = pilots_of(policy, typed=self.env), self.tier or policy.spec.tier, policy.spec.controller

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.flights.pilots import pilot
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.workflows.parts.pilots import pilot
 
 CELL = ["robot=ua_quad_arm4", "task=reach"]
 SEES = ["policy.images=[wrist_rgb,base_rgb]", "policy.obs_names=[ee_pos,ee_rot6d]", "policy.image_features=8"]

@@ -11,9 +11,9 @@ from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.core.contracts import Algorithm, Policy
     from aerial_il.core.specs import EnvSpec
+    from aerial_il.workflows.parts.environments import EnvironmentReference
 
 log = logging.getLogger(__name__)
 
@@ -60,8 +60,8 @@ def training_resources(
         yield {}
         return
     from aerial_il.algorithms.online.rewards import forfeits_by_success
-    from aerial_il.cli.flights.page import OPERATORS, operator
     from aerial_il.collection.collect import collect
+    from aerial_il.workflows.parts.page import OPERATORS, operator
 
     by_hand = expert in OPERATORS
     scripted = "expert" in needs and not by_hand
@@ -87,22 +87,22 @@ def _place(
     scripted: bool,
 ) -> tuple[EnvironmentReference, Policy | None]:
     """Return where to fly, and the expert of that place where one is asked that is no person."""
-    import aerial_il
-    from aerial_il.cli.flights.environments import EnvironmentReference, reference_of
+    from aerial_il.data.dataset import open_dataset
+    from aerial_il.workflows.parts.environments import EnvironmentReference, reference_of
 
     if dataset is None:
         return reference or EnvironmentReference(), None
-    spec, typed = aerial_il.open_dataset(dataset).spec, reference.env if reference else None
+    spec, typed = open_dataset(dataset).spec, reference.env if reference else None
     asked = _expert(spec, expert, typed) if scripted else None
     return reference_of(spec, images=images, typed=typed), asked
 
 
 def _expert(spec: EnvSpec, source: str | None, typed: str | None) -> Policy:
-    import aerial_il
-    from aerial_il.cli.flights import typed_code
-    from aerial_il.cli.flights.environments import key_of
+    from aerial_il import experts
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.experts.outside import load_expert
+    from aerial_il.workflows.parts import typed_code
+    from aerial_il.workflows.parts.environments import key_of
 
     if source is not None and typed_code.names_code(source):
         return typed_code.policy_of(source)
@@ -112,4 +112,4 @@ def _expert(spec: EnvSpec, source: str | None, typed: str | None) -> Policy:
         raise InvalidValueError(
             f"There is no expert for {spec.robot}/{spec.task}: set expert=FILE or expert=module:factory."
         )
-    return aerial_il.expert(spec.robot, spec.task)
+    return experts.make(spec.robot, spec.task)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aerial_il.cli.flights import demonstrations, pilots, results
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.presentation.films.video import Footage, film
+from aerial_il.workflows.parts import demonstrations, pilots, results
 
 if TYPE_CHECKING:
     import numpy as np
