@@ -15,7 +15,7 @@ from typing import Any, Union, get_args, get_origin
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.fitting import fits, in_words
-from aerial_il.core.renamed import MOVED
+from aerial_il.core.renamed import moved
 
 _MEANING = re.compile(r"^    ((?:\w+, )*\w+): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 
@@ -42,7 +42,7 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
     values: dict[str, Any] = {}
     for name, value in given.items():
         if name not in known:
-            if (new := MOVED.get(name, "")).partition(".")[0] in known:
+            if new := moved(name, {key.name for key in keys(kind)}):
                 raise InvalidValueError(f"{at}{name} is called {at}{new} now.")
             raise UnknownNameError("key", f"{at}{name}", [f"{at}{each}" for each in known])
         before = getattr(base, name) if base is not None else _default(known[name])

@@ -57,6 +57,7 @@ KINDS: Mapping[str, Kind] = {
         frozenset({"task"}),
         hint="Run `aerial-il list` to see which robot can do which.",
     ),
+    "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),

@@ -68,4 +68,4 @@ class Driven:
 
 def suited[P: PolicySettings](algorithm: BC, policy: P) -> tuple[BC, P]:
     """Return settings as ``aerial-il train`` makes them by itself for what a person flew."""
-    return replace(algorithm, waypoints=Waypoints(lookahead_s=LOOKAHEAD_S)), egocentric(policy)
+    return replace(algorithm, waypoints=Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="hand")), egocentric(policy)

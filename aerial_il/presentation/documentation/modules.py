@@ -7,7 +7,7 @@ from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parents[1]
+PACKAGE = Path(__file__).resolve().parents[2]
 ROOMS = (  # in the order of the layers, from what people call to what everything stands on
     *("cli", "documentation", "analysis", "benchmarks"),
     *("algorithms", "evaluation", "collection", "bridges", "inspection"),

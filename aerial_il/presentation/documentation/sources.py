@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from aerial_il.core.errors import AerialError
 from aerial_il.presentation.documentation.links import moved, with_films
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PICTURES = (".svg", ".png", ".webp")
 FILMS = (".mp4", ".jpg")  # with the picture that each begins with; Sphinx copies them as they are
 PAGES, COPIED = "source", "copied"

@@ -6,13 +6,14 @@ from collections import Counter
 
 import pytest
 
+from aerial_il.algorithms.bc import BC
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 from experiments.common.stages import Cloned
 from experiments.hg_dagger.study import HgDagger
 from experiments.human_data.study import DRIVER, SCRIPT, TEACHERS, ClonedDriver, HumanData
 
-SUITED = Waypoints(lookahead_s=LOOKAHEAD_S)
+SUITED = Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="hand")
 
 
 def test_the_drivers_arm_is_suited_to_hands_and_the_others_are_not() -> None:
@@ -23,7 +24,7 @@ def test_the_drivers_arm_is_suited_to_hands_and_the_others_are_not() -> None:
     assert isinstance(script, Cloned)
     assert (driver.algorithm.waypoints, driver.policy.relative) == (SUITED, True)
     for other in (recorded, script):
-        assert (other.algorithm.waypoints, other.policy.relative) == (Waypoints(), False)
+        assert (other.algorithm.waypoints, other.policy.relative) == (BC.waypoints, False)
     assert driver.driven == recorded.driven
     assert {training.policy.name for training in found.values()} == {"flow"}
 

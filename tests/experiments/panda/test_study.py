@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from aerial_il.algorithms.ddpg import DDPG
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda import study as panda

@@ -20,7 +20,7 @@ from aerial_il.data.recording.schema import VERSION, Layout
 from aerial_il.data.recording.version2 import Version2
 from aerial_il.suite.scenario import Scenario
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "data_format.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "data_format.md").read_text(encoding="utf-8")
 
 
 def section(heading: str) -> str:
