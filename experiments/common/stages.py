@@ -15,7 +15,6 @@ import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.round_flights import ROUNDS
-from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.run.cadence import CADENCE
 from aerial_il.algorithms.run.folder import METRICS, read_metrics
 from aerial_il.collection.collect import collect
@@ -258,7 +257,7 @@ def without_cadence(settings: Any) -> dict[str, Any]:
     return kept(plain(settings))
 
 
-def steps_of(algorithm: BC | InteractiveSettings) -> int:
+def steps_of(algorithm: BC | InteractiveAlgorithm) -> int:
     """Return the optimisation steps of all rounds: the first and the last in full, those between shorter."""
     if isinstance(algorithm, BC):
         return algorithm.steps

@@ -119,7 +119,7 @@ class Z1Reach:
     sac: SAC = build(SAC, LEARNING)
     td3: TD3 = build(TD3, LEARNING)
     ddpg: DDPG = build(DDPG, LEARNING)
-    smooth: Smoothness = Smoothness(temporal=0.1, spatial=0.05, rate_penalty=0.01)
+    smooth: Smoothness = Smoothness(temporal=0.1, spatial=0.05, radius=0.05, rate_penalty=0.01, jerk_penalty=0.0)
     algorithms: tuple[str, ...] = ALGORITHMS
     actions: tuple[str, ...] = ("velocity", "ee_pose")
     rewards: tuple[Reward, ...] = ("sparse", "dense")

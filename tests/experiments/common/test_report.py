@@ -66,18 +66,6 @@ def test_a_title_is_made_of_words(name: str, title: str, tmp_path: Path) -> None
     assert page.startswith(f"# {title}\n")
 
 
-def test_the_overview_holds_every_study_and_forgets_none(tmp_path: Path) -> None:
-    save_study(REPORT, tmp_path, command="one")
-    save_study(replace(REPORT, name="learning_curve", targets=(), figures={}), tmp_path, command="two")
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / "results.json").write_text('{"schema": "other"}')
-    text = (tmp_path / "benchmarks.md").read_text()
-    assert "## [Tracking](tracking/README.md)" in text
-    assert "## [Learning curve](learning_curve/README.md)" in text
-    assert text.count("MISSED") == 1
-    assert "elsewhere" not in text
-
-
 def test_a_study_too_large_for_a_repository_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="bytes"):
         save_study(replace(REPORT, figures={"big.svg": "x" * 300_000}), tmp_path, command="one")

@@ -11,8 +11,6 @@ import pytest
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.npg import NPG
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from experiments.adroit.people import flown_by_people
@@ -75,7 +73,7 @@ def test_a_clone_was_not_trained_for_itself_and_has_no_minutes(tmp_path: Path) -
 
 
 def test_the_page_names_what_sets_the_control_apart() -> None:
-    said = build(groups.read_option("bench", "adroit_rl"))._control_differs()
+    said = AdroitRl()._control_differs()
     for words in ("step size (0.05 and 0.1)", "(64 and 1024)", "(64x64 and 128x128)", "50000 steps", "begins at 0.3"):
         assert words in said
 

@@ -11,8 +11,6 @@ import pytest
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from experiments.common.demonstrations import Source
@@ -75,7 +73,7 @@ def test_asking_that_is_worse_than_its_control_misses_its_target() -> None:
 
 
 def test_each_way_of_asking_has_controls_of_its_own_cost() -> None:
-    study = build(groups.read_option("bench", "dagger"))
+    study = Dagger()
     study = replace(study, arms=("dagger", "dart"), draws=(0,), tasks=("reach",))
     arms = {(arm.name, arm.control_of): arm.training for arm in study._all_arms()}
     for name in ("dagger", "dart"):
