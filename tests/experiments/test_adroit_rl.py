@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.npg import NPG
+from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from experiments.adroit.people import flown_by_people
@@ -25,14 +25,17 @@ needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there"
 SMALL: dict[str, Any] = {
     "data": str(DATA),
     "policy": MLP(chunk=1, ensemble=None, hidden=(8,)),
-    "dapg": DAPG(
-        steps=1_200,
-        rollout=800,
-        warmup=100,
-        execute=1,
-        cloning=BC(steps=5, batch_size=16, validation=0.0),
+    "dapg": build(
+        DAPG,
+        {
+            "steps": 1_200,
+            "warmup": 100,
+            "rollout": {"steps": 800},
+            "exploration": {"execute": 1},
+            "cloning": {"steps": 5, "batch_size": 16, "validation": 0.0},
+        },
     ),
-    "npg": NPG(rollout=800),
+    "npg": build(NPG, {"rollout": {"steps": 800}}),
     "tasks": ("door",),
     "rewards": ("environment",),
     "draws": (0,),

@@ -20,11 +20,12 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP
+from experiments.common import practised
 from experiments.common.demonstrations import Source
 from experiments.common.practised import Continued, Practised
 from experiments.common.record import digest
 from experiments.common.stages import Cloned
-from experiments.from_prior import practice_notes, practised
+from experiments.from_prior import practice_notes
 from experiments.from_prior import study as from_prior
 from experiments.from_prior.study import BEGINNING, CLONE, SHOWN_MORE, FromPrior
 from experiments.from_prior_big_four.study import FromPriorBigFour
