@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -223,7 +223,7 @@ def _observer_targets(flown: Mapping[tuple[str, str, str], Flights]) -> Iterator
     """Yield what the disturbance observer must bring in wind, to the base: what it is off by, the arm makes up for."""
     for (robot, tier, law), flights in flown.items():
         blind = flown.get((robot, tier, UNOBSERVED))
-        if law != DEFAULT or blind is None or tiers.get(tier).wind is None:
+        if law != DEFAULT or blind is None or "wind" not in tiers.get(tier).parts:
             continue
         with_it, without = (float(_rms(found.base_error_m)) for found in (flights, blind))
         spread = f"{_cm(with_it):g} against {_cm(without):g} cm"
@@ -239,7 +239,7 @@ def _angle(tool_mat: np.ndarray, rot6d: np.ndarray) -> np.ndarray:
 
 
 def _air(tier: str) -> str:
-    wind = tiers.get(tier).wind
+    wind: Any = tiers.get(tier).parts.get("wind")
     air = f"wind whose gusts change the drag by up to {100.0 * wind.share:g} % of weight" if wind else "still air"
     return f"{tier.capitalize()}: {air}."
 

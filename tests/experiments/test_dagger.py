@@ -23,6 +23,7 @@ SMALL: dict[str, Any] = {
     "policy": MLP(hidden=(16,)),
     "cloning": CLONING,
     "asking": {"dagger": DAgger(rounds=2, episodes=1, training=CLONING, between_steps=7, evaluate_every=0)},
+    "arms": ("dagger",),
     "tasks": ("reach",),
     "demos": 2,
     "draws": (0,),

@@ -18,6 +18,7 @@ from aerial_il.algorithms.filtered_bc import FilteredBC
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.settings import changed
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP
 from experiments.common import practised
@@ -244,7 +245,7 @@ def test_a_task_can_have_settings_of_its_own() -> None:
     )
     arms = {(a.name, a.training.source.task): a.training for a in study._all_arms()}
     usual: Any = study.practising
-    assert arms["dapg", "hover"].algorithm == replace(usual["dapg"], noise=0.1)
+    assert arms["dapg", "hover"].algorithm == changed(usual["dapg"], changes["dapg"])
     rounds = usual["expert_iteration"]
     assert arms[ITERATED, "hover"].algorithm == replace(rounds, training=replace(rounds.training, steps=5))
     assert all(arms[name, "reach"].algorithm == usual[name] for name in study.arms)
@@ -287,7 +288,9 @@ def test_a_task_that_is_none_is_refused_wherever_it_is_named(name: str, value: A
         FromPrior(**{name: {"pick_plaice": value}})
 
 
-@pytest.mark.parametrize(("changes", "wanted"), [({"dapg": {"nose": 0.1}}, "noise"), ({"dagp": {}}, "dapg")])
+@pytest.mark.parametrize(
+    ("changes", "wanted"), [({"dapg": {"exploration": {"nose": 0.1}}}, "noise"), ({"dagp": {}}, "dapg")]
+)
 def test_unknown_names_in_a_tasks_own_settings_are_answered_with_the_nearest(changes: Any, wanted: str) -> None:
     with pytest.raises(UnknownNameError, match=f"Did you mean '{wanted}'"):
         FromPrior(suited={"hover": changes})
