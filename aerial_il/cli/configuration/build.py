@@ -9,7 +9,6 @@ from typing import Any
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.fitting import check_types
-from aerial_il.core.renamed import TARGETS
 
 ALLOWED = ("aerial_il", "torch.optim")
 
@@ -40,8 +39,7 @@ def locate(target: str) -> Any:
     try:
         found = getattr(importlib.import_module(module_name), attribute)
     except (ModuleNotFoundError, AttributeError) as error:
-        now = f"It is {TARGETS[target]} now." if target in TARGETS else f"{error}."
-        raise InvalidValueError(f"_target_={target} does not exist: {now}") from error
+        raise InvalidValueError(f"_target_={target} does not exist: {error}.") from error
     home = getattr(found, "__module__", "") or ""
     if not callable(found) or not _is_allowed(f"{home}."):
         raise InvalidValueError(f"_target_={target} is not a class or function of {' or '.join(ALLOWED)}.")

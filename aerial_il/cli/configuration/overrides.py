@@ -14,7 +14,7 @@ from aerial_il.cli.configuration.flags import TAKES_VALUE, check_flag, check_las
 from aerial_il.cli.configuration.quoting import is_sweep, literal, literals, mapping
 from aerial_il.cli.configuration.spelling import flat
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.renamed import ALGORITHM_KEYS
+from aerial_il.core.renamed import moved
 
 _PLAIN = re.compile(r"[\w.\-]+")
 _COMPOSED = re.compile(r"[+-]")
@@ -68,18 +68,12 @@ def known_keys(command: Command, chosen: dict[str, str | None]) -> tuple[str, ..
     return tuple(dict.fromkeys(found))
 
 
-def new_key(old: str, known: Collection[str], renamed: Mapping[str, str]) -> str | None:
-    """Return what the key ``old`` is called now, None if it never was another's name or its new one is not there.
-
-    Args:
-        old: as it was typed, e.g. ``algorithm.cloning`` or ``bench.dac.cloning``.
-        known: the keys that there are.
-        renamed: old -> new, as dotted paths below the settings that they belong to.
-    """
+def new_key(old: str, known: Collection[str]) -> str | None:
+    """Return what the key ``old``, e.g. ``bench.sac.tau``, is called now among those ``known``; None if nothing."""
     for place, letter in enumerate(old):
-        inner = renamed.get(old[place + 1 :]) if letter == "." else None
-        if inner is not None and (new := old[: place + 1] + inner) in known:
-            return new
+        inside = {key.removeprefix(old[: place + 1]) for key in known if key.startswith(old[: place + 1])}
+        if letter == "." and (new := moved(old[place + 1 :], inside)):
+            return f"{old[: place + 1]}{new}"
     return None
 
 
@@ -195,7 +189,7 @@ def _check_key(command: Command, name: str, chosen: dict[str, str | None]) -> No
     if name.endswith("._target_"):
         return
     if name not in known and not inside_known and not any(k.startswith(f"{name}.") for k in known):
-        if new := new_key(name, known, ALGORITHM_KEYS):
+        if new := new_key(name, known):
             raise InvalidValueError(f"{name} is called {new} now. See: aerial-il {command.name} --help")
         raise UnknownNameError("key", name, _siblings(name, known), f"See: aerial-il {command.name} --help")
 

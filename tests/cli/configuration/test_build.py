@@ -8,7 +8,6 @@ import pytest
 
 from aerial_il.cli.configuration.build import build, locate
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.renamed import TARGETS
 
 FIELD = "aerial_il.core.specs.Field"
 
@@ -60,10 +59,3 @@ def test_what_our_modules_merely_import_cannot_be_reached_through_them(target: s
 def test_an_unknown_key_is_answered_with_the_nearest() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'shape'"):
         build({"_target_": FIELD, "name": "a", "shpe": []})
-
-
-@pytest.mark.parametrize(("old", "new"), TARGETS.items())
-def test_an_old_class_is_answered_with_its_new_name(old: str, new: str) -> None:
-    assert callable(locate(new))
-    with pytest.raises(InvalidValueError, match=new):
-        build({"_target_": old})

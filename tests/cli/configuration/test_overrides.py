@@ -50,12 +50,11 @@ def test_a_launcher_is_chosen_as_a_group_or_not_at_all() -> None:
     assert "hydra.launcher.n_jobs=2" in prepare(TRAIN, ["-m", "seed=0,1", "hydra.launcher.n_jobs=2"])
 
 
-def test_an_old_key_is_answered_with_its_new_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(overrides, "ALGORITHM_KEYS", {"optimiser_steps": "steps"})
-    with pytest.raises(InvalidValueError, match=r"algorithm\.optimiser_steps is called algorithm\.steps now"):
-        prepare(TRAIN, ["algorithm.optimiser_steps=5"])
+def test_an_old_key_is_answered_with_its_new_name() -> None:
+    with pytest.raises(InvalidValueError, match=r"bench\.sac\.tau is called bench\.sac\.critics\.tau now"):
+        prepare(BENCH, ["z1_reach", "bench.sac.tau=0.01"])
     with pytest.raises(UnknownNameError):
-        prepare(TRAIN, ["policy.optimiser_steps=5"])
+        prepare(BENCH, ["z1_reach", "bench.policy.tau=0.01"])
 
 
 def test_the_folder_of_a_job_of_a_sweep_can_be_evaluated() -> None:
