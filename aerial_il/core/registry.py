@@ -48,6 +48,7 @@ KINDS: Mapping[str, Kind] = {
         "aerial_il.suite.tasks", "TASK", frozenset({"task"}), "Run `aerial-il list` to see which robot can do which."
     ),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
+    "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),
 }
