@@ -43,7 +43,7 @@ from pathlib import Path
 import aerial_il
 from aerial_il.collection.collect import collect
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.formats.lerobot import convert_to_lerobot
+from aerial_il.data.formats import lerobot
 from aerial_il.evaluation.rollouts import rollouts
 
 held = {}
@@ -77,7 +77,7 @@ def converted(first, count, folder):
     for file in sorted(Path(folder, "demos").glob("*.mcap"))[:count]:
         if not (some / file.name).exists():
             (some / file.name).symlink_to(file)
-    return timed(lambda: len(open_dataset(convert_to_lerobot(some, progress=False))))
+    return timed(lambda: len(open_dataset(lerobot.write(open_dataset(some), some / "derived"))))
 """
 
 

@@ -49,6 +49,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
+    "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),
 }

@@ -21,7 +21,7 @@ NAMES = (  # of attributes, asked for although the list of them may be damaged
     *("uid", "spec", "provenance", "success", "digest", "num_samples", "model_file", "total", "env_args"),
     *("id", "total_steps"),
 )
-_READ = f"""
+PROGRAM = f"""
 import os, resource, sys
 limit = {MAX_S} + os.path.getsize(sys.argv[1]) // {BYTES_PER_S}
 resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
@@ -68,13 +68,13 @@ def require_readable(path: Path) -> None:
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
         raise DemoError(path, "is not a regular file.")
-    if not _comes_back(str(path), found.st_mtime_ns, found.st_size):
+    if not comes_back(str(path), found.st_mtime_ns, found.st_size):
         raise DemoError(path, "is damaged: the HDF5 library does not come back from it.")
 
 
 @lru_cache(maxsize=64)
-def _comes_back(path: str, changed_ns: int, size: int) -> bool:
-    words = [sys.executable, "-I", "-c", _READ, os.path.abspath(path)]
+def comes_back(path: str, changed_ns: int, size: int) -> bool:
+    words = [sys.executable, "-I", "-c", PROGRAM, os.path.abspath(path)]
     try:
         return (
             subprocess.run(

@@ -9,8 +9,7 @@ import hashlib
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
-from functools import cache
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -23,11 +22,10 @@ from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.files import sha256_of
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.core.specs import NO_CONTROLLER, UNKNOWN, ActionSpec, EnvSpec, Field, Group, ObservationSpec
-from aerial_il.data.episode import Episode
-from aerial_il.data.formats.content_digest import sealed
-from aerial_il.data.formats.lerobot_identity import UID, declared_spec, distinct
-from aerial_il.data.formats.lerobot_states import PROVENANCE
-from aerial_il.data.formats.lerobot_videos import (
+from aerial_il.data.formats.parts.content_digest import sealed
+from aerial_il.data.formats.parts.lerobot.identity import UID, declared_spec, distinct
+from aerial_il.data.formats.parts.lerobot.states import PROVENANCE
+from aerial_il.data.formats.parts.lerobot.videos import (
     Clip,
     camera_fields,
     clip_of,
@@ -35,6 +33,7 @@ from aerial_il.data.formats.lerobot_videos import (
     read_clip,
     wanted_cameras,
 )
+from aerial_il.data.source import Cameras, Raw, Source
 
 log = logging.getLogger(__name__)
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
@@ -99,8 +98,8 @@ def _read_provenance(path: Path) -> dict[str, Any]:
     return tree
 
 
-def open_lerobot(path: Path, cameras: bool | Sequence[str] = False) -> dict[str, Callable[[], Episode]]:
-    """Return uid -> function that reads the episode.
+def read(path: Path, cameras: Cameras = False) -> Source:
+    """Return the demonstrations of a dataset.
 
     What LeRobot does not hold is left empty: simulator states, controls and the scene. The last observation stands in
     for the terminal one, which is not recorded either.
@@ -112,7 +111,7 @@ def open_lerobot(path: Path, cameras: bool | Sequence[str] = False) -> dict[str,
         DemoError: it is damaged or of another version. UnknownNameError: there is no video of such a camera.
     """
     with _typed(path):
-        return _loaders(path, check_lerobot(path), cameras)
+        return _source(path, check_lerobot(path), cameras)
 
 
 @contextmanager
@@ -126,38 +125,29 @@ def _typed(path: Path) -> Iterator[None]:
         raise DemoError(path, f"is malformed ({error!r}).", hint=REBUILD) from error
 
 
-def _loaders(path: Path, info: Mapping[str, Any], cameras: bool | Sequence[str]) -> dict[str, Callable[[], Episode]]:
+def _source(path: Path, info: Mapping[str, Any], cameras: Cameras) -> Source:
     columns = [name for name in COLUMNS if name in info["features"]]
     table = pa.concat_tables([_read_table(file, columns) for file in _parquets(path, "data")])
     index = table["episode_index"].to_numpy()
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     ends = np.append(starts[1:], len(index))
-    origins = _origins(path)
-    told = _told(path)
+    origins, told = _origins(path), _told(path)
     spec = _spec(path, info, table, _instruction(told))
     seen = wanted_cameras(cameras, camera_fields(info["features"]))
     if UID not in columns:
         _say_what_is_left(path, info, told)
-    loaders = {}
+    raw: dict[str, Callable[[], Raw]] = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        rows = table.slice(start, end - start)
-        uid = rows[UID][0].as_py() if UID in columns else f"episode_{index[start]:06d}"
-        origin, uid = origins.get(uid, {}), distinct(loaders, uid)
-        read = cache(lambda rows=rows, uid=uid, origin=origin: _episode(path, rows, uid, spec, origin))
-        number = int(index[start])
-        clips = {
-            field.name: lambda field=field, number=number: clip_of(path, info, _row(told, number), field)
-            for field in seen
-        }
-        loaders[uid] = (lambda read=read, clips=clips: _with_pictures(path, read(), clips)) if clips else read
-    return loaders
+        rows, number = table.slice(start, end - start), int(index[start])
+        uid = rows[UID][0].as_py() if UID in columns else f"episode_{number:06d}"
+        origin, uid = origins.get(uid, {}), distinct(raw, uid)
+        clips = {f.name: partial(_clip, path, info, told, number, f) for f in seen}
+        raw[uid] = partial(_raw, path, rows, spec, origin, clips)
+    return Source(path=path, kind="a LeRobot dataset", raw=raw, spec=spec)
 
 
-def _with_pictures(path: Path, episode: Episode, clips: Mapping[str, Callable[[], Clip]]) -> Episode:
-    """Return an episode with its pictures, which are decoded anew each time: all of them may not fit into memory."""
-    with _typed(path):
-        pictures = {name: read_clip(clip()) for name, clip in clips.items()}
-        return replace(episode, obs={**episode.obs, **pictures})
+def _clip(path: Path, info: Mapping[str, Any], told: pa.Table, episode: int, field: Field) -> Clip:
+    return clip_of(path, info, _row(told, episode), field)
 
 
 def _told(path: Path) -> pa.Table:
@@ -212,49 +202,26 @@ def _labels(feature: Mapping[str, Any], size: int) -> tuple[str, ...]:
     return labels if len(labels) == size == len(set(labels)) else ()
 
 
-def _episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mapping[str, Any]) -> Episode:
+def _raw(
+    path: Path, rows: pa.Table, spec: EnvSpec, origin: Mapping[str, Any], clips: Mapping[str, Callable[[], Clip]]
+) -> Raw:
+    """Return a demonstration, its pictures decoded anew each time: all of them may not fit into memory."""
     with _typed(path):
-        return _read_episode(path, rows, uid, spec, origin)
-
-
-def _read_episode(path: Path, rows: pa.Table, uid: str, spec: EnvSpec, origin: Mapping[str, Any]) -> Episode:
-    steps = len(rows)
-    actions = _matrix(path, rows, ACTION, spec.action.size)
-    obs = {}
-    for column, group in GROUPS.items():
-        fields, end = spec.observation.of_group(group), 0
-        values = _matrix(path, rows, column, sum(f.size for f in fields)) if fields else np.zeros((steps, 0))
-        for field in fields:
-            start, end = end, end + field.size
-            cut = values[:, start:end].reshape(steps, *field.shape).astype(field.dtype)
-            obs[field.name] = np.concatenate([cut, cut[-1:]])
-    names = rows.column_names
-    success = (
-        bool(rows["next.success"].to_numpy()[-1]) if "next.success" in names else bool(origin.get("success", True))
-    )
-    none = np.zeros(steps, bool)
-    return Episode(
-        uid=uid,
-        spec=spec,
-        provenance={
-            **origin.get("provenance", {"policy": "unknown"}),
-            "note": f"read from {path.name}, a LeRobot dataset",
-        },
-        obs=obs,
-        actions=actions,
-        executed_actions=actions,
-        expert_actions=np.full_like(actions, np.nan),
-        is_intervention=none,
-        phase=np.full(steps, -1),
-        rewards=rows["next.reward"].to_numpy() if "next.reward" in names else np.zeros(steps),
-        terminated=none,
-        truncated=none,
-        states=np.zeros((steps + 1, 0)),
-        ctrl=np.zeros((steps, 0)),
-        sim_time=np.arange(steps + 1) * spec.control_dt_s,
-        success=success,
-        model_xml="",
-    )
+        obs = {name: read_clip(clip()) for name, clip in clips.items()}
+        for column, group in GROUPS.items():
+            fields, end = spec.observation.of_group(group), 0
+            values = _matrix(path, rows, column, sum(f.size for f in fields)) if fields else np.zeros((len(rows), 0))
+            for field in fields:
+                start, end = end, end + field.size
+                obs[field.name] = values[:, start:end].reshape(len(rows), *field.shape)
+        success = rows["next.success"].to_numpy()[-1] if "next.success" in rows.column_names else None
+        return Raw(
+            obs=obs,
+            actions=_matrix(path, rows, ACTION, spec.action.size),
+            rewards=rows["next.reward"].to_numpy() if "next.reward" in rows.column_names else None,
+            success=bool(origin.get("success", True) if success is None else success),
+            provenance=origin.get("provenance", {"policy": UNKNOWN}),
+        )
 
 
 def _read_table(file: Path, columns: Sequence[str]) -> pa.Table:
@@ -275,10 +242,8 @@ def _matrix(path: Path, rows: pa.Table, column: str, width: int) -> np.ndarray:
     """Return a column of vectors as (T, D) float64, exact."""
     flat = rows[column].combine_chunks().flatten() if pa.types.is_nested(rows[column].type) else rows[column]
     values = np.asarray(flat, float)
-    if values.size != len(rows) * width or not np.isfinite(values).all():
-        raise DemoError(
-            path, "has a column of another width, or values that are not finite.", field=column, expected=width
-        )
+    if values.size != len(rows) * width:
+        raise DemoError(path, "has a column of another width.", field=column, expected=width)
     return values.reshape(len(rows), width)
 
 

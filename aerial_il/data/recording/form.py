@@ -1,4 +1,4 @@
-"""Recordings of schema version 2: steps in columns, and a few messages of them for eyes."""
+"""How recordings are written down: steps in columns, and a few messages of them for eyes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ VIEW_PERIOD_S = 0.1  # of what people look at
 MAX_ROWS_BYTES = 96 << 20  # of all steps, which a message that repeats them can claim
 
 
-class Version2:
+class Form:
     """The topics of one environment's recordings, and the bytes of its steps.
 
     Args:
@@ -149,6 +149,6 @@ class Version2:
 
 
 @lru_cache(maxsize=8)
-def version2_of(layout: Layout) -> Version2:
+def form_of(layout: Layout) -> Form:
     """Return the topics of a layout, the same each time."""
-    return Version2(layout)
+    return Form(layout)
