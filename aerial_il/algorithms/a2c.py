@@ -23,12 +23,13 @@ from typing import ClassVar
 import numpy as np
 import torch
 
+from aerial_il.algorithms.online.interface import standardised
+from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.rl.baseline import Baseline
-from aerial_il.algorithms.rl.interface import standardised
 from aerial_il.algorithms.rl.on_policy import OnPolicy, Rollout, collect_rollout
-from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments
+from aerial_il.algorithms.rl.returns import RewardNorm
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam

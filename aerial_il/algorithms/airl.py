@@ -26,7 +26,7 @@ from torch import Tensor, nn
 from aerial_il.algorithms.adversarial.discriminator import Discriminator, Reward
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
 from aerial_il.algorithms.gail import GAIL
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
+from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_choice
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, log_density, unsquashed

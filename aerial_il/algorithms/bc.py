@@ -23,7 +23,6 @@ from typing import ClassVar
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
@@ -39,7 +38,7 @@ from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.parts.network import PolicySettings, Shown, state_of, with_state
 from aerial_il.policies.parts.partly_blind import columns_of
 
 
@@ -141,7 +140,7 @@ class BC(SupervisedAlgorithm):
         while run.goes_on():
             lr = self.lr * cosine(run.progress, learner.step, warmup_steps=self.warmup_steps, floor=self.lr_floor)
             obs, actions, valid = run.minibatch()
-            obs = with_noise(obs, layout.size, self.obs_noise) if self.obs_noise else obs
+            obs = with_noise(obs, self.obs_noise) if self.obs_noise else obs
             obs = with_dropout(obs, layout, self.field_dropout) if self.field_dropout else obs
             with self.precision():
                 loss, logged = learner.network.loss(obs, actions, valid)
@@ -169,15 +168,15 @@ class BC(SupervisedAlgorithm):
         return Demonstrations(layout, [demo for demo, _ in kept], kept_shares, [demo for demo, _ in held_out])
 
 
-def with_noise(obs: Tensor, size: int, deviation: float) -> Tensor:
-    """Return ``obs`` (B, To, Do, pixels behind them) with Gaussian noise on its ``size`` state elements."""
-    state, pixels = obs[..., :size], obs[..., size:]
-    return torch.cat([state + deviation * torch.randn_like(state), pixels], dim=-1)
+def with_noise(obs: Shown, deviation: float) -> Shown:
+    """Return ``obs`` with Gaussian noise on its state (B, To, Do)."""
+    state = state_of(obs)
+    return with_state(obs, state + deviation * torch.randn_like(state))
 
 
-def with_dropout(obs: Tensor, layout: Layout, most: float) -> Tensor:
-    """Return ``obs`` (B, To, Do, pixels behind them) with fields hidden, each at its window's rate up to ``most``."""
-    chance = most * torch.rand(len(obs), 1)
-    shown = columns_of(layout, torch.rand(len(obs), len(layout.names)) >= chance)
-    state, pixels = obs[..., : layout.size], obs[..., layout.size :]
-    return torch.cat([state * shown[:, None].to(obs), pixels], dim=-1)
+def with_dropout(obs: Shown, layout: Layout, most: float) -> Shown:
+    """Return ``obs`` with fields of its state (B, To, Do) hidden, each at its window's rate up to ``most``."""
+    state = state_of(obs)
+    chance = most * torch.rand(len(state), 1)
+    shown = columns_of(layout, torch.rand(len(state), len(layout.names)) >= chance)
+    return with_state(obs, state * shown[:, None].to(state))

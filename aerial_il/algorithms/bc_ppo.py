@@ -34,9 +34,9 @@ from aerial_il.algorithms.decisions.chunk_actor import ChunkPilot
 from aerial_il.algorithms.decisions.gate import ReturnGate
 from aerial_il.algorithms.decisions.practice import AnchoredOnPolicy, GatedOnPolicy, Practice, PractisedChunks
 from aerial_il.algorithms.decisions.rollout import collect_decisions, judged
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.ppo import Advantages, ProximalActorCritic
 from aerial_il.algorithms.rl.returns import RewardNorm
-from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import StochasticNetwork
 

@@ -7,7 +7,7 @@ A discriminator D tells the demonstrator's transitions from the agent's, half of
 held back by that gradient penalty, spectral normalisation or dropout. Its output is the reward of a soft actor-critic
 (:mod:`aerial_il.algorithms.sac`), recomputed for each minibatch, so that old transitions have the newest reward.
 Terminal steps lead to an absorbing state with a reward of its own
-(:mod:`aerial_il.algorithms.rl.replay.replay_buffer`).
+(:mod:`aerial_il.algorithms.online.replay_buffer`).
 
 ``control`` runs the same without a demonstration: ``random_actions`` puts flights of random actions in their place,
 ``constant_reward`` rewards every step before an end with 1, without a discriminator. Whatever such a run reaches,
@@ -31,9 +31,10 @@ from aerial_il.algorithms.adversarial.action_noise import sample_demos
 from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
 from aerial_il.algorithms.adversarial.settings import Adversarial
-from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.off_policy.exploration import RandomActions
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.rl.off_policy import SoftOffPolicy, collect_step
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy

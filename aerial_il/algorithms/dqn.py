@@ -28,13 +28,13 @@ import torch
 from torch import Tensor
 from torch.nn.functional import huber_loss
 
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.critics import Target
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.target import Target
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.rl.off_policy import OffPolicy
-from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
 from aerial_il.algorithms.run.checks import require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam

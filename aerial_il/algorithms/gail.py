@@ -28,11 +28,11 @@ import numpy as np
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
 from aerial_il.algorithms.adversarial.settings import Adversarial
+from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
-from aerial_il.algorithms.rl.returns import RunningMoments
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy

@@ -38,15 +38,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
-from aerial_il.algorithms.rl.critics import Target, check_ensemble
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.proposals import Proposals, columns, demonstrated_rows
+from aerial_il.algorithms.off_policy.target import Target, check_ensemble
+from aerial_il.algorithms.online.cloning import bc_pretrain
+from aerial_il.algorithms.online.interface import decode, encode
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, mixed, rows_of
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
-from aerial_il.algorithms.rl.interface import decode, encode
 from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.proposals import Proposals, columns, demonstrated_rows
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed, rows_of
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.run.train_state import TrainState, adam
@@ -149,7 +150,8 @@ class IBRL(DemonstratedReinforcement, OffPolicyActorCritic):
 class ProposedAgent(Agent):
     """Actor and an ensemble of critics, with slowly following target networks of both.
 
-    Its observations carry the prior's proposal, (B, Do + Da + 1 + 1); see :mod:`aerial_il.algorithms.rl.proposals`.
+    Its observations carry the prior's proposal, (B, Do + Da + 1 + 1), see
+    :mod:`aerial_il.algorithms.off_policy.proposals`.
 
     Args:
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.

@@ -25,15 +25,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.online.cloning import bc_pretrain
+from aerial_il.algorithms.online.interface import standardised
+from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.rl.baseline import Critic, minibatches
-from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
-from aerial_il.algorithms.rl.interface import standardised
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
-from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer
-from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.rl.returns import RewardNorm, gae
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
@@ -91,7 +92,7 @@ class ProximalActorCritic[Actor: StochasticNetwork]:
         self, settings: ProximalOnPolicy, actor: Actor, obs_size: int, *, smoothness: Smoothness | None = None
     ) -> None:
         self.settings, self.actor, critic = settings, actor, Critic(obs_size, settings.critic_hidden)
-        self._smoothness = smoothness or Smoothness()
+        self._smoothness = smoothness or NO_SMOOTHNESS
         self._actor, self._critic = (
             TrainState(actor, adam(actor, settings.lr)),
             TrainState(critic, adam(critic, settings.lr)),

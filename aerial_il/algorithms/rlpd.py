@@ -36,19 +36,23 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import RandomActions
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Demonstrations, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent, sampled
-from aerial_il.algorithms.rl.bc_pretraining import bc_loss
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, concatenated
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.target import Target
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.cloning import bc_loss
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch, concatenated
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
@@ -85,20 +89,14 @@ class RLPD(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=4.0)
     critics: Critics = Critics(count=10, hidden=(256, 256), layer_norm=True, tau=0.005)
     demonstrations: Demonstrations = Demonstrations(
-        trajectories=None,
-        subsample=1,
-        bounds="environment",
-        labels="executed",
-        failures=False,
-        absorbing=True,
-        control="none",
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
     )
+    failures: bool = False
     reward: Source = "environment"
+    reward_patience: int = 200_000
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -109,9 +107,8 @@ class RLPD(Algorithm):
             raise InvalidValueError(f"subset is {self.subset}; it must be at most critics.count, {self.critics.count}.")
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        scheme = reward_scheme(self)
-        found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
-        return from_demonstrations(self.name, policy, env, seed, scheme, **found)
+        check_warmup(self, env)
+        return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2

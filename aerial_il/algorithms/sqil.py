@@ -20,10 +20,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from aerial_il.algorithms.off_policy.exploration import RandomActions
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.rl.imitation import Imitation
-from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.rl.off_policy import SoftOffPolicy, collect_step
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork

@@ -27,19 +27,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import ExplorationNoise, RandomActions
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
 from aerial_il.algorithms.off_policy.problems import from_reward
-from aerial_il.algorithms.off_policy.settings import Critics, Prior, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.exploration import ExplorationNoise
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.off_policy.settings import Critics, Prior, Replay
+from aerial_il.algorithms.off_policy.target import Target
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
@@ -76,13 +78,12 @@ class TD3(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
     critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
     reward: Source = "environment"
+    reward_patience: int = 200_000
     prior: Prior | None = None
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
     obs_norm: bool = False
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -91,8 +92,7 @@ class TD3(Algorithm):
         require_not_negative(self, "noise", "target_noise", "noise_clip")
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        scheme = reward_scheme(self)
-        return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
+        return from_reward(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)

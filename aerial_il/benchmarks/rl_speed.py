@@ -40,18 +40,18 @@ SIMULATION, ACTING, REPLAY, SAVING, LEARNING = "simulation", "acting", "replay",
 SHOWN = (SIMULATION, ACTING, REPLAY, LEARNING)
 SECTIONS = {
     SIMULATION: [Place("aerial_il.suite")],
-    REPLAY: [Place("aerial_il.algorithms.rl.replay.replay_buffer"), Place("aerial_il.algorithms.rl.replay.hindsight")],
+    REPLAY: [Place("aerial_il.algorithms.online.replay_buffer"), Place("aerial_il.algorithms.off_policy.hindsight")],
     ACTING: [
-        Place("aerial_il.algorithms.rl.collector"),
+        Place("aerial_il.algorithms.online.collector"),
         Place("aerial_il.algorithms.rl.off_policy", "collect_step"),
-        Place("aerial_il.algorithms.rl.replay.experience_replay", "step"),
+        Place("aerial_il.algorithms.off_policy.experience_replay", "step"),
         Place("aerial_il.algorithms.rl.on_policy", "collect_rollout"),
         Place("aerial_il.algorithms.decisions.rollout", "collect_decisions"),
-        Place("aerial_il.algorithms.rl.proposals"),
+        Place("aerial_il.algorithms.off_policy.proposals"),
     ],
     SAVING: [
-        Place("aerial_il.algorithms.rl.online_run", "end_turn"),
-        Place("aerial_il.algorithms.rl.online_run", "goes_on"),
+        Place("aerial_il.algorithms.online.run", "end_turn"),
+        Place("aerial_il.algorithms.online.run", "goes_on"),
     ],
 }
 FEW = 100  # minibatches where what was learned before the flights does not matter

@@ -19,8 +19,8 @@ import numpy as np
 
 import aerial_il
 from aerial_il.algorithms.ddpg import DDPG
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.sac import SAC
 from aerial_il.algorithms.td3 import TD3
 from aerial_il.benchmarks.parts.reach.holding import Holding, hold

@@ -47,6 +47,7 @@ KINDS: Mapping[str, Kind] = {
     "task": Kind(
         "aerial_il.suite.tasks", "TASK", frozenset({"task"}), "Run `aerial-il list` to see which robot can do which."
     ),
+    "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),

@@ -30,12 +30,16 @@ MOVED: Mapping[str, str] = {
     "critic_hidden": "critics.hidden",
     "critic_norm": "critics.layer_norm",
     "tau": "critics.tau",
-    "reward_patience": "cadence.reward_patience",
     "prior": "prior.path",
+    "reward": "reward.form",
+    "reward_hidden": "reward.hidden",
+    "reward_lr": "reward.lr",
+    "reward_updates": "reward.updates",
+    **{name: f"reward.{name}" for name in ("gradient_penalty", "spectral_norm", "dropout", "action_noise")},
     **{name: f"cadence.{name}" for name in ("log_every", "evaluate_every", "checkpoint_every", "keep_checkpoints")},
     **{
         name: f"demonstrations.{name}"
-        for name in ("trajectories", "subsample", "bounds", "labels", "failures", "absorbing", "control")
+        for name in ("trajectories", "subsample", "bounds", "labels", "absorbing", "control")
     },
 }
 

@@ -19,12 +19,13 @@ from aerial_il.algorithms.adversarial.discriminator import (
 )
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
 from aerial_il.algorithms.dac import DAC
+from aerial_il.algorithms.online.collector import Collector
+from aerial_il.algorithms.online.demonstrations import check_same, read_transitions
+from aerial_il.algorithms.online.interface import check_policy, decode, encode, encode_actions, fit_interface
+from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, rows_of, split
 from aerial_il.algorithms.ppo import PPO, minibatches
-from aerial_il.algorithms.rl.collector import Collector
-from aerial_il.algorithms.rl.interface import check_policy, decode, encode, encode_actions, fit_interface
-from aerial_il.algorithms.rl.replay.demonstrations import check_same, read_transitions
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, rows_of, split
-from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments, gae
+from aerial_il.algorithms.rl.returns import RewardNorm, gae
 from aerial_il.algorithms.sac import SAC, SoftActorCritic
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.policies.mlp import MLP

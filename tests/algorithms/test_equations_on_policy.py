@@ -15,8 +15,8 @@ from aerial_il.algorithms.bc_ppo import BCPPO, AnchoredActorCritic
 from aerial_il.algorithms.dapg import DAPG, AugmentedAgent, Demonstrated
 from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
 from aerial_il.algorithms.decisions.rollout import Judged
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.ppo import PPO, Advantages, ProximalActorCritic
-from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from tests.algorithms.drift import demonstrations

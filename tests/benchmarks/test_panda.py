@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from aerial_il.algorithms.ddpg import DDPG
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.benchmarks import panda
 from aerial_il.benchmarks.panda import PUSH, REACH, Arm, Panda, _targets
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.sac import SAC
 from aerial_il.benchmarks.parts.reach.holding import held, hold
 from aerial_il.benchmarks.parts.records.record import Record

@@ -21,10 +21,10 @@ import torch
 import aerial_il
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.online.algorithm import Algorithm as Flying
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.run.algorithm import Algorithm as Flying
 from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS

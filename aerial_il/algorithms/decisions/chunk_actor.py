@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.decisions.rollout import Acted
-from aerial_il.algorithms.rl.collector import Collector, Transition
+from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy

@@ -10,7 +10,7 @@ import numpy as np
 from aerial_il.algorithms.decisions.chunk_actor import ChunkPilot
 from aerial_il.algorithms.decisions.cut_short import uncut
 from aerial_il.algorithms.decisions.rollout import Acted
-from aerial_il.algorithms.rl.collector import Collector, Transition
+from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.contracts import Policy, SeededPolicy, attach
 from aerial_il.policies.parts.prefixed import below, under

@@ -15,8 +15,8 @@ import math
 import numpy as np
 
 from aerial_il.algorithms.decisions.cut_short import uncut
-from aerial_il.algorithms.rl.collector import Collector
-from aerial_il.algorithms.rl.online_run import OnlineRun
+from aerial_il.algorithms.online.collector import Collector
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import load_weights, weights_of
 from aerial_il.core.contracts import BatchEnv, begin_episodes

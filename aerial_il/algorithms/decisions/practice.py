@@ -19,11 +19,12 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
 from aerial_il.algorithms.decisions.cut_short import cut_short
 from aerial_il.algorithms.decisions.hand_over import HandOver
-from aerial_il.algorithms.rl.demonstrated import check_lengths
+from aerial_il.algorithms.online.demonstrations import check_same
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths
+from aerial_il.algorithms.online.run import OnlineRun, open_run
 from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
 from aerial_il.algorithms.rl.reinforcement import Reinforcement, Reward
-from aerial_il.algorithms.rl.replay.demonstrations import check_same
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.prior import load_prior

@@ -12,8 +12,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.ppo import Advantages
-from aerial_il.algorithms.rl.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot, Stateful
 from aerial_il.core.tensors import tensor
 

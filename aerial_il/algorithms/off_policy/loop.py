@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import Explorer, RandomActions
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.settings import Replay
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.off_policy import Explorer, RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 

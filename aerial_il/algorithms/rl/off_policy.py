@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from aerial_il.algorithms.off_policy import settings
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm, whole_turns
-from aerial_il.algorithms.rl.collector import Collector
-from aerial_il.algorithms.rl.interface import decode, encode
-from aerial_il.algorithms.rl.replay.replay_buffer import rows_of
+from aerial_il.algorithms.off_policy.exploration import Explorer
+from aerial_il.algorithms.online.collector import Collector
+from aerial_il.algorithms.online.interface import decode, encode
+from aerial_il.algorithms.online.problem import whole_turns
+from aerial_il.algorithms.online.replay_buffer import rows_of
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.checks import require_positive, require_share, require_widths
-from aerial_il.algorithms.run.state import Generator
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.layout import Interface
 
@@ -129,27 +130,6 @@ class Collected(NamedTuple):
     def rows(self, *, absorbing: bool | np.ndarray) -> np.ndarray:
         """Return them as rows of a replay buffer; see :func:`rows_of`."""
         return rows_of(*self[:5], absorbing=absorbing, penalties=self.penalties)
-
-
-class Explorer(Protocol):
-    """Samples normalised actions (n, Da) for encoded observations (n, Do)."""
-
-    def explore(self, obs: np.ndarray) -> np.ndarray: ...
-
-
-class RandomActions(Generator):
-    """Samples actions uniformly from [-1, 1], whatever is observed.
-
-    Args:
-        size: elements Da of an action. rng: samples them.
-    """
-
-    def __init__(self, size: int, rng: np.random.Generator) -> None:
-        super().__init__(rng)
-        self._size = size
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        return self.rng.uniform(-1, 1, (len(obs), self._size))
 
 
 def collect_step(collector: Collector, interface: Interface, explorer: Explorer) -> Collected:

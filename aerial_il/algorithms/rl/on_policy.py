@@ -7,9 +7,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm, whole_turns
-from aerial_il.algorithms.rl.collector import Collector
-from aerial_il.algorithms.rl.interface import decode, encode
+from aerial_il.algorithms.online.collector import Collector
+from aerial_il.algorithms.online.interface import decode, encode
+from aerial_il.algorithms.online.problem import whole_turns
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share, require_widths
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.layout import Interface

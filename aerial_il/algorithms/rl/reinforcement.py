@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.online.collector import RewardScheme
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.rl.collector import RewardScheme
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.checks import require_choice, require_not_negative
 from aerial_il.core.errors import InvalidValueError
 
@@ -33,7 +33,7 @@ class Reinforcement(OnlineAlgorithm):
 
     reward: Reward = "environment"
     reward_patience: int = 200_000
-    smoothness: Smoothness = field(default_factory=Smoothness)
+    smoothness: Smoothness = NO_SMOOTHNESS
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,7 +69,7 @@ class RelabelledReinforcement(Reinforcement):
         hindsight: those goals.
     """
 
-    hindsight: Hindsight = field(default_factory=Hindsight)
+    hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -29,7 +29,7 @@ from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.parts.network import ChunkNetwork, masked_mean
+from aerial_il.policies.parts.network import ChunkNetwork, Shown, masked_mean
 from aerial_il.policies.parts.vision import build_network
 
 
@@ -104,9 +104,10 @@ class SupervisedRun:
         self._started = time.perf_counter()
         return not done
 
-    def minibatch(self) -> tuple[Tensor, ...]:
+    def minibatch(self) -> tuple[Shown, Tensor, Tensor]:
         """Return the observations, actions and validity of this step; see :meth:`TrainingSet.gather`."""
-        return self._loader.take(self._learner.step)
+        obs, actions, valid = self._loader.take(self._learner.step)
+        return obs, actions, valid
 
     def end_step(self, lr: float) -> None:
         """End one optimisation step: log, validate, take a checkpoint, leave on a signal, each where it is due."""

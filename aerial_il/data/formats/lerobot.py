@@ -35,7 +35,7 @@ from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.core.files import sha256_of, sync_folder, write_json
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.progress import Progress
-from aerial_il.core.specs import EnvSpec, Field
+from aerial_il.core.specs import EnvSpec, Field, camera_name
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.content_digest import sealed
@@ -236,7 +236,7 @@ def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, An
 
 def image_key(field: str) -> str:
     """Return the feature that holds a colour camera's field, e.g. ``observation.images.wrist`` for ``wrist_rgb``."""
-    return IMAGES + field.removesuffix("_rgb")
+    return IMAGES + camera_name(field)
 
 
 def _vector(fields: Sequence[Field]) -> dict[str, Any]:
@@ -245,7 +245,7 @@ def _vector(fields: Sequence[Field]) -> dict[str, Any]:
 
 
 def _camera_names(spec: EnvSpec, cameras: Sequence[str] | bool) -> tuple[str, ...]:
-    recorded = tuple(f.name for f in spec.observation.of_group("image") if f.name.endswith("_rgb"))
+    recorded = tuple(f.name for f in spec.observation.fields if f.is_colour)
     if isinstance(cameras, bool):
         return recorded if cameras else ()
     for name in cameras:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.rl.collector import Collector
+from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.layout import Layout

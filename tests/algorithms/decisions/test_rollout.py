@@ -12,8 +12,8 @@ from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
 from aerial_il.algorithms.decisions.cut_short import cut_short
 from aerial_il.algorithms.decisions.gate import ReturnGate
 from aerial_il.algorithms.decisions.rollout import Decisions, advantages
-from aerial_il.algorithms.rl.collector import Collector
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.online.collector import Collector
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork

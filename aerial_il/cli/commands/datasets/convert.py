@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from aerial_il.cli.configuration.keys import MISSING, key
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import image_name
 
 if TYPE_CHECKING:
     from aerial_il.data.episode import Episode
@@ -88,7 +89,7 @@ def _to_lerobot(config: Config) -> None:
 
     os.environ.setdefault("SVT_LOG", "1")  # the video encoder reports every setting otherwise
     out = _own_place(config)
-    images: bool | tuple[str, ...] = True if config.cameras is None else tuple(f"{name}_rgb" for name in config.cameras)
+    images: bool | tuple[str, ...] = True if config.cameras is None else tuple(map(image_name, config.cameras))
     if not _is_current(Path(config.path), out, images):
         convert_to_lerobot(config.path, out, cameras=images, progress=config.progress)
     print(f"LeRobot dataset: {out}")
@@ -116,7 +117,7 @@ def _episodes(config: Config, cameras: list[str] | None) -> list[Episode]:
     from aerial_il.core.progress import Progress
     from aerial_il.data.dataset import open_dataset
 
-    dataset = open_dataset(config.path, cameras=True if cameras is None else [f"{name}_rgb" for name in cameras])
+    dataset = open_dataset(config.path, cameras=True if cameras is None else [*map(image_name, cameras)])
     return list(Progress(dataset, desc="convert", unit="ep", disable=not config.progress))
 
 
@@ -134,7 +135,7 @@ def _to_views(config: Config) -> None:
     from aerial_il.presentation.rerun.geometry import plain
     from aerial_il.presentation.rerun.ros2.view import write_view
 
-    cameras = True if config.cameras is None else [f"{name}_rgb" for name in config.cameras]
+    cameras = True if config.cameras is None else [*map(image_name, config.cameras)]
     out, dataset = _own_place(config), open_dataset(config.path, cameras=cameras)
     alone = out.suffix in ENDINGS["mcap"][:1]
     if alone and len(dataset) > 1:
@@ -163,7 +164,7 @@ def _is_current(path: Path, out: Path, images: bool | tuple[str, ...]) -> bool:
         return False
     try:
         there = {name for name in check_lerobot(out)["features"] if name.startswith(IMAGES)}
-        recorded = tuple(f.name for f in dataset.spec.observation.of_group("image") if f.name.endswith("_rgb"))
+        recorded = tuple(f.name for f in dataset.spec.observation.fields if f.is_colour)
         wanted = recorded if isinstance(images, bool) else images
         return there == {image_key(name) for name in wanted} and open_dataset(out).uids == dataset.uids
     except DemoError:

@@ -91,8 +91,8 @@ def run(config: Config) -> None:
 
 
 def _show_flight(config: Config, viewer: str) -> None:
-    from aerial_il.cli.flights import pilots
     from aerial_il.presentation.films import window
+    from aerial_il.workflows.parts import pilots
 
     pilot = pilots.pilot(
         config.policy.path,
@@ -123,9 +123,9 @@ def _show_flight(config: Config, viewer: str) -> None:
 
 
 def _show_recording(config: Config, viewer: str, file: Path) -> None:
-    from aerial_il.cli.flights.scenes import same_scene
     from aerial_il.data.recording.reader import read_episode
     from aerial_il.presentation.films import window
+    from aerial_il.workflows.parts.scenes import same_scene
 
     episode = read_episode(file)
     if viewer == "window":

@@ -75,9 +75,9 @@ def write_films(folder: Path) -> list[Path]:
     from tempfile import TemporaryDirectory
 
     from aerial_il.cli.commands.project.list import catalogue
-    from aerial_il.cli.flights.pilots import expert_flight
     from aerial_il.core.rendering import require_rendering
     from aerial_il.presentation.pages.gallery import copy_films, write_gallery
+    from aerial_il.workflows.parts.pilots import expert_flight
 
     require_rendering("films=true")
     with TemporaryDirectory() as place:

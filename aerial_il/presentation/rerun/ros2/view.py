@@ -103,7 +103,7 @@ def _add_pictures(bag: Bag, episode: Episode, lenses: dict[str, Lens], step: int
     for field, lens in lenses.items():
         topic, frame, time_s = f"/camera/{field}", optical(_camera(field)), float(episode.sim_time[step])
         bag.camera(f"{topic}/camera_info", time_s, frame, lens)
-        bag.picture(f"{topic}/image", time_s, frame, field, episode.obs[field][step])
+        bag.picture(f"{topic}/image", time_s, frame, episode.obs[field][step])
 
 
 def _lenses(model: mujoco.MjModel, episode: Episode) -> dict[str, Lens]:
