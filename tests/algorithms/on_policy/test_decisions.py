@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 import torch
-from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
-from aerial_il.algorithms.decisions.cut_short import cut_short
-from aerial_il.algorithms.decisions.gate import ReturnGate
-from aerial_il.algorithms.decisions.rollout import Decisions, advantages
 
+from aerial_il.algorithms.on_policy.advantages import Judged
+from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
+from aerial_il.algorithms.on_policy.cut_short import cut_short
+from aerial_il.algorithms.on_policy.decisions import DecisionFlights, Decisions
+from aerial_il.algorithms.on_policy.gate import ReturnGate
+from aerial_il.algorithms.on_policy.loop import Agent
 from aerial_il.algorithms.online.collector import Collector
-from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
+from aerial_il.algorithms.ppo import PPO
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork
@@ -22,31 +26,52 @@ from tests.algorithms.drift import SPEC, Drift
 PLAIN = MLP(hidden=(8,), chunk=4, anchor=None, blind_to=())
 
 
-def rollout(decided: list[int], *, terminal: tuple[int, ...] = (), truncated: tuple[int, ...] = ()) -> Decisions:
-    """One world for six steps, each paid its number."""
-    steps, nothing = np.arange(6), np.zeros((6, 1, 1))
-    flags = [np.isin(steps, which)[:, None] for which in (decided, terminal, truncated)]
-    return Decisions(nothing, flags[0], nothing, nothing, steps[:, None].astype(float), *flags[1:])
+class Seen:
+    """A critic that answers with the first number that it is shown."""
+
+    def values(self, obs: np.ndarray) -> np.ndarray:
+        return obs[..., 0]
+
+
+def advantages(decided: list[int], values: np.ndarray, after: np.ndarray, rewards: np.ndarray, **ends: Any) -> Judged:
+    """Return what is made of the decisions of one world in six steps, at a discount of a half."""
+    steps, chosen = np.arange(6), PPO(gamma=0.5, gae_lambda=ends.pop("gae_lambda", 0.8))
+    flags = [np.isin(steps, which)[:, None] for which in (decided, ends.get("terminal", ()), ends.get("truncated", ()))]
+    seen, led = (numbers[:, None, None] for numbers in (values, after))
+    rollout = Decisions(seen, flags[0], np.zeros((6, 1, 1)), led, rewards[:, None], *flags[1:])
+    found = judged(rollout, chosen)
+    assert found is not None
+    return found
+
+
+def judged(rollout: Decisions, settings: PPO) -> Judged | None:
+    nobody: Any = None  # flies: the rollout is there
+    return DecisionFlights(nobody, nobody).judged(rollout, rollout.rewards, cast(Agent, Seen()), settings, 0.0)
 
 
 def test_a_decision_is_worth_what_is_paid_until_the_next_one() -> None:
-    """Decisions at steps 0, 2 and 5; the second outlives no end, the third is cut by the rollout's."""
-    values = np.arange(10.0, 16.0)[:, None]
-    after = values + 1.0  # of the state after each step: what the next step's begins with
-    found, closing = advantages(rollout([0, 2, 5]), values, after, np.arange(6.0)[:, None], gamma=0.5, gae_lambda=0.8)
+    """Decisions at steps 0, 2 and 5, each step paid its number; the last decision is cut by the rollout's end."""
+    values = np.arange(10.0, 16.0)
+    found = advantages([0, 2, 5], values, values + 1.0, np.arange(6.0))  # a step's end is worth the next one's start
     last = 5 + 0.5 * 16 - 15
     second = 2 + 0.5 * 3 + 0.25 * 4 + 0.125 * 15 - 12 + 0.8 * 0.125 * last
     first = 0 + 0.5 * 1 + 0.25 * 12 - 10 + 0.8 * 0.25 * second
-    np.testing.assert_allclose(found[[0, 2, 5], 0], [first, second, last])
-    np.testing.assert_array_equal(closing[[0, 2, 5], 0], [1, 4, 5])
+    np.testing.assert_allclose(found.data.advantages, [first, second, last], rtol=1e-6)
+    np.testing.assert_array_equal(found.data.next_obs[:, 0], [12, 15, 16])
+    np.testing.assert_allclose(found.data.targets, found.data.advantages + torch.tensor([10.0, 12.0, 15.0]))
+    assert found.value == pytest.approx(37 / 3)
 
 
 @pytest.mark.parametrize(("kind", "worth"), [("terminal", 0.0), ("truncated", 7.0)])
 def test_nothing_follows_an_end_and_a_cut_is_worth_what_the_critic_sees(kind: str, worth: float) -> None:
-    values, after = np.zeros((6, 1)), np.full((6, 1), 7.0)
-    ended = {"terminal": (1,)} if kind == "terminal" else {"truncated": (1,)}
-    found, _ = advantages(rollout([0, 2], **ended), values, after, np.ones((6, 1)), gamma=0.5, gae_lambda=1.0)
-    assert found[0, 0] == pytest.approx(1 + 0.5 + 0.25 * worth), "whatever comes in the next episode"
+    found = advantages([0, 2], np.zeros(6), np.full(6, 7.0), np.ones(6), gae_lambda=1.0, **{kind: (1,)})
+    assert found.data.advantages[0] == pytest.approx(1 + 0.5 + 0.25 * worth), "whatever comes in the next episode"
+
+
+def test_a_single_decision_is_compared_with_nothing() -> None:
+    alone, never = np.zeros((6, 1, 1)), np.zeros((6, 1), bool)
+    rollout = Decisions(alone, (np.arange(6) == 0)[:, None], alone, alone, np.zeros((6, 1)), never, never)
+    assert judged(rollout, PPO()) is None
 
 
 def actor(correlation: float = 0.9, deviation: float = 0.2) -> ChunkActor:
@@ -88,11 +113,9 @@ def test_the_divergence_of_two_actors_is_that_of_their_gaussians() -> None:
     assert one.divergence(one.distribution(obs), one.distribution(obs)).abs().max() < 1e-5
 
 
-def returns(*values: float) -> Decisions:
-    """Episodes of one step."""
-    paid = np.array(values)[:, None]
-    ended, nothing = np.ones((len(values), 1), bool), np.zeros((len(values), 1, 1))
-    return Decisions(nothing, ended, nothing, nothing, paid, ended, ~ended)
+def returns(*values: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rewards and ends of episodes of one step."""
+    return np.array(values)[:, None], np.ones((len(values), 1), bool)
 
 
 def move(weight: torch.Tensor) -> torch.Tensor:
@@ -108,36 +131,36 @@ def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_di
     one = actor()
     gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
     begun = weight.detach().clone()
-    assert not gate.passes(GOOD, warming_up=True), "nothing is learned yet"
-    assert gate.passes(GOOD, warming_up=False)
+    assert not gate.passes(*GOOD, warming_up=True), "nothing is learned yet"
+    assert gate.passes(*GOOD, warming_up=False)
     moved = move(weight)
-    assert gate.passes(GOOD, warming_up=False)
+    assert gate.passes(*GOOD, warming_up=False)
     move(weight)
-    assert not gate.passes(BAD, warming_up=False)
+    assert not gate.passes(*BAD, warming_up=False)
     torch.testing.assert_close(weight.detach(), moved)
-    assert not gate.passes(returns(*[0.0] * 60), warming_up=False), "what was kept is worse after all"
+    assert not gate.passes(*returns(*[0.0] * 60), warming_up=False), "what was kept is worse after all"
     torch.testing.assert_close(weight.detach(), begun)
-    assert gate.passes(GOOD, warming_up=False), "back at the prior, it goes on to learn"
+    assert gate.passes(*GOOD, warming_up=False), "back at the prior, it goes on to learn"
 
 
 def test_weights_that_were_given_up_to_may_go_on_where_they_were_unlucky_once() -> None:
     one = actor()
     gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
-    assert gate.passes(GOOD, warming_up=False)
+    assert gate.passes(*GOOD, warming_up=False)
     moved = move(weight)
-    assert gate.passes(GOOD, warming_up=False)
+    assert gate.passes(*GOOD, warming_up=False)
     move(weight)
-    assert not gate.passes(BAD, warming_up=False)
-    assert gate.passes(returns(*[1.0, 0.0, 0.0] * 4), warming_up=False), "a third, and half of those before"
+    assert not gate.passes(*BAD, warming_up=False)
+    assert gate.passes(*returns(*[1.0, 0.0, 0.0] * 4), warming_up=False), "a third, and half of those before"
     torch.testing.assert_close(weight.detach(), moved)
 
 
 def test_a_wide_gate_lets_everything_pass() -> None:
     one = actor()
     gate = ReturnGate(one, 1, errors=1e9)
-    assert gate.passes(GOOD, warming_up=False)
+    assert gate.passes(*GOOD, warming_up=False)
     move(one.network.layers[-1].bias)
-    assert gate.passes(BAD, warming_up=False)
+    assert gate.passes(*BAD, warming_up=False)
 
 
 def test_short_rollouts_are_judged_together() -> None:
@@ -145,15 +168,15 @@ def test_short_rollouts_are_judged_together() -> None:
     one = actor()
     gate, other = (ReturnGate(one, 1, errors=2.0) for _ in range(2))
     few, bad = returns(1.0, 1.0, 1.0, 1.0), returns(0.0, 0.0, 0.0, 0.0)
-    assert [gate.passes(few, warming_up=False) for _ in range(3)] == [False, False, True], "the prior flies until ten"
+    assert [gate.passes(*few, warming_up=False) for _ in range(3)] == [False, False, True], "the prior flies until ten"
     weight = one.network.layers[-1].bias
     begun = weight.detach().clone()
     move(weight)
-    assert gate.passes(bad, warming_up=False)
+    assert gate.passes(*bad, warming_up=False)
     other.restore(gate.snapshot())
     for resumed in (gate, other):
-        assert resumed.passes(bad, warming_up=False)
-        assert not resumed.passes(bad, warming_up=False)
+        assert resumed.passes(*bad, warming_up=False)
+        assert not resumed.passes(*bad, warming_up=False)
         torch.testing.assert_close(weight.detach(), begun)
         move(weight)
 
@@ -162,18 +185,18 @@ def test_a_prior_is_not_held_to_its_quickest_episodes() -> None:
     one = actor()
     gate, other = (ReturnGate(one, 1, errors=2.0) for _ in range(2))
     quick, usual, worse = returns(*[1.0] * 20), returns(*[1.0, 0.0] * 30), returns(*[0.0] * 20)
-    assert not gate.passes(quick, warming_up=True)
-    assert gate.passes(usual, warming_up=False), "the weights are the prior's still"
+    assert not gate.passes(*quick, warming_up=True)
+    assert gate.passes(*usual, warming_up=False), "the weights are the prior's still"
     weight = one.network.layers[-1].bias
     begun = weight.detach().clone()
     move(weight)
-    assert not gate.passes(worse, warming_up=False)
+    assert not gate.passes(*worse, warming_up=False)
     torch.testing.assert_close(weight.detach(), begun)
     other.restore(gate.snapshot())
     for resumed in (gate, other):
-        assert resumed.passes(usual, warming_up=False), "back at the prior, it goes on to learn"
+        assert resumed.passes(*usual, warming_up=False), "back at the prior, it goes on to learn"
         move(weight)
-        assert not resumed.passes(worse, warming_up=False)
+        assert not resumed.passes(*worse, warming_up=False)
 
 
 def test_episodes_are_cut_short_and_begin_anew() -> None:
@@ -204,6 +227,6 @@ def test_caps_of_chunks_counts_changes_from_each_flown_step_to_the_next(goes_on:
     here = torch.tensor([[0.0], [5.0]])  # steps so far; three are flown of each chunk
     kinds = {"history": 1, "execute": 3, "explored": np.ones(1, bool), "deviation": 0.2, "correlation": 0.9}
     one = ChunkActor(Ramp(goes_on=goes_on), **kinds)
-    rough = Smoothness(temporal=2.0).loss(one, here, here + 3.0, execute=one.execute)
+    rough = replace(NO_SMOOTHNESS, temporal=2.0).loss(one, here, here + 3.0, execute=one.execute)
     assert isinstance(rough, torch.Tensor)
     assert rough.item() == pytest.approx(2.0 * wanted)

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from aerial_il.algorithms.decisions.chunk_actor import ChunkActor
-from aerial_il.algorithms.decisions.rollout import Judged
 from torch import Tensor
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO, AnchoredActorCritic
 from aerial_il.algorithms.dapg import DAPG, AugmentedAgent, Demonstrated
-from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.ppo import PPO, Advantages, ProximalActorCritic
+from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
+from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.ppo import PPO, ProximalActorCritic
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from tests.algorithms.drift import demonstrations
@@ -83,7 +83,8 @@ def augmented(clone: ChunkPolicy, **changes: Any) -> tuple[AugmentedAgent, Demon
     explored = {"explored": np.array([True]), "deviation": 0.5, "correlation": 0.0}
     actor = ChunkActor(network, history=1, execute=3, **explored)
     shown = Demonstrated(demonstrations(4), clone, actor, np.random.default_rng(0))
-    settings = DAPG(**{"step_size": 0.01, "epochs": 1, "batch_size": 4, **SMALL, **changes})
+    rollout = Rollout(steps=128, epochs=1, batch_size=4)
+    settings = DAPG(**{"step_size": 0.01, "rollout": rollout, **SMALL, **changes})
     return AugmentedAgent(settings, actor, 2, shown), shown
 
 
@@ -112,11 +113,11 @@ def test_demonstrations_weigh_their_share_of_the_best_advantage_and_less_from_tu
     weights = []
     for improve, weight in ((False, 0.5), (True, 0.5), (False, 0.125), (True, 0.125), (True, 0.03125)):
         data = flown(agent, advantages).data
-        found = agent.gain(data.obs, data.next_obs, data.raw, advantages)
-        own = (density(agent, data.obs, data.raw) * advantages).mean()
+        found, gains = agent.gain(data), data.standardised
+        own = (density(agent, data.obs, data.raw) * gains).mean()
         likely = density(agent, seen, drawn).sum() / FLOWN
-        assert found.item() == pytest.approx((own + weight * 2.0 * likely).item(), rel=1e-3)
-        metrics = agent.learn(flown(agent, advantages), improve=improve)
+        assert found.item() == pytest.approx((own + weight * gains.max() * likely).item(), rel=1e-3)
+        metrics = agent.learn(flown(agent, advantages), left=1.0, improve=improve)
         weights += [metrics["actor/demonstrations"]] if improve else []
     assert weights == [0.5, 0.125, 0.03125]
 
@@ -134,11 +135,22 @@ def test_what_is_shown_are_the_chunks_of_the_demonstrations_and_what_was_seen_be
     np.testing.assert_allclose(found, wanted, atol=1e-4)
 
 
-def test_no_more_than_so_many_windows_are_shown_in_a_turn_and_others_in_the_next(clone: ChunkPolicy) -> None:
+def test_no_more_than_so_many_windows_are_shown_in_a_turn_and_others_in_the_next(
+    clone: ChunkPolicy, monkeypatch: pytest.MonkeyPatch
+) -> None:
     agent, shown = augmented(clone, shown=8)
-    first, second = (shown.draw(agent._augmented.shown) for _ in range(2))
-    assert len(first[0]) == len(first[1]) == 8
-    assert not torch.equal(first[0], second[0])
+    turns, draw = list[Tensor](), shown.draw
+
+    def noted(count: int) -> tuple[Tensor, Tensor]:
+        drawn = draw(count)
+        turns.append(drawn[0])
+        return drawn
+
+    monkeypatch.setattr(shown, "draw", noted)
+    for _ in range(2):
+        agent.learn(flown(agent, torch.randn(FLOWN)), left=1.0)
+    assert [len(seen) for seen in turns] == [8, 8]
+    assert not torch.equal(*turns)
 
 
 def test_a_step_leads_to_demonstrated_actions_as_far_as_they_weigh(clone: ChunkPolicy) -> None:
@@ -154,7 +166,7 @@ def test_a_step_leads_to_demonstrated_actions_as_far_as_they_weigh(clone: ChunkP
         before = distance()
         torch.manual_seed(2)
         for _ in range(5):
-            agent.learn(flown(agent, torch.randn(FLOWN)), improve=True)
+            agent.learn(flown(agent, torch.randn(FLOWN)), left=1.0)
         nearer.append(before - distance())
     assert nearer[1] > 0.02
     assert nearer[1] > 3 * abs(nearer[0])
@@ -164,7 +176,7 @@ def test_where_no_action_was_better_than_another_demonstrations_do_not_count(clo
     """As in the source: their weight is a share of the best advantage, which then is 0."""
     agent, _ = augmented(clone, demos_weight=10.0)
     before = [p.detach().clone() for p in agent.actor.parameters()]
-    metrics = agent.learn(flown(agent, torch.full((FLOWN,), 3.0)), improve=True)
+    metrics = agent.learn(flown(agent, torch.full((FLOWN,), 3.0)), left=1.0)
     assert metrics["actor/step_length"] == 0.0
     assert all(torch.equal(a, b) for a, b in zip(before, agent.actor.parameters(), strict=True))
 
@@ -175,7 +187,7 @@ def test_where_no_action_was_better_than_another_demonstrations_do_not_count(clo
 def anchored(**changes: Any) -> AnchoredActorCritic:
     """Return an agent that began with actions around 0.2, of a deviation of 0.5 before the tanh."""
     settings = BCPPO(**{"clip": 0.2, "target_kl": 0.0, **SMALL, **changes})
-    return AnchoredActorCritic(settings, actor_at([0.2], log_std=math.log(0.5)), 2, smoothness=Smoothness())
+    return AnchoredActorCritic(settings, actor_at([0.2], log_std=math.log(0.5)), 2)
 
 
 def without_gain() -> Advantages:
@@ -210,10 +222,10 @@ def test_elsewhere_the_pull_is_the_divergence_from_the_prior_and_leads_back_to_i
 
 
 def test_the_pull_fades_with_the_training_and_brings_back_what_nothing_holds() -> None:
-    agent = anchored(kl=3.0, lr=0.01, epochs=20, batch_size=4)
+    agent = anchored(kl=3.0, lr=0.01, rollout=Rollout(steps=128, epochs=20, batch_size=4))
     move_actor(agent.actor, [0.5], math.log(0.5))
     away = (math.atanh(0.5) - math.atanh(0.2)) ** 2 / (2 * 0.5**2)
-    data = Advantages(*(column.detach() for column in without_gain()))
+    data = Judged(Advantages(*(column.detach() for column in without_gain())), 0.0)
     metrics = agent.learn(data, left=1.0, improve=False)
     assert metrics["actor/divergence"] == pytest.approx(away, rel=1e-4)
     for left in (1.0, 0.25, 0.0):

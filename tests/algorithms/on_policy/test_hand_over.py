@@ -14,8 +14,8 @@ from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.layout import Layout
-from tests.algorithms.decisions.test_practice import CLONING, POLICY, each_chunked, train
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
+from tests.algorithms.on_policy.test_from_clone import CLONING, POLICY, each_chunked, train
 
 TRIAL: dict[str, Any] = {"trial": 32, "trial_every": 128}
 RUINOUS: dict[str, Any] = {"lr": 1.0, "step_size": 1e4, "demos_weight": 0.0, "gate": 1e9, "target_kl": 0.0}

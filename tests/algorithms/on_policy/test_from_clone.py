@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from aerial_il.algorithms.decisions.practice import PractisedChunks, PractisedPolicy
 
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.jsrl import JSRL
+from aerial_il.algorithms.on_policy.from_clone import FromClone
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError, NoRewardError
@@ -24,9 +24,10 @@ from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.residual import ResidualPolicy
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
 from tests.algorithms.point_mass import StepResult
+from tests.contract.test_algorithms import made
 
-NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), PractisedPolicy)]
-CHUNKED = [n for n in NAMES if issubclass(algorithms.get(n), PractisedChunks)]
+NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), FromClone)]
+CHUNKED = [n for n in NAMES if hasattr(algorithms.get(n), "exploration")]
 each, each_chunked = pytest.mark.parametrize("name", NAMES), pytest.mark.parametrize("name", CHUNKED)
 PLAIN: dict[str, Any] = {"anchor": None, "blind_to": ()}
 POLICY = MLP(hidden=(16,), chunk=3, history=2, execute=3, ensemble=None, **PLAIN)
@@ -41,7 +42,7 @@ def train(
 ) -> Any:
     cls: Any = algorithms.get(name)
     kept = {"evaluate": changes.pop("evaluate", None), "expert": changes.pop("expert", Guide())}
-    settings = cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
+    settings = made(cls, {**SMALL, **changes})
     return settings.train(
         demos or demonstrations(10), policy, env=env or Drift(8), run=run, seed=1, progress=False, **kept
     )
