@@ -8,14 +8,15 @@ from typing import Any
 import pytest
 import torch
 from aerial_il.algorithms.decisions.practice import PractisedPolicy
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 
 from aerial_il import algorithms
 from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
+from tests.algorithms.made import made
 
 ONLINE = {n: s for n in algorithms.names() if issubclass(s := algorithms.get(n), OnlineAlgorithm)}
 NAMES = [n for n, s in ONLINE.items() if not issubclass(s, PractisedPolicy)]
@@ -28,7 +29,7 @@ SMALL |= {"actor_every": 1, "utd_ratio": 1.0, "critics": 3}
 
 def short(name: str, **changes: Any) -> Any:
     cls: Any = ONLINE[name]
-    return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
+    return made(cls, {**SMALL, **changes})
 
 
 def train(settings: Any, run: Path) -> Any:

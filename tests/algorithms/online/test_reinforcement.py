@@ -11,6 +11,7 @@ import pytest
 import torch
 import yaml
 from aerial_il.algorithms.rl.on_policy import OnPolicy
+from aerial_il.algorithms.rl.reinforcement import RelabelledReinforcement
 
 from aerial_il import algorithms
 from aerial_il.algorithms.dqn import DQN, DeepQAgent, HeldChoices
@@ -21,7 +22,6 @@ from aerial_il.algorithms.online.interface import check_policy, encode, plain_in
 from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.rl.reinforcement import RelabelledReinforcement
 from aerial_il.algorithms.run.folder import CONFIG, read_metrics
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError, NoRewardError
@@ -31,6 +31,7 @@ from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import EDGE, MAX_STEPS, SPEC, Drift
+from tests.algorithms.made import made
 from tests.algorithms.sought import GOAL, Hidden, Sought, near
 
 TAUGHT = {n: algorithms.get(n) for n in algorithms.names()}
@@ -45,7 +46,7 @@ SMALL |= {"log_every": 80, "checkpoint_every": 0}
 
 def short(name: str, **changes: Any) -> Any:
     cls: Any = algorithms.get(name)
-    return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
+    return made(cls, {**SMALL, **changes})
 
 
 def policy_of(settings: Any) -> Any:
