@@ -23,7 +23,6 @@ from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm as Flying
-from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.contracts import Algorithm
@@ -44,7 +43,14 @@ FIRST = 24  # steps that are few, and yet more than a warm-up or a rollout
 LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to what its first steps have reached
 
 CLONES = BC(
-    steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0, validate_every=0, checkpoint_every=60
+    steps=200,
+    batch_size=64,
+    lr=3e-3,
+    warmup_steps=10,
+    ema=0.9,
+    validation=0.0,
+    validate_every=0,
+    cadence=replace(BC.cadence, checkpoint_every=60),
 )
 ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_floor": 1.0}
 ALONE |= {"cloning": replace(CLONES, steps=1)}  # no clone does the work
@@ -98,8 +104,8 @@ def small(name: str) -> Any:
             return made(cls, OFF_POLICY | shown)
         learned = {"steps": 6_144}  # a learned reward says more per step
         return made(cls, ON_POLICY | WHOLE.get(name, {}) | ({"reward": "environment"} if cls.rewarded else learned))
-    if issubclass(cls, SupervisedAlgorithm):
-        return cls(**known(cls, {f.name: getattr(CLONES, f.name) for f in fields(CLONES)}))
+    if cls is BC:
+        return CLONES
     return cls(**known(cls, {"rounds": 2, "episodes": 4, "training": CLONES, "between_steps": 60}))
 
 
