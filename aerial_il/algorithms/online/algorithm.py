@@ -71,7 +71,7 @@ class Algorithm(ABC):
     def __post_init__(self) -> None:
         stated = {field.name for field in fields(self)}
         require_positive(self, *sorted(stated & POSITIVE))
-        require_not_negative(self, *(stated & {"reward_patience"}))
+        require_not_negative(self, *(stated & {"warmup", "reward_patience"}))
         require_share(self, *(stated & {"gamma"}), below_one=True)
         require_share(self, *(stated & {"lr_floor", "gae_lambda"}))
         if "critic_hidden" in stated:
