@@ -25,6 +25,7 @@ from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm as Flying
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
+from aerial_il.core.composition import keys
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
 from aerial_il.data.episode import Episode
@@ -217,15 +218,14 @@ def killed_in_a_fork(work: Callable[[], object]) -> bool:
 
 @each
 def test_impossible_settings_are_refused(name: str) -> None:
-    """Every number that is not negative by default must not be, and none may be no number at all."""
-    settings = algorithms.get(name)()
-    numbers = {f.name: getattr(settings, f.name) for f in fields(settings)}
-    numbers = {n: v for n, v in numbers.items() if isinstance(v, int | float) and not isinstance(v, bool) and v >= 0}
+    """Every number that is not negative by default must not be, in groups neither, and none may be no number at all."""
+    cls = algorithms.get(name)
+    numbers = {key.name: key.default for key in keys(cls) if type(key.default) in (int, float)}
     assert len(numbers) > 3
-    for number in numbers:
+    for number in (name for name, value in numbers.items() if value >= 0):
         for wrong in (-1, float("nan")):
-            with pytest.raises(InvalidValueError, match=number):
-                replace(settings, **{number: wrong})
+            with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
+                made(cls, {number: wrong})
 
 
 @each
