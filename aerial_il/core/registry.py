@@ -45,9 +45,13 @@ KINDS: Mapping[str, Kind] = {
         "aerial_il.robots", "ROBOT", frozenset({"robot", "figures"}), "Run `aerial-il list` to see what each can do."
     ),
     "task": Kind(
-        "aerial_il.suite.tasks", "TASK", frozenset({"task"}), "Run `aerial-il list` to see which robot can do which."
+        "aerial_il.suite.tasks",
+        "TASK",
+        frozenset({"task", "fields"}),
+        "Run `aerial-il list` to see which robot can do which.",
     ),
     "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
+    "sensor": Kind("aerial_il.suite.sensors", "", frozenset({"sensor"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -30,6 +30,7 @@ LATERAL_SHARE = 0.9  # of the sideways force at level hover that the controller 
 LEAST_THRUST_TO_WEIGHT = 1.5  # to turn and to climb with something in the gripper
 REACHED_M, REACHED_RAD = 1e-3, 0.01  # how near a posture must bring the tool to a pose that counts as within reach
 LEAST_REACH_SHARE = 0.2  # of the arm's length, between a pose and the axis of a fixed base
+STANDARD_SENSORS: Mapping[str, Mapping[str, Any]] = {"base": {}, "arm": {}, "gripper": {}, "tool": {}}
 LEAST_REASON_WORDS = 3  # of why a task is declined
 JOINT_ROOM_RAD = 0.08  # that it must keep from its joints' limits
 
@@ -45,6 +46,8 @@ class Robot:
         arm: serial arm on the base; without links, the base itself is the tool.
         gripper: parallel gripper at the arm's end, or ``NO_GRIPPER``.
         rest_forward, rest_down: (J,) postures with the tool horizontal and pointing straight down, rad.
+        sensors: name -> settings of what it knows of itself, in the order in which it is observed; each gives as much
+            as base, arm and gripper have.
         declines: task -> why the robot cannot do it, a clause that a user reads, e.g. ``its arm cannot turn about two
             axes``: for what no rule of the task finds.
 
@@ -60,6 +63,7 @@ class Robot:
     gripper: Gripper
     rest_forward: tuple[float, ...]
     rest_down: tuple[float, ...]
+    sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(STANDARD_SENSORS), hash=False)
     declines: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:

@@ -16,10 +16,10 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
-from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.rendering import CameraRequest, parse_cameras
 from aerial_il.suite.scene import build_xml
+from aerial_il.suite.sensors import robot_fields
 from aerial_il.suite.tasks.task import Task
 from aerial_il.suite.tiers import Tier
 from aerial_il.suite.timing import CONTROL_DT_S

@@ -41,7 +41,10 @@ def overview(found: list[Task]) -> str:
 
 def page(task: Task) -> str:
     """Return a task's page."""
-    fields = [(f"`{f.name}`", f"{f.size}", f.unit or "–", ", ".join(f.labels)) for f in task.fields()]
+    fields = [
+        (f"`{f.name}`", f"{f.size}", f.unit or "–", f.frame or "–", f.meaning, ", ".join(f.labels))
+        for f in task.fields()
+    ]
     refused = [(name, task.infeasibility(robots.get(name))) for name in robots.names()]
     parts = [
         f"# {task.name}",
@@ -50,7 +53,9 @@ def page(task: Task) -> str:
         _text_of(type(task)),
         _table(("", ""), _facts(task)),
         "## Observations of the task",
-        _table(("field", "size", "unit", "elements"), fields) if fields else "Nothing beyond the state of the robot.",
+        _table(("field", "size", "unit", "frame", "what", "elements"), fields)
+        if fields
+        else "Nothing beyond the state of the robot.",
         "## Fields that no real robot can measure",
         _privileges(task),
         "## Expert",

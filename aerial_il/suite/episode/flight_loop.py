@@ -84,7 +84,8 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
     Args:
         flight: see :class:`Flight`. rules, found: what is asked after a control step, and where answers go.
         workspace: (1,) working memory, see ``SCRATCH``. worlds: addresses, see ``worlds.PhysicsPointers``.
-        sent: (n, Da) actions as they were sent. actions: (n, Da) the same, changed to those that arrive. active: (n,) bool, others stand still.
+        sent: (n, Da) actions as they were sent. actions: (n, Da) the same, changed to those that arrive.
+        active: (n,) bool, others stand still.
         fresh: the actions are new. steps: physics steps.
         counter: address of the number of worlds that are taken already; threads that share it share the work.
     """

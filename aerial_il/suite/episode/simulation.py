@@ -16,11 +16,10 @@ from aerial_il.control.vehicle import Gains, alone, record_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.kernels import entry_of
 from aerial_il.core.seeding import episode_rng
-from aerial_il.suite.episode.assessment import Assessment, assess_all, assessment_of, make_found, rules_of
+from aerial_il.suite.episode.assessment import Assessment, SensorTable, assess_all, assessment_of, make_found, rules_of
 from aerial_il.suite.episode.disturbances import Disturbances
 from aerial_il.suite.episode.flight_loop import Flight, fly, limit_actions
 from aerial_il.suite.episode.perception import Perceived
-from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.aerodynamics import quadratic_drag
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
@@ -81,8 +80,8 @@ class Simulation:
         )
         self.seen = Perceived(scenario, self.view, self.disturbances.table.hooks)
         observation = self.spec.observation
-        own = sum(field.size for field in robot_fields(self.robot))
-        self._rules = rules_of(scenario, own, self.seen.perception)
+        self._sensors = SensorTable(self.robot)
+        self._rules = rules_of(scenario, self._sensors, self.seen.perception)
         self._found = make_found(
             self.view, self.seen.records, observation.size(observation.state_names), len(self.spec.subtasks)
         )
