@@ -20,15 +20,12 @@ class Base(Sensor):
     def fields(self, robot: Robot) -> tuple[Field, ...]:
         if robot.fixed:
             return ()
-        pose, spin = "first two columns of the rotation matrix", "angular velocity of the hub"
+        where, turned = "position of the hub", "first two columns of the rotation matrix"
+        vel, spin = "velocity of the hub", "angular velocity of the hub"
         return (
-            Field(
-                "base_pos", (3,), unit="m", labels=XYZ, frame="world", meaning="position of the hub", noise=ESTIMATED
-            ),
-            Field("base_rot6d", (6,), labels=ROT6D, frame="world from base", meaning=pose, noise=ESTIMATED),
-            Field(
-                "base_vel", (3,), unit="m/s", labels=XYZ, frame="world", meaning="velocity of the hub", noise=ESTIMATED
-            ),
+            Field("base_pos", (3,), unit="m", labels=XYZ, frame="world", meaning=where, noise=ESTIMATED),
+            Field("base_rot6d", (6,), labels=ROT6D, frame="world from base", meaning=turned, noise=ESTIMATED),
+            Field("base_vel", (3,), unit="m/s", labels=XYZ, frame="world", meaning=vel, noise=ESTIMATED),
             Field("base_angvel", (3,), unit="rad/s", labels=XYZ, frame="base", meaning=spin, noise=ESTIMATED),
         )
 

@@ -4,7 +4,7 @@ A file in this folder defines a frozen dataclass that is called as the file, and
 
     read(own, world, seen, found)   after every control step: writes ``found``, the numbers of the fields in a row
 
-``own`` is a record of what :meth:`Sensor.numbers` returns, with ``stream``, the first of its channels of random numbers.
+``own`` is a record of what :meth:`Sensor.numbers` returns, with ``stream``, the first channel of its random numbers.
 ``world`` is the truth, and ``seen`` the same as the robot estimates it: both are read by the functions of
 :mod:`aerial_il.suite.physics.world`, of which ``seed`` and ``tick`` make a random number one of this moment.
 """

@@ -100,13 +100,7 @@ class InspectContact(Task):
             seen("plate_rot6d", "first two columns of the plate's rotation", 6, unit="", frame="world from plate"),
             seen("tip_to_plate", "from the fingertips to the mark"),
             felt("tool_force", "contact force of the gripper on other things", real=False),
-            felt(
-                "normal_force",
-                "force with which the whole robot presses the plate",
-                1,
-                frame="along the plate's normal",
-                real=False,
-            ),
+            felt("normal_force", "force of the whole robot on the plate", 1, frame="along its normal", real=False),
             seen("slip", "how far the tip has slid since contact began; zero without contact", real=False),
         )
 

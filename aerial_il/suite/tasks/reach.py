@@ -82,14 +82,7 @@ class Reach(Task):
     def fields(self) -> tuple[Field, ...]:
         return (
             seen("target_pos", "the marked point", noise=TOLD),
-            seen(
-                "target_rot6d",
-                "first two columns of the required rotation",
-                6,
-                unit="",
-                frame="world from target",
-                noise=TOLD,
-            ),
+            seen("target_rot6d", "of the required rotation", 6, unit="", frame="world from target", noise=TOLD),
             seen("tool_to_target", "from the tool to the marked point", noise=OWN),
         )
 

@@ -80,24 +80,14 @@ class Track(Task):
         view.mocap_quat[world, target] = [c * ct, c * st, s * st, s * ct]  # yaw, then tilt about the path's width
 
     def fields(self) -> tuple[Field, ...]:
+        lap = ("cos_phase", "sin_phase", "done", "rmse_of_allowed")
         soon, later = (tuple(f"{axis}_in_{seconds}_s" for axis in XYZ) for seconds in PREVIEW_S)
         return (
             seen("target_pos", "the ball", noise=SEEN),
             seen("target_vel", "velocity of the ball", unit="m/s", noise=SEEN),
             seen("tool_to_target", "from the tool to the ball", noise=OWN),
-            seen(
-                "tool_to_preview", "to where the ball will be in 0.2 and in 0.5 s", 6, labels=(*soon, *later), noise=OWN
-            ),
-            seen(
-                "lap",
-                "phase on the path; share of the lap done; its error over the tolerance",
-                4,
-                unit="",
-                frame="",
-                labels=("cos_phase", "sin_phase", "done", "rmse_of_allowed"),
-                real=False,
-                noise=EXACT,
-            ),
+            seen("tool_to_preview", "to where it will be in 0.2 and in 0.5 s", 6, labels=(*soon, *later), noise=OWN),
+            seen("lap", "how far the tool has come", 4, unit="", frame="", labels=lap, noise=EXACT, real=False),
         )
 
 
