@@ -50,6 +50,7 @@ KINDS: Mapping[str, Kind] = {
         frozenset({"task", "fields"}),
         "Run `aerial-il list` to see which robot can do which.",
     ),
+    "controller": Kind("aerial_il.control.controllers", "", frozenset({"law"})),
     "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
     "sensor": Kind("aerial_il.suite.sensors", "", frozenset({"sensor"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),

@@ -12,6 +12,7 @@ from numba import types
 from aerial_il.control.actions import ActionLevel
 from aerial_il.control.controller_state import TARGET_POS
 from aerial_il.control.dynamics import put, vec
+from aerial_il.core.addresses import numbers_at
 from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.rotations import norm, sub
 from aerial_il.robots.robot import Robot
@@ -244,7 +245,7 @@ def assess(rules, found, i):
     for k in range(rules.sensors.shape[0]):
         own, place, size = rules.sensors[k, 1], rules.sensors[k, 2], rules.sensors[k, 3]
         found_here = doubles(observations.ctypes.data + 8 * place, size)
-        call_sensor(rules.sensors[k, 0], record_at(own), world, seen, found_here)
+        call_sensor(rules.sensors[k, 0], numbers_at(own), world, seen, found_here)
     rest = observations.size - rules.proprioception
     call_row(rules.observe, seen, doubles(observations.ctypes.data + 8 * rules.proprioception, rest))
 

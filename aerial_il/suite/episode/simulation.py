@@ -10,7 +10,8 @@ from typing import Any, NoReturn
 import mujoco
 import numpy as np
 
-from aerial_il.control.laws import Law
+from aerial_il.control import controllers
+from aerial_il.control.controller import Steering
 from aerial_il.control.scratch import SCRATCH
 from aerial_il.control.vehicle import Gains, alone, record_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
@@ -61,12 +62,14 @@ class Simulation:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot, self.task.names)
-        self.gains = (gains or scenario.law.gains).fitted(self.robot.vehicle)
+        self.gains = (gains or controllers.get(scenario.controller)().gains).fitted(self.robot.vehicle)
+        self._steering = Steering(scenario.controller, self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
         self._ctrl, self._userdata = worlds.bind("ctrl"), worlds.bind("userdata")
         self._flight = Flight(
-            vehicle=alone(Law(self.gains.law).record(self.robot.vehicle)),
+            vehicle=alone(self.robot.vehicle.record),
             gains=alone(record_of(self.gains)),
+            steering=self._steering.record,
             drag=quadratic_drag(self.robot.vehicle),
             hooks=self.disturbances.table.hooks,
             level=int(scenario.level),

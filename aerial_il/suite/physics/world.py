@@ -17,11 +17,12 @@ from numba.extending import intrinsic
 
 from aerial_il.control.dynamics import put, vec
 from aerial_il.control.vehicle import MAX_JOINTS
+from aerial_il.core.addresses import called, read_at
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
 from aerial_il.suite.physics import episode_state as layout
-from aerial_il.suite.physics.native import called, doubles, read_at
+from aerial_il.suite.physics.native import doubles
 
 MAX_NAMES = 8  # of each kind that a task may use
 FORCES_START, PEAKS_START = layout.FORCES.start, layout.FORCES.start + 3 * layout.MAX_FORCES

@@ -17,6 +17,7 @@ from zlib import crc32
 
 import numpy as np
 
+from aerial_il.core.addresses import record_of_numbers
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 
@@ -46,6 +47,4 @@ class Sensor:
     def record(self, name: str, robot: Robot) -> np.ndarray:
         """Return ``own`` (1,) of the kernel of the sensor that is registered as ``name``."""
         stream = crc32(name.encode()) << 8 if self.stream is None else self.stream
-        numbers = {**self.numbers(robot), "stream": stream}
-        kinds = [(key, np.int64 if key == "stream" else np.float64) for key in numbers]
-        return np.array([tuple(numbers.values())], np.dtype(kinds, align=True))
+        return record_of_numbers({**self.numbers(robot), "stream": stream})

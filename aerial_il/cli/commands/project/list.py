@@ -68,8 +68,8 @@ def show(config: Config, found: dict[str, list[dict[str, Any]]]) -> None:
 def catalogue() -> dict[str, list[dict[str, Any]]]:
     """Return everything that is registered, as plain rows."""
     from aerial_il import algorithms, policies, robots
+    from aerial_il.control import controllers
     from aerial_il.control.actions import ActionLevel
-    from aerial_il.control.laws import Law
     from aerial_il.suite import tasks, tiers
 
     cells = tasks.cells()
@@ -86,7 +86,7 @@ def catalogue() -> dict[str, list[dict[str, Any]]]:
         "tiers": [_tier_row(tiers.get(name)) for name in tiers.names()],
         "tier_components": [_component_row(name, tiers.standard(name)) for name in tiers.components()],
         "action_levels": [{"name": level.label} for level in ActionLevel],
-        "controllers": [{"name": law.label, "summary": law.summary} for law in Law],
+        "controllers": [{"name": name, "summary": controllers.get(name).summary} for name in controllers.names()],
         "policies": [{"name": name} for name in policies.names()],
         "algorithms": [{"name": name} for name in algorithms.names()],
     }
