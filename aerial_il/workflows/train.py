@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.core.contracts import Policy
     from aerial_il.data.episode import Episode
+    from aerial_il.workflows.parts.environments import EnvironmentReference
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +91,11 @@ class Train:
 def train(settings: Train) -> Policy:
     """Train as ``settings`` say, and return the policy."""
     from aerial_il.algorithms.run.trackers import track_with
-    from aerial_il.cli.flights.by_hand import suited
-    from aerial_il.cli.flights.environments import EnvironmentReference, given
-    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
-    from aerial_il.cli.flights.training_resources import training_resources
     from aerial_il.workflows.chosen import chosen
+    from aerial_il.workflows.parts.by_hand import suited
+    from aerial_il.workflows.parts.environments import EnvironmentReference, given
+    from aerial_il.workflows.parts.rollout_evaluator import RolloutEvaluator
+    from aerial_il.workflows.parts.training_resources import training_resources
 
     dataset = settings.dataset
     policy, algorithm = chosen("policy", settings.policy), chosen("algorithm", settings.algorithm)
@@ -123,7 +123,7 @@ def _demonstrations(
     dataset: Dataset, algorithm: Any, policy: Any, where: EnvironmentReference
 ) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
-    from aerial_il.cli.flights import demonstrations
+    from aerial_il.workflows.parts import demonstrations
 
     path = dataset.path
     if path is not None:

@@ -10,10 +10,10 @@ import aiohttp
 import pytest
 
 from aerial_il.cli.configuration import groups
-from aerial_il.cli.flights.sessions import summary
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.teleop.web.controls import Controls
+from aerial_il.workflows.parts.sessions import summary
 from tests.teleop.chromium import Tab, browser, needs_browser
 from tests.teleop.flown import Flown, flown
 from tests.teleop.page.test_page import in_state, together

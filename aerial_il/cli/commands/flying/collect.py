@@ -99,9 +99,9 @@ def shards(config: Config) -> list[tuple[tuple[str, ...], str]]:
 def record(config: Config) -> None:
     """Record what is missing, and derive the LeRobot dataset if it is wanted."""
     import aerial_il
-    from aerial_il.cli.flights import typed_code
-    from aerial_il.cli.flights.environments import EnvironmentReference
     from aerial_il.core.rendering import require_rendering
+    from aerial_il.workflows.parts import typed_code
+    from aerial_il.workflows.parts.environments import EnvironmentReference
 
     _check_of_the_suite(config)
     if config.cameras:
@@ -137,7 +137,7 @@ def _check_of_the_suite(config: Config) -> None:
 
 def record_outside(config: Config) -> None:
     """Record what is missing of an environment from outside, each episode over its whole horizon."""
-    from aerial_il.cli.flights import environments, pilots
+    from aerial_il.workflows.parts import environments, pilots
 
     source = config.policy.path
     if config.rerun:
@@ -154,8 +154,8 @@ def record_outside(config: Config) -> None:
 
 def _record(config: Config, env: BatchEnv, policy: Policy, name: str, settings: Mapping[str, Any]) -> None:
     """Fly the seeds that are missing and close ``env``; then derive the LeRobot dataset if it is wanted."""
-    from aerial_il.cli.flights.watching import watched
     from aerial_il.collection.collect import collect
+    from aerial_il.workflows.parts.watching import watched
 
     try:
         with watched(env, config.threads, wanted=config.rerun) as seen:

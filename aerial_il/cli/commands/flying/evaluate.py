@@ -20,9 +20,9 @@ from aerial_il.cli.configuration.keys import MISSING, Located, Named, TierName, 
 from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flights.pilots import Pilot
     from aerial_il.core.contracts import BatchEnv
     from aerial_il.evaluation.result import EvaluationResult
+    from aerial_il.workflows.parts.pilots import Pilot
 
 
 @dataclass
@@ -59,8 +59,8 @@ class Config:
 
 def run(config: Config) -> None:
     """Evaluate, write the results, print the headline."""
-    from aerial_il.cli.flights import environments, pilots
-    from aerial_il.cli.flights.watching import watched
+    from aerial_il.workflows.parts import environments, pilots
+    from aerial_il.workflows.parts.watching import watched
 
     pilot = pilots.pilot(
         config.policy.path,
@@ -90,10 +90,10 @@ def run(config: Config) -> None:
 
 def _judged(config: Config, pilot: Pilot, env: BatchEnv, seeds: range) -> EvaluationResult:
     """Fly what is not flown yet, and write what comes of it."""
-    from aerial_il.cli.flights import results
     from aerial_il.evaluation.destination import CALLED, finished, subject_of
     from aerial_il.evaluation.journal import Journal
     from aerial_il.evaluation.rollouts import evaluate, origin_of
+    from aerial_il.workflows.parts import results
 
     spec, name, journal = env.spec, config.policy.path, Journal(config.out)
     origin = origin_of(env, pilot.policy)

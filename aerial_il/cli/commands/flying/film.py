@@ -58,10 +58,10 @@ class Config:
 
 def run(config: Config) -> None:
     """Fly, draw, and say where the animation or the film is."""
-    from aerial_il.cli.flights.pilots import expert_flight
     from aerial_il.core.rendering import require_rendering
     from aerial_il.presentation.films.reel import ReelLook, write_reel
     from aerial_il.presentation.films.side_by_side import Look, write_side_by_side
+    from aerial_il.workflows.parts.pilots import expert_flight
 
     require_rendering(f"out={config.out}")
     kind = Path(config.out).suffix

@@ -111,10 +111,10 @@ def _flights(config: Config, source: str, index: int | None, like: Episode | Non
     Args:
         like: the flight beside it, whose cell an expert flies, and whose seed.
     """
-    from aerial_il.cli.flights.inspected import flown_now, predictor
-    from aerial_il.cli.flights.scenes import SubtaskJudge
     from aerial_il.presentation.rerun.flight import Flight
     from aerial_il.presentation.rerun.sources import chosen, open_source
+    from aerial_il.workflows.parts.inspected import flown_now, predictor
+    from aerial_il.workflows.parts.scenes import SubtaskJudge
 
     with SubtaskJudge() as judge:
         predict = predictor(config.policy.path)

@@ -93,14 +93,14 @@ class Config:
 def run(config: Config) -> None:
     """Fly until interrupted, and say what comes next."""
     from aerial_il.cli.configuration import groups
-    from aerial_il.cli.flights.page import greet
-    from aerial_il.cli.flights.sessions import summary
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.devices import bindings_of, drivers_of
     from aerial_il.teleop.flight import Site, fly
     from aerial_il.teleop.session.cockpit import Cockpit
     from aerial_il.teleop.web.controls import Controls
     from aerial_il.teleop.web.window import window_program
+    from aerial_il.workflows.parts.page import greet
+    from aerial_il.workflows.parts.sessions import summary
 
     require_rendering("flying by hand")
     program = window_program() if config.ui == "window" else None
@@ -125,10 +125,10 @@ def _session(
     config: Config, bindings: Bindings, drivers: Mapping[str, Driver], operator: str
 ) -> Iterator[tuple[BatchEnvironment, Policy | None, Logbook]]:
     """Open what is flown, the policy aboard and what is recorded; nothing is recorded where a device is missing."""
-    from aerial_il.cli.flights.watching import watched
     from aerial_il.teleop.piloting.command import check_level
     from aerial_il.teleop.piloting.pilot import check_leader
     from aerial_il.teleop.session.logbook import Logbook
+    from aerial_il.workflows.parts.watching import watched
 
     policy, plain = _aboard(config)
     with closing(plain), watched(_flown_once(plain), 1, wanted=config.rerun) as env:
@@ -161,7 +161,7 @@ def _say_what_is_kept(config: Config, logbook: Logbook) -> None:
     """Print how many episodes the dataset holds, and the command that checks them."""
     from aerial_il.cli.configuration import spelling
     from aerial_il.cli.configuration.quoting import command_line
-    from aerial_il.cli.flights.sessions import write_summary
+    from aerial_il.workflows.parts.sessions import write_summary
 
     kept = logbook.counts()
     counted = f"{kept['demos']} demonstrations, {kept['failures']} failures, {kept['trash']} in the trash"
@@ -186,8 +186,8 @@ def _settings(words: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 def _aboard(config: Config) -> tuple[Policy | None, BatchEnvironment]:
     """Return the policy that flies, if any, and what is flown, with one world."""
-    from aerial_il.cli.flights.environments import EnvironmentReference
-    from aerial_il.cli.flights.pilots import pilot
+    from aerial_il.workflows.parts.environments import EnvironmentReference
+    from aerial_il.workflows.parts.pilots import pilot
 
     robot, task = (group.name if group else None for group in (config.robot, config.task))
     if config.policy.path is None:

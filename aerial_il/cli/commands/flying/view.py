@@ -91,8 +91,8 @@ def run(config: Config) -> None:
 
 
 def _show_flight(config: Config, viewer: str) -> None:
-    from aerial_il.cli.flights import pilots
     from aerial_il.presentation.films import window
+    from aerial_il.workflows.parts import pilots
 
     pilot = pilots.pilot(
         config.policy.path,
@@ -123,9 +123,9 @@ def _show_flight(config: Config, viewer: str) -> None:
 
 
 def _show_recording(config: Config, viewer: str, file: Path) -> None:
-    from aerial_il.cli.flights.scenes import same_scene
     from aerial_il.data.recording.reader import read_episode
     from aerial_il.presentation.films import window
+    from aerial_il.workflows.parts.scenes import same_scene
 
     episode = read_episode(file)
     if viewer == "window":
@@ -164,14 +164,16 @@ def _present(
 
 
 def _rerun(file: Path, out: Path) -> None:
-    from aerial_il.data.formats import rerun_view
     from aerial_il.presentation.films.window import has_screen
+    from aerial_il.presentation.rerun import program
 
     if has_screen():
-        rerun_view.open_viewer(file)
+        program.open_window(file)
         print(f"rerun shows {file}")
     else:
-        print(f"No screen here. On a machine with one: rerun {rerun_view.convert(file, out)}")
+        out.parent.mkdir(parents=True, exist_ok=True)
+        program.run("mcap", "convert", str(file), "-o", str(out))
+        print(f"No screen here. On a machine with one: rerun {out}")
 
 
 def _still(config: Config, episode: Any, out: Path) -> None:

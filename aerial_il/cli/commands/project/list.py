@@ -47,10 +47,10 @@ def run(config: Config) -> None:
 
 def show(config: Config, found: dict[str, list[dict[str, Any]]]) -> None:
     """Write the page, and the sheet if it is wanted, and say where they are."""
-    from aerial_il.cli.flights.pilots import expert_flight
     from aerial_il.core.rendering import require_rendering
     from aerial_il.presentation.films.scene_renderer import obstacle
     from aerial_il.presentation.pages.gallery import write_gallery, write_sheet
+    from aerial_il.workflows.parts.pilots import expert_flight
 
     assert config.html is not None
     if config.sheet:

@@ -66,7 +66,7 @@ def _is_dataset(place: str) -> bool:
 
 
 def _of_session(config: Config, flown: list[str]) -> Path:
-    from aerial_il.cli.flights.sessions import write_summary
+    from aerial_il.workflows.parts.sessions import write_summary
 
     if len(config.result) > 1:
         raise InvalidValueError(f"{flown[0]} is a folder of recordings: report it alone.")
@@ -74,10 +74,10 @@ def _of_session(config: Config, flown: list[str]) -> Path:
 
 
 def _of_evaluation(config: Config) -> Path:
-    from aerial_il.cli.flights import results
     from aerial_il.evaluation.curves import LearningPoint
     from aerial_il.evaluation.result import load_result
     from aerial_il.presentation.pages.report import write_report
+    from aerial_il.workflows.parts import results
 
     if len(config.result) > 1:
         raise InvalidValueError(f"{config.result[0]} is not a training run; evaluations are reported one at a time.")
@@ -96,8 +96,8 @@ def _of_evaluation(config: Config) -> Path:
 
 
 def _of_run(config: Config, run: TrainingRun) -> Path:
-    from aerial_il.cli.flights import run_results
     from aerial_il.presentation.pages.run_report import write_run_report
+    from aerial_il.workflows.parts import run_results
 
     predictions, note = run_results.predictions(run, config.dataset.path)
     rewarded, films = run_results.rewarded(run, config.dataset.path), run_results.footage(run, config.videos)

@@ -127,7 +127,7 @@ def _write_page(found: RunCollection) -> Path:
 
 def _prune(config: Config, found: RunCollection) -> None:
     """Move or remove the runs that were listed, one by one, and say so."""
-    from aerial_il.cli.flights.pruning import prune
+    from aerial_il.workflows.parts.pruning import prune
 
     for listed in found.runs:
         print(prune(listed, found.folder, delete=config.prune == "delete"))

@@ -46,10 +46,10 @@ from aerial_il.cli.configuration.keys import (
 from aerial_il.cli.configuration.quoting import command_line
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flights.environments import EnvironmentReference
-    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
     from aerial_il.core.contracts import Algorithm
     from aerial_il.data.episode import Episode
+    from aerial_il.workflows.parts.environments import EnvironmentReference
+    from aerial_il.workflows.parts.rollout_evaluator import RolloutEvaluator
 
 COMMAND = "command.json"
 
@@ -109,7 +109,7 @@ class Config:
     @property
     def reference(self) -> EnvironmentReference:
         """The environment that was named."""
-        from aerial_il.cli.flights.environments import EnvironmentReference, given
+        from aerial_il.workflows.parts.environments import EnvironmentReference, given
 
         return EnvironmentReference(
             env=self.env,
@@ -132,7 +132,7 @@ def learn(config: Config) -> None:
     """Train, and say where the policy lies."""
     from aerial_il.algorithms.run.trackers import track_with
     from aerial_il.cli.configuration.build import build_all
-    from aerial_il.cli.flights.by_hand import suited
+    from aerial_il.workflows.parts.by_hand import suited
 
     settings = dict(config.algorithm)
     if config.evaluate_every is not None:
@@ -161,8 +161,8 @@ def learn(config: Config) -> None:
 
 def _demonstrations(config: Config, algorithm: Algorithm, policy: Any) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
-    from aerial_il.cli.flights import demonstrations
     from aerial_il.core.errors import InvalidValueError
+    from aerial_il.workflows.parts import demonstrations
 
     path, reference = config.dataset.path, config.reference
     if path is not None:
@@ -185,7 +185,7 @@ def _rollout_evaluator(config: Config, algorithm: Algorithm) -> Iterator[Rollout
     if not algorithm.evaluate_every:
         yield None
         return
-    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
+    from aerial_il.workflows.parts.rollout_evaluator import RolloutEvaluator
 
     flights = RolloutEvaluator(
         config.evaluate_episodes, config.evaluate_seed, config.evaluate_tier, threads=config.threads, env=config.env
@@ -235,7 +235,7 @@ def command(config: Config) -> str:
 
 def _training_resources(config: Config, algorithm: Algorithm, policy: Any) -> AbstractContextManager[dict[str, Any]]:
     """Return what an algorithm that flies while it learns is handed."""
-    from aerial_il.cli.flights.training_resources import training_resources
+    from aerial_il.workflows.parts.training_resources import training_resources
 
     return training_resources(
         algorithm,
