@@ -10,6 +10,12 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+
+from aerial_il import robots
+from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.arrays import length
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite import tiers
 from aerial_il.suite.disturbances.wind import (
     LARGEST_GUST,
     WORK_HEIGHT_M,
@@ -21,12 +27,6 @@ from aerial_il.suite.disturbances.wind import (
     length_scales,
     mean_share,
 )
-
-from aerial_il import robots
-from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.arrays import length
-from aerial_il.core.errors import InvalidValueError
-from aerial_il.suite import tiers
 from aerial_il.suite.timing import CONTROL_DT_S
 from experiments.common.figures import force_lines, spectra
 from experiments.common.report import Report, Row, Target
