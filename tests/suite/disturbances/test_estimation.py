@@ -14,12 +14,13 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import mat_from_rot6d
 from aerial_il.suite import tasks, tiers
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.disturbances.estimation import Estimation
 from aerial_il.suite.episode.simulation import STATE_OFFSET
 from aerial_il.suite.physics import episode_state
 from aerial_il.suite.physics.world import Names
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.tasks.track import Track
-from aerial_il.suite.tiers import Estimation, Tier
+from aerial_il.suite.tiers import Tier
 from tests.contract.registered import SAMPLE, hold_actions, random_actions
 
 ROBOT, STEPS = "fa_hexa_arm4", 150
@@ -35,7 +36,7 @@ def load(monkeypatch: pytest.MonkeyPatch) -> Load:
     """Load worlds without disturbances but ``estimation``."""
 
     def make(task: str, estimation: Estimation | None, n: int = 3, robot: str = ROBOT) -> BatchEnvironment:
-        tier = Tier("calm", estimation=estimation)
+        tier = Tier("calm", {"estimation": estimation} if estimation else {})
         monkeypatch.setattr(Scenario, "tier", property(lambda scenario: tier))
         return aerial_il.load_batch(robot, task, num_envs=n)
 
@@ -129,19 +130,18 @@ def test_objects_are_seen_as_many_steps_late_as_declared(load: Load, lag: int) -
 @pytest.mark.parametrize("robot", ["fa_hexa_arm4", "ua_quad_arm4", "z1"])
 def test_base_and_tool_move_as_one_and_as_the_controller_estimates_them(robot: str) -> None:
     worlds = aerial_il.load_batch(robot, "pick_place", num_envs=16, tier="hard")
-    view, sensors = worlds.simulation.view, worlds.simulation.scenario.tier.sensors
+    view, effects = worlds.simulation.view, worlds.simulation.disturbances.table.effects
     obs = worlds.reset(0)
     for action in random_actions(worlds.spec.action, 5, 16):
         obs = worlds.step(action).obs
     if robot == "z1":
         np.testing.assert_array_equal(obs["ee_pos"], view.tool_pos, err_msg="where a fixed base stands is known")
         return
-    noise = worlds.simulation.view.userdata[:, episode_state.NOISE]
-    np.testing.assert_allclose(obs["base_pos"], view.base_pos + sensors.position * noise[:, :3], atol=1e-12)
-    np.testing.assert_allclose(obs["base_vel"], view.base_vel + sensors.velocity * noise[:, 3:6], atol=1e-12)
-    np.testing.assert_allclose(obs["base_angvel"], view.base_angvel + sensors.rate * noise[:, 9:], atol=1e-12)
+    np.testing.assert_allclose(obs["base_pos"], view.base_pos + effects["position"], atol=1e-12)
+    np.testing.assert_allclose(obs["base_vel"], view.base_vel + effects["velocity"], atol=1e-12)
+    np.testing.assert_allclose(obs["base_angvel"], view.base_angvel + effects["rate"], atol=1e-12)
     seen, true = mat_from_rot6d(obs["base_rot6d"]), view.base_mat.reshape(-1, 3, 3)
-    assert np.abs(seen - true).max() > 0.1 * sensors.attitude
+    assert np.abs(seen - true).max() > 1e-4
     arm_seen = np.einsum("nji,nj->ni", seen, obs["ee_pos"] - obs["base_pos"])
     arm_true = np.einsum("nji,nj->ni", true, view.tool_pos - view.base_pos)
     np.testing.assert_allclose(arm_seen, arm_true, atol=1e-12)
@@ -270,9 +270,8 @@ def test_without_the_component_all_is_exact() -> None:
 
 def test_a_recording_tells_the_errors_that_were_declared() -> None:
     spec = aerial_il.load_batch(ROBOT, "pick_place", num_envs=1, tier="gusts").spec
-    assert spec.disturbances["estimation"] == vars(DECLARED)
-    hard = tiers.HARD.estimation
-    assert hard is not None
+    assert spec.disturbances["estimation"] == vars(DECLARED) | {"memory": DECLARED.memory}
+    hard = tiers.standard("estimation")
     assert all(getattr(hard, name) > value for name, value in vars(DECLARED).items() if name != "time")
 
 

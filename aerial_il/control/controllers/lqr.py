@@ -23,11 +23,15 @@ shortened so that it asks for no more than the largest tilt.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from aerial_il.control import controller_state as layout
-from aerial_il.control.dynamics import vec
+from aerial_il.control.controllers.law import Law
+from aerial_il.control.dynamics import put, vec
+from aerial_il.control.flight import feed_arm_forward, mat
 from aerial_il.control.hover import hover_body
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.kernels import kernel
@@ -39,6 +43,16 @@ LARGEST_YAW, LARGEST_YAW_RATE = 0.4, 2.0  # rad, rad/s
 LARGEST_PUSH, LARGEST_LIFT = 2.0, 4.0  # m/s²: force per mass, sideways and vertical
 LARGEST_TILT_ACCELERATION, LARGEST_YAW_ACCELERATION = 50.0, 6.0  # rad/s²: torque per inertia
 LEAST_UPRIGHTNESS = 0.5  # cos φ cos θ, below which lift is not made up for
+
+
+@dataclass(frozen=True)
+class LQR(Law):
+    """Bouabdallah, Noth & Siegwart (2004), weights by Bryson's rule."""
+
+    summary: ClassVar[str] = "textbook state feedback about hover, trimmed for the arm at rest"
+
+    def numbers(self, vehicle: Vehicle) -> dict[str, Any]:
+        return {"feedback": feedback_matrix(vehicle), "com": hover_body(vehicle).com}
 
 
 def feedback_matrix(vehicle: Vehicle) -> np.ndarray:
@@ -77,31 +91,29 @@ def regulator(a: np.ndarray, b: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.
 
 
 @kernel
-def lqr_wrench(vehicle, gains, state, pos, vel, rot, omega_body):
-    """Force (N) and torque about the base origin (N m), body frame, that bring the base to its reference.
-
-    Args:
-        vehicle, gains: model, feedback matrix included, and tuning. state: controller state.
-        pos, vel: of the base, world. rot: world from base. omega_body: rad/s.
-    """
+def steer(own, vehicle, gains, scratch, state):
+    """Feedback of the twelve errors, beyond the input of hover."""
+    feed_arm_forward(vehicle, scratch, (0.0, 0.0, 0.0))
+    pos, vel, rot = vec(scratch.base_pos, 0), vec(scratch.base_vel, 0), mat(scratch.base_rot)
     roll, pitch, yaw = euler_from_mat(rot)
     c, s = math.cos(yaw), math.sin(yaw)
     heading = (c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
     off = rotate_back(heading, sub(pos, vec(state, layout.BASE_POS)))
     drift = rotate_back(heading, sub(vel, vec(state, layout.BASE_VEL)))
     lean = (roll, pitch, wrap_angle(yaw - state[layout.BASE_YAW]))
-    spin = sub(omega_body, (0.0, 0.0, state[layout.BASE_YAW_RATE]))
-    share = _share_within_tilt(vehicle.feedback, off, drift, gains.max_tilt)
+    spin = sub(vec(scratch.rate, 0), (0.0, 0.0, state[layout.BASE_YAW_RATE]))
+    share = _share_within_tilt(own.feedback, off, drift, gains.max_tilt)
     off, drift = (share * off[0], share * off[1], off[2]), (share * drift[0], share * drift[1], drift[2])
-    force = scale(-1.0, _rows(vehicle.feedback, 0, off, drift, lean, spin))
-    torque = scale(-1.0, _rows(vehicle.feedback, 3, off, drift, lean, spin))
+    force = scale(-1.0, _rows(own.feedback, 0, off, drift, lean, spin))
+    torque = scale(-1.0, _rows(own.feedback, 3, off, drift, lean, spin))
     mass = vehicle.base_mass
     for j in range(vehicle.num_joints):
         mass += vehicle.link_mass[j]
     most = mass * gains.max_acceleration
     upright = max(math.cos(roll) * math.cos(pitch), LEAST_UPRIGHTNESS)
     force = (force[0], force[1], (mass * GRAVITY + clip(force[2], -most, most)) / upright)
-    return force, add(torque, cross(vec(vehicle.hover_com, 0), force))
+    put(scratch.force, 0, force)
+    put(scratch.torque, 0, add(torque, cross(vec(own.com, 0), force)))
 
 
 @kernel

@@ -8,10 +8,10 @@ import pytest
 
 from aerial_il import robots
 from aerial_il.control import controller_state as layout
-from aerial_il.control import laws, lqr
+from aerial_il.control import controllers
 from aerial_il.control.controller import Controller
+from aerial_il.control.controllers import lqr
 from aerial_il.control.hover import hover_body
-from aerial_il.control.laws import Law
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.errors import UnknownNameError
 from experiments.controllers.steps import StepFigures, step_figures
@@ -28,7 +28,7 @@ BOUNDS = {
     "lqr": {"position": (0.8, 5.0, 1.3), "yaw": (0.9, 5.0, 1.2)},
 }
 each_robot = pytest.mark.parametrize("robot", ROBOTS)
-each_law = pytest.mark.parametrize("law", laws.names())
+each_law = pytest.mark.parametrize("law", controllers.names())
 
 
 def step(robot: str, law: str, kind: str) -> StepFigures:
@@ -70,12 +70,12 @@ def test_the_tool_goes_where_it_is_told_under_every_law(robot: str, law: str) ->
 @each_robot
 def test_pid_removes_a_constant_force_and_pd_alone_does_not(robot: str) -> None:
     left = {}
-    for name, gains in (("pid", None), ("pd", Law.PID.gains._replace(integral=0.0))):
+    for name, gains in (("pid", None), ("pd", controllers.get("pid")().gains._replace(integral=0.0))):
         flight = Flight(robot, "base_joint", law="pid", gains=gains)
         action = flight.place()
         flight.fly(action, 10.0, (0.08 * flight.vehicle.mass * GRAVITY, 0.0, 0.0))
         left[name] = abs(flight.base[0] - action[0])
-    expected = 0.08 * GRAVITY / Law.PID.gains.position
+    expected = 0.08 * GRAVITY / controllers.get("pid")().gains.position
     assert left["pid"] < 0.005
     assert left["pd"] == pytest.approx(expected, rel=0.25), "force per mass over stiffness"
 
@@ -133,12 +133,6 @@ def test_the_hovering_body_is_mujocos(vehicle: Vehicle) -> None:
     assert body.mass == pytest.approx(full[0, 0])
     np.testing.assert_allclose(body.com, data.subtree_com[1], atol=1e-12)
     np.testing.assert_allclose(about_origin, full[3:6, 3:6], atol=1e-12)
-
-
-@each_law
-def test_a_law_parses_its_own_name_and_says_what_it_is(law: str) -> None:
-    assert Law.parse(law).label == law
-    assert len(Law.parse(law).summary) > 10
 
 
 def test_an_unknown_law_is_answered_with_the_nearest() -> None:

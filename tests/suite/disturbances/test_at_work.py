@@ -15,14 +15,16 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data.dataset import open_dataset
 from aerial_il.experts import make
 from aerial_il.suite import tiers
+from aerial_il.suite.disturbances import latency
+from aerial_il.suite.disturbances.wind import air_about
+from aerial_il.suite.episode.disturbances import effects_of
 from aerial_il.suite.physics import episode_state as layout
-from aerial_il.suite.physics.latency import MAX_ACTION, MAX_DELAY, exchange
 from aerial_il.suite.scenario import Scenario
-from tests.contract.registered import batch, single
+from tests.contract.registered import batch, hold_actions, single
 
 ROBOT, TASK = "ua_quad_arm4", "pick_place"
 SEEDS = np.array([3, 7, 21])
-each_component = pytest.mark.parametrize("component", tiers.COMPONENTS)
+each_component = pytest.mark.parametrize("component", tiers.components())
 
 
 def flown(tier: str, level: str = "velocity", steps: int = 12, seeds: np.ndarray = SEEDS) -> tuple[dict, np.ndarray]:
@@ -37,7 +39,7 @@ def flown(tier: str, level: str = "velocity", steps: int = 12, seeds: np.ndarray
     return obs, np.stack(poses)
 
 
-@pytest.mark.parametrize("tier", [*tiers.names(), *(f"calm+{name}" for name in tiers.COMPONENTS)])
+@pytest.mark.parametrize("tier", [*tiers.names(), *(f"calm+{name}" for name in tiers.components())])
 def test_the_same_seed_starts_alike_in_every_tier(tier: str) -> None:
     calm, other = batch(ROBOT, TASK, "calm", "velocity"), batch(ROBOT, TASK, tier, "velocity")
     starts = calm.reset(SEEDS), other.reset(SEEDS)
@@ -45,7 +47,7 @@ def test_the_same_seed_starts_alike_in_every_tier(tier: str) -> None:
         np.testing.assert_array_equal(
             *(getattr(worlds.simulation.view, name) for worlds in (calm, other)), err_msg=name
         )
-    if tiers.get(tier).estimation is None:
+    if "estimation" not in tiers.get(tier).parts:
         for name, value in starts[0].items():
             np.testing.assert_array_equal(value, starts[1][name], err_msg=name)
 
@@ -61,9 +63,8 @@ def test_a_component_alone_changes_the_flight_and_only_its_own_memory(component:
     worlds = batch(ROBOT, TASK, tier, "velocity")
     worlds.reset(SEEDS)
     userdata, model = worlds.simulation.view.userdata, worlds.simulation.worlds.model
-    assert userdata[:, layout.WIND].any() == (component == "wind")
-    assert userdata[:, layout.ERRORS].any() == userdata[:, layout.PAST].any() == (component == "estimation")
-    assert userdata[:, layout.DELAY].any() == userdata[:, layout.QUEUE].any() == (component == "latency")
+    for name, part in layout.MEMORIES.items():
+        assert userdata[:, part].any() == (name in ("noise", component)), name
     own = [worlds.simulation.worlds.own_model(i) for i in range(3)]
     for name, owner in (("body_mass", "payload"), ("geom_friction", "friction"), ("actuator_gainprm", "motors")):
         changed = [not np.array_equal(getattr(m, name), getattr(model, name)) for m in own]
@@ -79,12 +80,7 @@ def test_leaving_a_component_out_leaves_the_others_draws_alone(component: str) -
     states = [batch(ROBOT, TASK, t) for t in ("hard", f"hard-{component}")]
     for worlds in states:
         worlds.reset(SEEDS)
-    for part, owner in (
-        (layout.WIND, "wind"),
-        (layout.NOISE, "noise"),
-        (layout.DELAY, "latency"),
-        (layout.ERRORS, "estimation"),
-    ):
+    for owner, part in layout.MEMORIES.items():
         if owner != component:
             a, b = (worlds.simulation.view.userdata[:, part] for worlds in states)
             np.testing.assert_array_equal(a, b)
@@ -93,7 +89,7 @@ def test_leaving_a_component_out_leaves_the_others_draws_alone(component: str) -
 def test_without_noise_the_estimate_is_the_truth() -> None:
     worlds = batch(ROBOT, TASK, "calm-noise", "velocity")
     flown("calm-noise")
-    assert not worlds.simulation.view.userdata[:, layout.NOISE].any()
+    assert not worlds.simulation.view.userdata[:, layout.MEMORIES["noise"]].any()
 
 
 def test_late_actions_fly_as_the_same_actions_sent_later() -> None:
@@ -104,7 +100,7 @@ def test_late_actions_fly_as_the_same_actions_sent_later() -> None:
     stay = np.zeros((3, worlds.spec.action.size))
     stay[:, -1] = 1.0
     worlds.reset(SEEDS)
-    delays = worlds.simulation.view.userdata[:, layout.DELAY].astype(int)
+    delays = worlds.simulation.view.userdata[:, layout.MEMORIES["latency"].start].astype(int)
     assert set(delays) == {1, 2}, "these seeds show both"
     late = []
     for action in actions:
@@ -119,13 +115,14 @@ def test_late_actions_fly_as_the_same_actions_sent_later() -> None:
 
 
 def test_the_queue_is_first_in_first_out() -> None:
-    queues, due = np.zeros((4, MAX_DELAY * MAX_ACTION)), np.zeros((4, 2))
-    delays, active, seen = np.array([0.0, 1.0, 2.0, 2.0]), np.array([True, True, True, False]), []
-    for k in range(1, 6):
-        exchange(delays, queues, np.full((4, 2), float(k)), active, due)
-        seen.append(due[:, 0].copy())
-    np.testing.assert_array_equal(np.array(seen)[:, :3].T, [[1, 2, 3, 4, 5], [0, 1, 2, 3, 4], [0, 0, 1, 2, 3]])
-    assert not queues[3].any(), "a world that stands still keeps its queue"
+    for delay, arrived in ((0, [1, 2, 3, 4, 5]), (1, [0, 1, 2, 3, 4]), (2, [0, 0, 1, 2, 3])):
+        memory, seen = np.zeros(latency.Latency.memory), []
+        memory[latency.DELAY] = delay
+        for k in range(1, 6):
+            action = np.full(2, float(k))
+            latency.arrive.py_func(None, memory, None, action)
+            seen.append(action[0])
+        assert seen == arrived
 
 
 def test_both_delays_are_drawn_equally_often() -> None:
@@ -190,12 +187,25 @@ def test_an_unknown_mass_is_learnt_by_the_observer() -> None:
 def test_the_specification_records_the_tier_in_full() -> None:
     spec = Scenario(ROBOT, TASK, "hard").spec
     described = json.loads(json.dumps(spec.to_dict()))["disturbances"]
-    assert tuple(described) == tiers.COMPONENTS
+    assert tuple(described) == tiers.components()
     assert described["wind"]["share"] == 0.13
-    assert described["wind"]["speed_at_6m_m_s"] == pytest.approx(Scenario(ROBOT, TASK, "hard").air.speed)
+    assert described["wind"]["speed_at_6m_m_s"] == pytest.approx(
+        air_about(Scenario(ROBOT, TASK).robot.vehicle, 0.13).speed
+    )
     assert EnvSpec.from_dict(spec.to_dict()) == spec
     assert Scenario(ROBOT, TASK, "calm+wind+latency").spec.tier == Scenario(ROBOT, TASK, "calm+latency+wind").spec.tier
     assert Scenario(ROBOT, TASK).spec.differences(spec) == [], "policies and datasets go across tiers"
+
+
+def test_films_read_what_a_recorded_flight_was_disturbed_by() -> None:
+    worlds = batch(ROBOT, TASK, "gusts")
+    worlds.reset(SEEDS)
+    worlds.step(hold_actions(worlds))
+    effects = effects_of(worlds.spec, worlds.model, worlds.get_state())
+    np.testing.assert_array_equal(effects["wind"], worlds.simulation.disturbances.table.effects["wind"])
+    assert np.abs(effects["wind"]).max() > 1.0
+    calm = batch(ROBOT, TASK)
+    assert not effects_of(calm.spec, calm.model, worlds.get_state())["wind"].any()
 
 
 def test_a_recording_says_what_disturbed_it(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ import pytest
 from aerial_il import robots
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.kernels import kernel
-from aerial_il.suite.physics import wind
-from aerial_il.suite.physics.wind import Air, advance_wind, air_about, intensities, length_scales, mean_share
+from aerial_il.suite.disturbances import wind
+from aerial_il.suite.disturbances.wind import Air, advance_wind, air_about, intensities, length_scales, mean_share
 
 AIR = Air(speed=10.0, quadratic_drag=0.05, span=0.7, pressure_spread=0.02)
 HEIGHT = 6.0

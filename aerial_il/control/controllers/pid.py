@@ -20,10 +20,17 @@ A vehicle with tilted rotors exerts as much of the sideways force as it can and 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
 
 from aerial_il.control import controller_state as layout
+from aerial_il.control.controllers.law import Law
 from aerial_il.control.dynamics import put, vec
-from aerial_il.control.vehicle import GRAVITY
+from aerial_il.control.flight import feed_arm_forward, mat
+from aerial_il.control.hover import hover_body
+from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
     add,
@@ -39,22 +46,30 @@ from aerial_il.core.rotations import (
 )
 
 NEAR, NEAR_ANGLE = 0.2, 0.15  # m, rad: an integrator stands still farther from its reference
+POSITION_INTEGRAL, ATTITUDE_INTEGRAL = layout.LAW, layout.LAW + 3  # added so far, m/s² (world) and rad/s²
 LARGEST_POSITION_INTEGRAL = 3.0  # m/s²
 LARGEST_ATTITUDE_INTEGRAL = 30.0  # rad/s², on each axis
 LARGEST_TILT_ACCELERATION, LARGEST_YAW_ACCELERATION = 60.0, 20.0  # rad/s²
 LEAST_UPRIGHTNESS = 0.5  # cos φ cos θ, below which lift is not made up for
 
 
-@kernel
-def pid_wrench(vehicle, gains, state, pos, vel, rot, omega_body, feed_forward, dt):
-    """Force (N) and torque about the base origin (N m), body frame, that bring the base to its reference.
+@dataclass(frozen=True)
+class PID(Law):
+    """Mahony, Kumar & Corke (2012), with integrators that do not wind up."""
 
-    Args:
-        vehicle, gains: model and tuning. state: controller state; the integrals in it are advanced.
-        pos, vel: of the base, world. rot: world from base. omega_body: rad/s.
-        feed_forward: acceleration of the reference, world, m/s². dt: s.
-    """
-    acc = _position_loop(gains, state, pos, vel, feed_forward, dt)
+    summary: ClassVar[str] = "textbook cascade: PID for position and attitude, hover thrust fed forward"
+
+    def numbers(self, vehicle: Vehicle) -> dict[str, Any]:
+        return {"inertia": np.diag(hover_body(vehicle).inertia)}
+
+
+@kernel
+def steer(own, vehicle, gains, scratch, state):
+    """The cascade; integrals in the state are advanced."""
+    feed_arm_forward(vehicle, scratch, (0.0, 0.0, 0.0))
+    pos, vel, rot = vec(scratch.base_pos, 0), vec(scratch.base_vel, 0), mat(scratch.base_rot)
+    dt = scratch.dt
+    acc = _position_loop(gains, state, pos, vel, vec(scratch.feed_forward, 0), dt)
     mass = vehicle.base_mass
     for j in range(vehicle.num_joints):
         mass += vehicle.link_mass[j]
@@ -65,13 +80,13 @@ def pid_wrench(vehicle, gains, state, pos, vel, rot, omega_body, feed_forward, d
     forward, left = by_tilt * (c * acc[0] + s * acc[1]), by_tilt * (-s * acc[0] + c * acc[1])
     tilt = limit_norm((-left, forward, 0.0), gains.max_tilt)
     error = (tilt[0] - roll, tilt[1] - pitch, wrap_angle(state[layout.BASE_YAW] - yaw))
-    rate_error = sub((0.0, 0.0, state[layout.BASE_YAW_RATE]), omega_body)
+    rate_error = sub((0.0, 0.0, state[layout.BASE_YAW_RATE]), vec(scratch.rate, 0))
     alpha = _attitude_loop(gains, state, error, rate_error, dt)
     push = rotate_back(rot, scale(mass, add(acc, (0.0, 0.0, GRAVITY))))
     lift = mass * (GRAVITY + acc[2]) / max(math.cos(roll) * math.cos(pitch), LEAST_UPRIGHTNESS)
-    inertia = vec(vehicle.hover_inertia, 0)
-    torque = (inertia[0] * alpha[0], inertia[1] * alpha[1], inertia[2] * alpha[2])
-    return (push[0], push[1], lift), torque
+    put(scratch.force, 0, (push[0], push[1], lift))
+    for k in range(3):
+        scratch.torque[k] = own.inertia[k] * alpha[k]
 
 
 @kernel
@@ -79,12 +94,12 @@ def _position_loop(gains, state, pos, vel, feed_forward, dt):
     """Commanded acceleration of the base, world, m/s²."""
     error = sub(vec(state, layout.BASE_POS), pos)
     error_rate = sub(vec(state, layout.BASE_VEL), vel)
-    integral = vec(state, layout.POSITION_INTEGRAL)
+    integral = vec(state, POSITION_INTEGRAL)
     wanted = add(feed_forward, add(scale(gains.position, error), scale(gains.velocity, error_rate)))
     wanted = add(wanted, integral)
     if norm(error) < NEAR and (norm(wanted) <= gains.max_acceleration or dot(wanted, error) < 0.0):
         integral = limit_norm(add(integral, scale(gains.integral * dt, error)), LARGEST_POSITION_INTEGRAL)
-        put(state, layout.POSITION_INTEGRAL, integral)
+        put(state, POSITION_INTEGRAL, integral)
     return limit_norm(wanted, gains.max_acceleration)
 
 
@@ -92,10 +107,10 @@ def _position_loop(gains, state, pos, vel, feed_forward, dt):
 def _attitude_loop(gains, state, error, rate_error, dt):
     """Commanded angular acceleration about roll, pitch and yaw, rad/s²; ``error`` in rad, ``rate_error`` in rad/s."""
     pid, limit = (gains.attitude, gains.attitude_integral, gains.rate), LARGEST_TILT_ACCELERATION
-    roll = _axis(state, layout.ATTITUDE_INTEGRAL, error[0], rate_error[0], pid, limit, dt)
-    pitch = _axis(state, layout.ATTITUDE_INTEGRAL + 1, error[1], rate_error[1], pid, limit, dt)
+    roll = _axis(state, ATTITUDE_INTEGRAL, error[0], rate_error[0], pid, limit, dt)
+    pitch = _axis(state, ATTITUDE_INTEGRAL + 1, error[1], rate_error[1], pid, limit, dt)
     pid, limit = (gains.heading, gains.heading_integral, gains.heading_rate), LARGEST_YAW_ACCELERATION
-    return (roll, pitch, _axis(state, layout.ATTITUDE_INTEGRAL + 2, error[2], rate_error[2], pid, limit, dt))
+    return (roll, pitch, _axis(state, ATTITUDE_INTEGRAL + 2, error[2], rate_error[2], pid, limit, dt))
 
 
 @kernel
