@@ -1,4 +1,4 @@
-"""Interactive learning: who flies, who is asked, what it costs, what it brings, and that a kill costs nothing."""
+"""Dagger learning: who flies, who is asked, what it costs, what it brings, and that a kill costs nothing."""
 
 from __future__ import annotations
 

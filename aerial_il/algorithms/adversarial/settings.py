@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import Shape
+from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.algorithms.run.checks import (
     require_choice,
@@ -107,3 +109,17 @@ class Adversarial(Imitation):
             "actions": True,
             "form": self.reward,
         }
+
+
+class Pretrained(Protocol):
+    """What may begin with behavioural cloning."""
+
+    @property
+    def bc_pretrain_steps(self) -> int: ...
+    @property
+    def demonstrations(self) -> Demonstrations: ...
+
+
+def begins_cloned(settings: Pretrained) -> bool:
+    """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
+    return settings.bc_pretrain_steps > 0 and settings.demonstrations.control != "constant_reward"

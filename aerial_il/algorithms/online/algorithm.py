@@ -42,6 +42,8 @@ class Algorithm(ABC):
             environment's own rule for goals.
         reward_patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
         failures: learn from failed demonstrations too; rewards tell them from the others.
+        prior: a run or policy of the same class and sizes, from whose weights the actor starts; null for random ones.
+            It flies through the warm-up in place of random actions, while the critics alone learn its value.
         obs_norm: standardise observations by their moments in the warm-up, which are fixed from then on.
         threads: torch threads; results repeat bit for bit at a fixed number only.
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from aerial_il.algorithms.rl.on_policy import OnPolicy
 
 from aerial_il import algorithms
 from aerial_il.algorithms.dqn import DQN, DeepQAgent, HeldChoices
@@ -20,7 +21,6 @@ from aerial_il.algorithms.online.interface import check_policy, encode, plain_in
 from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.rl.on_policy import OnPolicy
 from aerial_il.algorithms.rl.reinforcement import RelabelledReinforcement
 from aerial_il.algorithms.run.folder import CONFIG, read_metrics
 from aerial_il.core.contracts import StepResult
