@@ -13,8 +13,9 @@ import numpy as np
 from aerial_il.core.bounded import read_npz
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.check import episode_of
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.foreign import foreign_episode
+from aerial_il.data.source import Raw
 from experiments.adroit.tasks import AdroitTask
 
 FIELD = "observation"
@@ -41,17 +42,15 @@ def flown_by_people(task: AdroitTask, data: Path, spec: EnvSpec) -> list[Episode
     Their actions are clipped to the environment's bounds, as the environment itself does; what followed the last action
     was not recorded, so that this action is left out. All are taken for successes, for they were meant to be imitated.
     """
-    arrays = read_npz(file_of(task, data))
-    names = sorted({name.partition("/")[0] for name in arrays})
-    return [
-        foreign_episode(
-            f"{task.name}-people-{name}",
-            spec,
+    file = file_of(task, data)
+    arrays, found = read_npz(file), []
+    for name in sorted({name.partition("/")[0] for name in arrays}):
+        actions = np.clip(arrays[f"{name}/actions"][:-1], spec.action.low, spec.action.high)
+        raw = Raw(
             obs={FIELD: arrays[f"{name}/observations"]},
-            actions=np.clip(arrays[f"{name}/actions"][:-1], spec.action.low, spec.action.high),
+            actions=actions,
             rewards=arrays[f"{name}/rewards"][:-1],
-            truncated=True,
-            source=file_of(task, data).name,
+            truncated=np.ones(len(actions), bool),
         )
-        for name in names
-    ]
+        found.append(episode_of(f"{task.name}-people-{name}", raw, spec, note=f"read from {file.name}"))
+    return found

@@ -24,8 +24,10 @@ import aerial_il
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import write_json
+from aerial_il.core.progress import Progress
 from aerial_il.core.rendering import require_rendering
-from aerial_il.data.formats.lerobot import convert_to_lerobot
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.formats import lerobot
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.evaluation.statistics import mcnemar, paired_difference, wilson
@@ -125,7 +127,8 @@ class Lerobot:
                 collect(env, expert, seeds, path, settings={"noise": self.noise}, progress=progress)
             finally:
                 env.close()
-            return convert_to_lerobot(path, progress=progress)
+            episodes = Progress(open_dataset(path), desc="convert", unit="ep", disable=not progress)
+            return lerobot.write(episodes, derived)
 
     def _train(self, folder: Path, dataset: Path) -> Path:
         """Return what lerobot's trainer has saved at the end."""

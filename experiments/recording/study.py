@@ -16,7 +16,7 @@ import aerial_il
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.formats.lerobot import convert_to_lerobot
+from aerial_il.data.formats import lerobot
 from aerial_il.evaluation.rollouts import rollouts
 from experiments.common.report import Report, Row, Target, bar
 
@@ -115,7 +115,7 @@ class Recording:
         some.mkdir()
         for file in sorted((folder / "data" / "demos").glob("*.mcap"))[: self.converted]:
             (some / file.name).symlink_to(file)
-        return len(open_dataset(convert_to_lerobot(some, progress=False)))
+        return len(open_dataset(lerobot.write(open_dataset(some), some / "derived")))
 
 
 def collecting_row(found: Mapping[str, list[float]]) -> Row:

@@ -10,7 +10,7 @@ from aerial_il.cli.configuration.compose import compose
 from aerial_il.cli.configuration.overrides import known_keys, prepare
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
-TRAIN, EVALUATE = commands.find("train"), commands.find("evaluate")
+TRAIN, EVALUATE, BENCH = (commands.find(name) for name in ("train", "evaluate", "bench"))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.data.formats.lerobot import features_of
+from aerial_il.data.formats.parts.lerobot.writing import features_of
 
 ROOT = Path(__file__).resolve().parents[2]
 ROBOT, TASK = "fa_hexa_arm4", "reach"

@@ -33,6 +33,8 @@ class Config:
 
 def run(config: Config) -> None:
     """Write what is asked for and say where."""
+    if config.site and not Path(config.site).exists():
+        print("Building the site takes about 30 s of processor time; a second time takes 10.", flush=True)
     if config.out:
         for path in write_pages(config.out, films=config.films):
             print(path)
@@ -40,7 +42,7 @@ def run(config: Config) -> None:
         from aerial_il.cli import reference
         from aerial_il.presentation.documentation.site import build
 
-        start = build(config.site, reference.pages(), strict=config.strict)
+        start = build(config.site, reference.pages(), strict=config.strict, quiet=True)
         print(f"Site: {start}")
         if config.open:
             show(start)
@@ -55,16 +57,16 @@ def write_pages(folder: str, *, films: bool) -> list[Path]:
 
 
 def write_drawings(folder: str) -> list[Path]:
-    """Draw the frames, and the rooms where this is a checkout, whose contract says how they stand."""
+    """Draw the frames, and where this is a checkout the layers and the results, from the contract and the records."""
     from aerial_il import robots
     from aerial_il.core.files import write_atomic
-    from aerial_il.presentation.documentation import layers
+    from aerial_il.presentation.documentation import layers, results
     from aerial_il.presentation.documentation.sources import ROOT
     from aerial_il.presentation.pages import frames
 
     drawn = {"frames.svg": frames.drawing(robots.get(FRAMES_OF))}
     if (ROOT / layers.CONTRACT).exists():
-        drawn["architecture.svg"] = layers.drawing(ROOT)
+        drawn |= {"architecture.svg": layers.drawing(ROOT), "results.svg": results.drawing(ROOT)}
     return [write_atomic(Path(folder) / name, drawing) for name, drawing in drawn.items()]
 
 
