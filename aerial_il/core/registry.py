@@ -11,11 +11,13 @@ Names are listed without importing what they name.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -29,27 +31,39 @@ class Kind:
     Attributes:
         package: whose modules they are; packages inside it hold what they share.
         defines: the module's attribute; empty for a class that is called as the file is, whatever its capitals:
-            ``SAC`` in ``sac.py``.
+            ``SAC`` in ``sac.py``, ``CoinGate`` in ``coin.py``.
         besides: modules of that package which are none of them.
+        inside: the module that defines it lies in a folder that has its name; empty where files have the names.
         hint: where to look, said beside an unknown name.
     """
 
     package: str
     defines: str = ""
     besides: frozenset[str] = frozenset()
+    inside: str = ""
     hint: str = ""
 
 
 KINDS: Mapping[str, Kind] = {
     "robot": Kind(
-        "aerial_il.robots", "ROBOT", frozenset({"robot", "figures"}), "Run `aerial-il list` to see what each can do."
+        "aerial_il.robots",
+        "ROBOT",
+        frozenset({"robot", "figures"}),
+        hint="Run `aerial-il list` to see what each can do.",
     ),
     "task": Kind(
-        "aerial_il.suite.tasks", "TASK", frozenset({"task"}), "Run `aerial-il list` to see which robot can do which."
+        "aerial_il.suite.tasks",
+        "TASK",
+        frozenset({"task"}),
+        hint="Run `aerial-il list` to see which robot can do which.",
     ),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),
+    "gate": Kind("aerial_il.algorithms.interactive.gates", besides=frozenset({"gate"})),
+    "launcher": Kind("aerial_il.cli.launchers"),
+    "sweeper": Kind("aerial_il.cli.sweepers"),
+    "study": Kind("experiments", inside="study"),
 }
 
 
@@ -85,9 +99,19 @@ def get(kind: str, name: str) -> Any:
         return _defined(found, kind, wanted)
     plain = name.replace("_", "").lower()
     own = (value for value in vars(found).values() if isinstance(value, type) and value.__module__ == found.__name__)
-    if (match := next((value for value in own if value.__name__.lower() == plain), None)) is None:
+    if (match := next((value for value in own if value.__name__.lower() in (plain, f"{plain}{kind}")), None)) is None:
         raise InvalidValueError(f"{found.__name__} defines no class that is called as its file, {name}.")
     return match
+
+
+def name_of(kind: str, settings: type) -> str:
+    """Return the name by which a class of a kind is registered; empty where it is not."""
+    return next((name for name, place in _modules(kind).items() if place == settings.__module__), "")
+
+
+def place(kind: str, name: str) -> str | None:
+    """Return the module that defines ``name``, None where nothing is registered by it."""
+    return _modules(kind).get(name)
 
 
 def _defined(found: ModuleType, kind: str, attribute: str) -> Any:
@@ -98,10 +122,7 @@ def _defined(found: ModuleType, kind: str, attribute: str) -> Any:
 
 def _modules(kind: str) -> dict[str, str]:
     """Return name -> module."""
-    here = KINDS[kind]
-    files = pkgutil.iter_modules(importlib.import_module(here.package).__path__)
-    own = (each.name for each in files if not each.ispkg and each.name not in here.besides)
-    found = {name: f"{here.package}.{name}" for name in own}
+    found = _own(KINDS[kind])
     for name, place in outside(kind).items():
         if name in found:
             raise InvalidValueError(
@@ -110,6 +131,18 @@ def _modules(kind: str) -> dict[str, str]:
             )
         found[name] = place
     return found
+
+
+def _own(here: Kind) -> dict[str, str]:
+    """Return name -> module of what lies in the folder of a kind; none where that is not installed, as studies."""
+    if importlib.util.find_spec(here.package) is None:
+        return {}
+    folders = importlib.import_module(here.package).__path__
+    if here.inside:
+        files = (file for folder in folders for file in Path(folder).glob(f"*/{here.inside}.py"))
+        return {file.parent.name: f"{here.package}.{file.parent.name}.{here.inside}" for file in files}
+    files = (each for each in pkgutil.iter_modules(folders) if not each.ispkg and each.name not in here.besides)
+    return {each.name: f"{here.package}.{each.name}" for each in files}
 
 
 @cache

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
@@ -16,8 +18,6 @@ from aerial_il.benchmarks.parts.adroit.people import flown_by_people
 from aerial_il.benchmarks.parts.adroit.tasks import TASKS, PublishedRewards
 from aerial_il.benchmarks.parts.records.record import Record
 from aerial_il.benchmarks.parts.training.outside import OutsideStages
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from tests.benchmarks.results import result_with

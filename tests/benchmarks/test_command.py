@@ -9,9 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from aerial_il.cli.configuration import compose, groups
+
 from aerial_il.cli import commands
 from aerial_il.cli.commands.project import bench
-from aerial_il.cli.configuration import compose, groups
 
 SCRIPT = Path(sys.executable).with_name("aerial-il")
 SETTINGS = (

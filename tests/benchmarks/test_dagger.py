@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
@@ -14,8 +16,6 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.benchmarks import dagger
 from aerial_il.benchmarks.dagger import EPISODES, START, STEPS, Arm, Asked, Interactive
 from aerial_il.benchmarks.parts.training.demonstrations import Source
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from tests.benchmarks.results import result_with

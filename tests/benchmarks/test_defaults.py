@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 import yaml
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 
 from aerial_il.benchmarks import imitation, tracking
 from aerial_il.benchmarks.controllers import Controllers
 from aerial_il.cli import commands
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.control import laws
 
 CLONING = ("imitation", "learning_curve", "dagger")  # studies of what `collect` and `train` do if nothing is said

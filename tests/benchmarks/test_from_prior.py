@@ -9,6 +9,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
@@ -23,8 +25,6 @@ from aerial_il.benchmarks.parts.training import practice_notes, practised
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.practised import Continued, Practised
 from aerial_il.benchmarks.parts.training.stages import Cloned
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP

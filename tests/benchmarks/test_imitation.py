@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.benchmarks import imitation
 from aerial_il.benchmarks.imitation import Flight, Imitation
 from aerial_il.benchmarks.parts.training.demonstrations import Source
 from aerial_il.benchmarks.parts.training.stages import Cloned
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MLP

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +17,14 @@ from aerial_il.policies.parts.egocentric import chose_view, egocentric
 if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicySettings
 
+log = logging.getLogger(__name__)
+
 
 def suited[A, P: PolicySettings](path: str | None, algorithm: A, policy: P, *, by_hand: bool | None) -> tuple[A, P]:
     """Return settings that learn from the dataset as it was flown; those of the user's own choice are kept.
 
     Demonstrations that a person flew are relabelled (:mod:`aerial_il.data.waypoints`) and seen from the tool
-    (:mod:`aerial_il.policies.parts.egocentric`); what was changed is printed.
+    (:mod:`aerial_il.policies.parts.egocentric`); what was changed is logged.
 
     Args:
         path: of the dataset, if there is one. algorithm, policy: as they were configured.
@@ -44,7 +47,7 @@ def suited[A, P: PolicySettings](path: str | None, algorithm: A, policy: P, *, b
         said.append("the policy sees from the tool, blind to the robot's own pose")
     if said:
         who = ", ".join(sorted({str(e.provenance.get("policy", "unknown")) for e in flown}))
-        print(f"Flown by hand ({who}): {'; '.join(said)}. As recorded: dataset.by_hand=false", flush=True)
+        log.info("Flown by hand (%s): %s. As recorded: dataset.by_hand=false", who, "; ".join(said))
     return algorithm, policy
 
 
