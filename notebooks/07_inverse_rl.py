@@ -36,7 +36,7 @@ import aerial_il
 from aerial_il.presentation import analysis
 from aerial_il.algorithms.adversarial.reward_net import load_reward
 from aerial_il.algorithms.gail import GAIL
-from aerial_il.algorithms.rl.interface import encode, encode_actions
+from aerial_il.algorithms.online.interface import encode, encode_actions
 from aerial_il.collection.collect import collect
 from aerial_il.core.rendering import can_render
 from aerial_il.evaluation import statistics

@@ -20,7 +20,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from aerial_il.core import presets, registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.fitting import fits, in_words
-from aerial_il.core.renamed import ALGORITHM_KEYS, MOVED
+from aerial_il.core.renamed import ALGORITHM_KEYS, moved
 
 _MEANING = re.compile(r"^    ((?:\w+, )*\w+): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 _LISTED = {"tier": "aerial_il.suite.tiers", "controller": "aerial_il.control.laws"}  # names that stand in no files
@@ -186,13 +186,12 @@ def unknown_key(name: str, known: Iterable[str], hint: str = "") -> InvalidValue
     head, _, last = name.rpartition(".")
     beside, renamed = f"{head}." if head else "", ALGORITHM_KEYS.get(last, last)
     every = list(known)
-    for new in (MOVED.get(renamed, renamed), renamed):
-        if new != last and head and f"{head}.{new}" in every:
-            return InvalidValueError(f"{name} is called {head}.{new} now. {hint}".rstrip())
-    inside = dict.fromkeys(
-        beside + each.removeprefix(beside).partition(".")[0] for each in every if each.startswith(beside)
-    )
-    return UnknownNameError("key", name, inside or dict.fromkeys(each.partition(".")[0] for each in every), hint)
+    inside = [each.removeprefix(beside) for each in every if each.startswith(beside)]
+    new = moved(renamed, inside) or (renamed if renamed in inside else None)
+    if new is not None and head:
+        return InvalidValueError(f"{name} is called {head}.{new} now. {hint}".rstrip())
+    near = [beside + each.partition(".")[0] for each in inside] or [each.partition(".")[0] for each in every]
+    return UnknownNameError("key", name, dict.fromkeys(near), hint)
 
 
 def hints_of(kind: type) -> dict[str, Any]:
@@ -276,10 +275,9 @@ def _nested(inner: type, value: Any, before: Any, at: str) -> Any:
 
 
 def _merged(hint: Any, value: Mapping[str, Any], before: Mapping[str, Any], at: str) -> dict[str, Any]:
-    """Return a mapping with what is given changed or added; null takes out an entry that has settings of its own."""
+    """Return a mapping with what is given changed or added; null takes an entry out unless it is a value."""
     inside = (get_args(_bare(hint)) or (Any, Any))[-1]
-    gone = {name for name, each in value.items() if each is None and isinstance(before.get(name, {}), Mapping)}
-    gone |= {name for name, each in value.items() if each is None and is_dataclass(before.get(name))}
+    gone = {name for name, each in value.items() if each is None and not fits(None, inside)}
     given = {n: _value(inside, v, before.get(n), f"{at}.{n}") for n, v in value.items() if n not in gone}
     return {name: each for name, each in {**before, **given}.items() if name not in gone}
 

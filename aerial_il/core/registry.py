@@ -57,7 +57,9 @@ KINDS: Mapping[str, Kind] = {
         frozenset({"task"}),
         hint="Run `aerial-il list` to see which robot can do which.",
     ),
+    "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
+    "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),
     "gate": Kind("aerial_il.algorithms.interactive.gates", besides=frozenset({"gate"})),
@@ -104,14 +106,14 @@ def get(kind: str, name: str) -> Any:
     return match
 
 
-def name_of(kind: str, settings: type) -> str:
-    """Return the name by which a class of a kind is registered; empty where it is not."""
-    return next((name for name, place in _modules(kind).items() if place == settings.__module__), "")
-
-
 def place(kind: str, name: str) -> str | None:
     """Return the module that defines ``name``, None where nothing is registered by it."""
     return _modules(kind).get(name)
+
+
+def name_of(kind: str, settings: type) -> str:
+    """Return the name by which a class of a kind is registered; empty where it is not."""
+    return next((name for name, module in _modules(kind).items() if module == settings.__module__), "")
 
 
 def _defined(found: ModuleType, kind: str, attribute: str) -> Any:

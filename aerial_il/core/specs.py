@@ -45,10 +45,25 @@ class Field:
     def size(self) -> int:
         return int(np.prod(self.shape))
 
+    @property
+    def is_colour(self) -> bool:
+        """Whether it is a colour image, (H, W, 3) uint8; depth is (H, W) float metres, segmentation (H, W) ids."""
+        return self.group == "image" and self.dtype == "uint8" and self.shape[2:] == (3,)
+
     def element_labels(self) -> tuple[str, ...]:
         """One label per element: ``name.label``, or ``name.index`` where the field has no labels."""
         labels = self.labels or tuple(str(i) for i in range(self.size))
         return tuple(f"{self.name}.{label}" for label in labels)
+
+
+def image_name(camera: str) -> str:
+    """Return what the colour image of ``camera`` is called: a name alone, its :class:`Field` says what it shows."""
+    return f"{camera}_rgb"
+
+
+def camera_name(image: str) -> str:
+    """Return the camera whose colour image :func:`image_name` called so."""
+    return image.removesuffix("_rgb")
 
 
 @dataclass(frozen=True)

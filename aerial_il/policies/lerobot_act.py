@@ -18,7 +18,8 @@ from torch import Tensor
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.policies.parts.layers import check_dropout, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
+from aerial_il.policies.parts.normaliser import Scaling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +34,20 @@ class LerobotACT(PolicySettings):
         dropout: while training.
     """
 
+    history: int = 1
     chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     dim_model: int = 128
     n_heads: int = 4
     dim_feedforward: int = 256

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
 
@@ -33,8 +33,20 @@ class LerobotDiffusion(PolicySettings):
         num_train_timesteps: noise levels. num_inference_steps: of them visited in flight.
     """
 
+    history: int = 1
     chunk: int = 16
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
     action_scaling: Scaling = "minmax"
+    obs_clip: float = 10.0
     down_dims: tuple[int, ...] = (64, 128)
     kernel_size: int = 5
     n_groups: int = 8

@@ -18,7 +18,6 @@ from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
 from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics.physics_batch import STATE
-from aerial_il.suite.physics.wind import WORK_HEIGHT_M, Air, air_about, mean_share
 from aerial_il.suite.rendering import CameraRequest, parse_cameras
 from aerial_il.suite.scene import build_xml
 from aerial_il.suite.tasks.task import Task
@@ -90,27 +89,17 @@ class Scenario:
         return tiers.get(self.tier_name)
 
     @property
-    def air(self) -> Air:
-        """The air about this robot, with the tier's wind."""
-        return air_about(self.robot.vehicle, self.tier.wind.share if self.tier.wind else 0.0)
-
-    @property
     def disturbances(self) -> dict[str, Any]:
-        """The tier's components as plain values, the wind with its strength on this robot."""
+        """The tier's components as plain values: strengths, what they amount to on this robot, numbers remembered."""
         found = self.tier.to_dict()
-        if "wind" in found:
-            air = self.air
-            found["wind"] |= {
-                "speed_at_6m_m_s": air.speed,
-                "speed_at_work_m_s": air.speed * mean_share(WORK_HEIGHT_M),
-                "quadratic_drag_n_s2_m2": air.quadratic_drag,
-            }
+        for name, part in self.tier.parts.items():
+            found[name] |= part.about(self.robot) | ({"memory": part.memory} if part.memory else {})
         return found
 
     @cached_property
     def xml(self) -> str:
         """The scene as stand-alone MJCF."""
-        return build_xml(self.robot, self.task)
+        return build_xml(self.robot, self.task, self.tier.userdata_size)
 
     def compile(self) -> mujoco.MjModel:
         """Compile the scene from its XML, so that a stored XML gives the same model bit for bit."""

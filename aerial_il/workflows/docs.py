@@ -44,7 +44,7 @@ def site(settings: Docs, reference: Mapping[str, str]) -> Path | None:
     """Build the site where it is wanted, with the pages of ``reference``, and return its first page."""
     from aerial_il.presentation.documentation.site import build
 
-    return build(settings.site, reference, strict=settings.strict) if settings.site else None
+    return build(settings.site, reference, strict=settings.strict, quiet=True) if settings.site else None
 
 
 def write_pages(folder: str, *, films: bool) -> list[Path]:
@@ -56,16 +56,16 @@ def write_pages(folder: str, *, films: bool) -> list[Path]:
 
 
 def write_drawings(folder: str) -> list[Path]:
-    """Draw the frames, and the layers where this is a checkout, whose contract says how they stand."""
+    """Draw the frames, and where this is a checkout the layers and the results, from the contract and the records."""
     from aerial_il import robots
     from aerial_il.core.files import write_atomic
-    from aerial_il.presentation.documentation import layers
+    from aerial_il.presentation.documentation import layers, results
     from aerial_il.presentation.documentation.sources import ROOT
     from aerial_il.presentation.pages import frames
 
     drawn = {"frames.svg": frames.drawing(robots.get(FRAMES_OF))}
     if (ROOT / layers.CONTRACT).exists():
-        drawn["architecture.svg"] = layers.drawing(ROOT)
+        drawn |= {"architecture.svg": layers.drawing(ROOT), "results.svg": results.drawing(ROOT)}
     return [write_atomic(Path(folder) / name, drawing) for name, drawing in drawn.items()]
 
 

@@ -1,4 +1,4 @@
-"""A working start for a task, a robot, a policy or an algorithm of one's own."""
+"""A working start for a task, a robot, a policy, an algorithm or a study of one's own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 from aerial_il.core.errors import InvalidValueError
 
-Kind = Literal["task", "robot", "policy", "algorithm"]
+Kind = Literal["task", "robot", "policy", "algorithm", "study"]
 KINDS: tuple[str, ...] = get_args(Kind)
 PAGES = {"task": "docs/writing_a_task.md"} | {
     kind: f"docs/adding.md#{'an' if kind == 'algorithm' else 'a'}-{kind}" for kind in KINDS[1:]
@@ -18,6 +18,7 @@ PAGES = {"task": "docs/writing_a_task.md"} | {
 TRY = {
     "task": ["evaluate", "policy=expert", "robot=fa_hexa_arm4", "task=NAME", "episodes=20", "out=runs/NAME"],
     "robot": ["evaluate", "policy=expert", "robot=NAME", "task=reach", "episodes=20", "out=runs/NAME"],
+    "study": ["bench", "NAME"],
     "policy": ["train", "policy=NAME", "dataset=datasets/reach", "run=runs/NAME"],
     "algorithm": ["train", "algorithm=NAME", "policy=squashed_gaussian", "dataset=datasets/reach", "run=runs/NAME"],
 }

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from aerial_il.algorithms.off_policy.target import Target
+from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 
 from aerial_il import algorithms
 from aerial_il.algorithms.awac import AWAC, AdvantageWeightedAgent
@@ -18,12 +20,10 @@ from aerial_il.algorithms.ddpg import DDPG, DeterministicAgent
 from aerial_il.algorithms.dqn import DQN, DeepQAgent
 from aerial_il.algorithms.ibrl import IBRL, ProposedAgent
 from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
-from aerial_il.algorithms.rl.collector import Collector, Transition
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
-from aerial_il.algorithms.rl.interface import encode
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, split
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.online.collector import Collector, Transition
+from aerial_il.algorithms.online.interface import encode
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, split
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SAC, SoftActorCritic

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from aerial_il import robots
-from aerial_il.benchmarks.parts.tracking.steps import StepFigures, step_figures
 from aerial_il.control import controller_state as layout
 from aerial_il.control import laws, lqr
 from aerial_il.control.controller import Controller
@@ -15,6 +14,7 @@ from aerial_il.control.hover import hover_body
 from aerial_il.control.laws import Law
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.errors import UnknownNameError
+from experiments.controllers.steps import StepFigures, step_figures
 from tests.control.in_the_air import Flight
 from tests.control.nominal import compile_nominal, each_vehicle
 

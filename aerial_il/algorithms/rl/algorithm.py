@@ -8,13 +8,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from aerial_il.algorithms.rl.collector import RewardScheme
-from aerial_il.algorithms.rl.interface import check_policy, plain_interface
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem, open_run
-from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.algorithms.online.collector import RewardScheme
+from aerial_il.algorithms.online.interface import check_policy, plain_interface
+from aerial_il.algorithms.online.problem import Problem, check_steps
+from aerial_il.algorithms.online.run import OnlineRun, open_run
+from aerial_il.algorithms.run.cadence import Cadence, Evaluate
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import BatchEnv
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import make_tuples
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -22,11 +22,6 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
-
-TOO_SHORT = (
-    "steps is {} and {} {}: the run would end before its policy has learned anything. Set algorithm.steps well above "
-    "{}, or lower algorithm.{}."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +91,8 @@ class OnlineAlgorithm(ABC):
                 ``run`` holds another.
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
-        check_steps(self, env.num_envs)
+        for name, flown in self.flown_before_learning(env.num_envs).items():
+            check_steps(self, name, flown)
         problem = self.problem(dataset, check_policy(policy, self.trains), env, seed)
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
             return self.learn(opened) if opened else load_policy(run)
@@ -115,18 +111,12 @@ class OnlineAlgorithm(ABC):
         return Problem(self.name, seed, policy, env, interface, scheme=self.scheme)
 
     @property
+    def cadence(self) -> Cadence:
+        """When it reports and saves."""
+        names = ("log_every", "evaluate_every", "checkpoint_every", "keep_checkpoints")
+        return Cadence(**{name: getattr(self, name) for name in names})
+
+    @property
     def scheme(self) -> RewardScheme:
         """How its steps are rewarded: here by the environment alone."""
         return RewardScheme()
-
-
-def check_steps(settings: OnlineAlgorithm, worlds: int) -> None:
-    """Raise :class:`InvalidValueError` where a run in so many ``worlds`` would end before its policy learns."""
-    for name, flown in settings.flown_before_learning(worlds).items():
-        if settings.steps <= flown:
-            raise InvalidValueError(TOO_SHORT.format(settings.steps, name, getattr(settings, name), flown, name))
-
-
-def whole_turns(steps: int, worlds: int) -> int:
-    """Return the environment steps, ``steps`` or a few more, after which all ``worlds`` have taken equally many."""
-    return -(-steps // worlds) * worlds

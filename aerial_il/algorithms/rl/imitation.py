@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from aerial_il.algorithms.online.demonstrations import Labels, check_same, random_transitions, read_transitions
+from aerial_il.algorithms.online.interface import Bounds, fit_interface
+from aerial_il.algorithms.online.problem import Problem
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.rl.interface import Bounds, fit_interface
-from aerial_il.algorithms.rl.online_run import Problem
-from aerial_il.algorithms.rl.replay.demonstrations import Labels, check_same, random_transitions, read_transitions
 from aerial_il.algorithms.run.checks import require_choice, require_positive
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
+from aerial_il.algorithms.online.collector import RewardScheme
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.rl.collector import RewardScheme
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.checks import require_choice, require_not_negative
-from aerial_il.core.errors import InvalidValueError
 
 Reward = Literal["environment", "sparse"]
-BY_GOAL = (
-    "hindsight.goals is {} and reward {}; with hindsight each step is rewarded by the rule of its goal and by nothing "
-    "else: leave algorithm.reward=environment, or set algorithm.hindsight.goals=0."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +27,7 @@ class Reinforcement(OnlineAlgorithm):
 
     reward: Reward = "environment"
     reward_patience: int = 200_000
-    smoothness: Smoothness = field(default_factory=Smoothness)
+    smoothness: Smoothness = NO_SMOOTHNESS
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,40 +53,3 @@ class Reinforcement(OnlineAlgorithm):
             yield "an algorithm that begins with demonstrations (algorithm=bc_ppo dataset=PATH)"
         if self.reward == "sparse":
             yield "a dense reward (algorithm.reward=environment)"
-
-
-@dataclass(frozen=True, kw_only=True)
-class RelabelledReinforcement(Reinforcement):
-    """Further settings of those whose past episodes can be relabelled with other goals.
-
-    Attributes:
-        hindsight: those goals.
-    """
-
-    hindsight: Hindsight = field(default_factory=Hindsight)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.hindsight.goals and self.reward != "environment":
-            raise InvalidValueError(BY_GOAL.format(self.hindsight.goals, self.reward))
-
-    @property
-    def forfeits_by_success(self) -> bool:
-        return super().forfeits_by_success and not self.hindsight.goals  # with it critics bootstrap through success
-
-    def ways_to_reward(self) -> Iterator[str]:
-        yield from super().ways_to_reward()
-        if not self.hindsight.goals:
-            also = " algorithm.reward=environment" if self.reward == "sparse" else ""
-            yield f"hindsight, where the task exposes a goal (algorithm.hindsight.goals=4{also})"
-
-
-@dataclass(frozen=True, kw_only=True)
-class OffPolicyReinforcement(RelabelledReinforcement):
-    """Further settings of those that learn from their own flights alone, by a replay buffer.
-
-    Attributes:
-        obs_norm: standardise observations by their moments in the warm-up, which are fixed from then on.
-    """
-
-    obs_norm: bool = False

@@ -105,7 +105,7 @@ def _log_scene(stream: rr.RecordingStream, flight: Flight, motion: Motion, root:
 
 def _log_pictures_alone(stream: rr.RecordingStream, flight: Flight, root: str, clock: Clock) -> None:
     for name in flight.cameras:
-        log_pictures(stream, f"{root}/{name}", flight.episode.obs[name], name.rpartition("_")[2], clock)
+        log_pictures(stream, f"{root}/{name}", flight.episode.obs[name], clock)
 
 
 def tool_columns(episode: Episode) -> list[int] | None:

@@ -15,6 +15,7 @@ from aerial_il.core.rotations import norm, sub
 from aerial_il.suite.episode.estimation import Perception, perceive
 from aerial_il.suite.observations import observe_robot
 from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.hooks import EFFECTS_SIZE, NOW_SIZE
 from aerial_il.suite.physics.native import doubles, draw, row_at
 from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import (
@@ -210,7 +211,8 @@ def assess(rules, found, i):
     call_row(rules.progress, world, row_at(found.subtasks, i))
     seen = record_at(found.seen + i * found.record_size)
     if rules.perception.active != 0:
-        perceive(rules.perception, world, seen)
+        hooks = rules.perception.hooks[0]
+        perceive(rules.perception, world, seen, hooks.now + i * NOW_SIZE, hooks.effects + i * EFFECTS_SIZE)
     observations = row_at(found.observations, i)
     observe_robot(seen, observations)
     rest = observations.size - rules.proprioception

@@ -22,6 +22,7 @@ from aerial_il.suite.episode.flight_loop import Flight, fly, limit_actions
 from aerial_il.suite.episode.perception import Perceived
 from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.aerodynamics import quadratic_drag
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
 from aerial_il.suite.physics.thread_pool import ThreadPool
 from aerial_il.suite.physics.view import View
@@ -67,8 +68,8 @@ class Simulation:
         self._flight = Flight(
             vehicle=alone(Law(self.gains.law).record(self.robot.vehicle)),
             gains=alone(record_of(self.gains)),
-            air=alone(record_of(scenario.air)),
-            sensors=alone(record_of(scenario.tier.sensors)),
+            drag=quadratic_drag(self.robot.vehicle),
+            hooks=self.disturbances.table.hooks,
             level=int(scenario.level),
             force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),
             base_site=self.view.base_site,
@@ -78,7 +79,8 @@ class Simulation:
             substeps=SUBSTEPS,
             refinement=refinement,
         )
-        self.seen, observation = Perceived(scenario, self.view), self.spec.observation
+        self.seen = Perceived(scenario, self.view, self.disturbances.table.hooks)
+        observation = self.spec.observation
         own = sum(field.size for field in robot_fields(self.robot))
         self._rules = rules_of(scenario, own, self.seen.perception)
         self._found = make_found(
@@ -112,11 +114,10 @@ class Simulation:
         for i in np.flatnonzero(mask):
             seed = int(seeds[i])
             self._userdata[i, layout.SEED] = seed
-            self.disturbances.start(int(i), seed)
             self.task.start(self.view, int(i), episode_rng(self.spec.robot, self.spec.task, "start", seed))
         self.disturbances.vary(self.seeds, mask)
         self.worlds.forward(mask)
-        self.disturbances.hold(mask)
+        self.disturbances.start(mask)
         self.seen.begin(mask)
         self._found.commanded[mask] = np.nan
         self.assess(mask)
@@ -144,7 +145,7 @@ class Simulation:
         self._mask = self._select(mask)
         self._actions = self._checked(actions, self._mask)
         self._flights = self._identities.copy()
-        self._arriving = np.ascontiguousarray(self.disturbances.arriving(self._actions, self._mask))
+        self._arriving = self._actions.copy()
         self._fresh = True
         return self._actions
 
@@ -198,6 +199,7 @@ class Simulation:
             self._diverged(int(np.argmax(bad)), "State to continue from is not finite")
         seeds = self._flights[:, 0]
         _check_seeds(seeds[mask])
+        self.disturbances.check(userdata[mask])
         self.disturbances.vary(seeds, mask)
         self.worlds.set_state(states, mask)
         self._check_physics(mask)

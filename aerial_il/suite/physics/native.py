@@ -14,6 +14,7 @@ import ctypes
 from pathlib import Path
 from typing import Any
 
+import llvmlite.ir as ir
 import mujoco
 from numba import types
 from numba.extending import intrinsic
@@ -40,14 +41,28 @@ mju_copy = types.ExternalFunction("mju_copy", _NOTHING(_ADDRESS, _ADDRESS, _INT)
 mju_mat2quat = types.ExternalFunction("mju_mat2Quat", _NOTHING(_ADDRESS, _ADDRESS))  # (to, from)
 
 
+def read_at(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Emit code that takes an address (integer) for what the signature returns, a record or a pointer."""
+    return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+
+def called(result: types.Type, *given: types.Type) -> Any:
+    """Return what emits a call of the C function at the first argument with the others, of the types ``given``."""
+
+    def emit(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        nothing = result == types.void
+        kinds = [context.get_value_type(kind) for kind in given]
+        function = ir.FunctionType(ir.VoidType() if nothing else context.get_value_type(result), kinds)
+        found = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+        return context.get_dummy_value() if nothing else found
+
+    return emit
+
+
 @intrinsic
 def _pointer(_: Any, address: types.Integer) -> Any:
     """Take an address (integer) as a pointer to doubles."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return types.CPointer(types.float64)(address), generate
+    return types.CPointer(types.float64)(address), read_at
 
 
 @intrinsic

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import llvmlite.ir as ir
 import numba
 import numpy as np
 from numba import types
@@ -22,7 +21,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
 from aerial_il.suite.physics import episode_state as layout
-from aerial_il.suite.physics.native import doubles
+from aerial_il.suite.physics.native import called, doubles, read_at
 
 MAX_NAMES = 8  # of each kind that a task may use
 FORCES_START, PEAKS_START = layout.FORCES.start, layout.FORCES.start + 3 * layout.MAX_FORCES
@@ -68,44 +67,27 @@ class Names:
 @intrinsic
 def _record_at(_: Any, address: types.Integer) -> Any:
     """Take an address as that of a :data:`WORLD` record."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return RECORD(address), generate
-
-
-def _emit_call(context: Any, builder: Any, result: types.Type, given: tuple[types.Type, ...], arguments: Any) -> Any:
-    """Call the function at the address ``arguments[0]`` with the other arguments, of the types ``given``."""
-    nothing = result == types.void
-    kinds = [context.get_value_type(kind) for kind in given]
-    function = ir.FunctionType(ir.VoidType() if nothing else context.get_value_type(result), kinds)
-    found = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-    return context.get_dummy_value() if nothing else found
-
-
-def _generator(result: types.Type, *given: types.Type) -> Any:
-    return lambda context, builder, _, arguments: _emit_call(context, builder, result, given, arguments)
+    return RECORD(address), read_at
 
 
 @intrinsic
 def _call_number(_: Any, address: types.Integer, world: types.Record) -> Any:
-    return NUMBER(address, world), _generator(NUMBER, RECORD)
+    return NUMBER(address, world), called(NUMBER, RECORD)
 
 
 @intrinsic
 def _call_vector(_: Any, address: types.Integer, world: types.Record) -> Any:
-    return VECTOR(address, world), _generator(VECTOR, RECORD)
+    return VECTOR(address, world), called(VECTOR, RECORD)
 
 
 @intrinsic
 def _call_row(_: Any, address: types.Integer, world: types.Record, row: types.Array) -> Any:
-    return types.void(address, world, row), _generator(types.void, RECORD, ROW)
+    return types.void(address, world, row), called(types.void, RECORD, ROW)
 
 
 @intrinsic
 def _call_nothing(_: Any, address: types.Integer, world: types.Record) -> Any:
-    return types.void(address, world), _generator(types.void, RECORD)
+    return types.void(address, world), called(types.void, RECORD)
 
 
 record_at: Any = _record_at  # an intrinsic is called without its first argument

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.rl.imitation import Imitation
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
@@ -30,8 +29,7 @@ def open_demonstrations(
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
-    selected = isinstance(algorithm, BC) and algorithm.selection.failures > 0
-    failures = selected or (isinstance(algorithm, Imitation) and algorithm.learns_from_failures)
+    failures = getattr(algorithm, "failures", False)
     if limit is None:
         return open_dataset(path, cameras=tuple(images), failures=failures)
     if failures:

@@ -16,7 +16,7 @@ from aerial_il import experts
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import require_rendering
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.outcome import subtask_flags
@@ -166,7 +166,7 @@ def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
         return (), IMAGE_SIZE
     require_rendering(f"a policy that sees {layout.cameras}")
     height, width = layout.image_shapes[0][:2]
-    return tuple(name.removesuffix("_rgb") for name in layout.images), (height, width)
+    return tuple(map(camera_name, layout.images)), (height, width)
 
 
 def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -> Episode:

@@ -59,7 +59,7 @@ def training_resources(
     if not needs:
         yield {}
         return
-    from aerial_il.algorithms.rl.reinforcement import Reinforcement
+    from aerial_il.algorithms.online.rewards import forfeits_by_success
     from aerial_il.collection.collect import collect
     from aerial_il.workflows.parts.page import OPERATORS, operator
 
@@ -68,7 +68,7 @@ def training_resources(
     where, asked = _place(dataset, reference, images, expert, scripted=scripted)
     worlds = 1 if by_hand else num_envs or algorithm.worlds
     env = where.load(num_envs=worlds, threads=1 if by_hand else threads, tier=tier)
-    if isinstance(algorithm, Reinforcement) and algorithm.forfeits_by_success and env.ends_at_success:
+    if forfeits_by_success(algorithm) and env.ends_at_success:
         log.warning(FORFEITED)
     try:
         with operator(expert, env, port=port) if by_hand else nullcontext(asked) as teacher:

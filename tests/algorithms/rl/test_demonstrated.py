@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 
 from aerial_il import algorithms
-from aerial_il.algorithms.rl.collector import Collector, RewardScheme
-from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement, with_rewards
-from aerial_il.algorithms.rl.interface import plain_interface
-from aerial_il.algorithms.rl.replay.demonstrations import read_transitions
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, rows_of
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.online.collector import Collector, RewardScheme
+from aerial_il.algorithms.online.demonstrations import read_transitions
+from aerial_il.algorithms.online.interface import plain_interface
+from aerial_il.algorithms.online.replay_buffer import Batch, rows_of
+from aerial_il.algorithms.online.rewarded_demonstrations import with_rewards
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.data.episode import Episode

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.rl.exploration import ExplorationNoise
+from aerial_il.algorithms.off_policy.exploration import ExplorationNoise
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, SquashedGaussianNetwork
 
 OBS = np.zeros((4_000, 3), np.float32)

@@ -11,8 +11,8 @@ import pytest
 
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.rl.from_prior import BegunFromPrior, explored
-from aerial_il.algorithms.rl.interface import decode
+from aerial_il.algorithms.off_policy.from_prior import BegunFromPrior, explored
+from aerial_il.algorithms.online.interface import decode
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import ActionSpec

@@ -13,10 +13,10 @@ import torch
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.ibrl import IBRL, ProposedAgent
-from aerial_il.algorithms.rl.interface import encode_actions, plain_interface
-from aerial_il.algorithms.rl.proposals import demonstrated_rows
-from aerial_il.algorithms.rl.replay.demonstrations import read_transitions
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, split
+from aerial_il.algorithms.off_policy.proposals import demonstrated_rows
+from aerial_il.algorithms.online.demonstrations import read_transitions
+from aerial_il.algorithms.online.interface import encode_actions, plain_interface
+from aerial_il.algorithms.online.replay_buffer import Batch, split
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import CheckpointError, InvalidValueError

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from aerial_il.algorithms.rl.offline import OfflineFirst
 
 from aerial_il import algorithms
 from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
-from aerial_il.algorithms.rl.offline import OfflineFirst
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from aerial_il.algorithms.rl.on_policy import OnPolicy
 
 from aerial_il import algorithms
 from aerial_il.algorithms.dqn import DQN, DeepQAgent, HeldChoices
 from aerial_il.algorithms.npg import NPG, NaturalGradientAgent, conjugate_gradients, flat_gradient
-from aerial_il.algorithms.rl.collector import Collector, RewardScheme
-from aerial_il.algorithms.rl.interface import check_policy, encode, plain_interface, standardised
-from aerial_il.algorithms.rl.on_policy import OnPolicy
+from aerial_il.algorithms.off_policy.hindsight import Hindsight, Relabeller
+from aerial_il.algorithms.online.collector import Collector, RewardScheme
+from aerial_il.algorithms.online.interface import check_policy, encode, plain_interface, standardised
+from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.rl.reinforcement import RelabelledReinforcement
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight, Relabeller
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
-from aerial_il.algorithms.rl.returns import RunningMoments
-from aerial_il.algorithms.rl.smoothness import Smoothness
 from aerial_il.algorithms.run.folder import CONFIG, read_metrics
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError, NoRewardError

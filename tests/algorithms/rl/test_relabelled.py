@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from aerial_il.algorithms.rl.demonstrated import RelabelledDemonstrated
 
 from aerial_il import algorithms
-from aerial_il.algorithms.rl.demonstrated import RelabelledDemonstrated
-from aerial_il.algorithms.rl.replay.demonstrations import read_transitions
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.online.demonstrations import read_transitions
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 import torch
+from aerial_il.algorithms.decisions.practice import PractisedPolicy
 
 from aerial_il import algorithms
-from aerial_il.algorithms.decisions.practice import PractisedPolicy
+from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.rl.online_run import OnlineRun
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.squashed_gaussian import SquashedGaussian

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from aerial_il.data.recording.encoding import messages
 
-PACKAGE = Path(__file__).resolve().parents[2] / "ros2" / "aerial_il_msgs"
+PACKAGE = Path(__file__).resolve().parents[3] / "ros2" / "aerial_il_msgs"
 
 
 def test_its_messages_are_those_of_the_recordings() -> None:

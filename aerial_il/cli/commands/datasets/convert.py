@@ -17,9 +17,9 @@ from __future__ import annotations
 from aerial_il.workflows.convert import Convert, convert
 
 SETTINGS, BARE = Convert, ("path",)
-CALLED = {"lerobot": "LeRobot dataset", "minari": "Minari dataset", "mcap": "For Foxglove, RViz and rerun"}
+VIEWS = "For Foxglove, RViz and rerun"
 
 
 def run(settings: Convert) -> None:
     """Convert, and say where the result lies."""
-    print(f"{CALLED.get(settings.form, settings.form)}: {convert(settings)}")
+    print(f"{VIEWS if settings.form == 'mcap' else settings.form}: {convert(settings)}")

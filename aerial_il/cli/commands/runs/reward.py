@@ -16,8 +16,8 @@ SETTINGS, BARE = Reward, ("run",)
 
 def run(settings: Reward) -> None:
     """Draw, and say where."""
-    from aerial_il.benchmarks.parts.reporting.figures import reward_lines
     from aerial_il.core.files import write_atomic
+    from aerial_il.presentation.svg import reward_lines
 
     uid, paid = reward(settings)
     figure = write_atomic(settings.out or Path(settings.run) / "reward.svg", reward_lines({uid: paid}))

@@ -26,7 +26,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.ros2_bag import Bag, Frame, Lens, Marker
+from aerial_il.data.formats.parts.ros2_bag import Bag, Frame, Lens, Marker
 from aerial_il.presentation.rerun.geometry import plain
 from aerial_il.presentation.rerun.motion import compile_scene, move
 from aerial_il.presentation.rerun.ros2.kinematics import WORLD, Tree, body_name, tree_of
@@ -103,7 +103,7 @@ def _add_pictures(bag: Bag, episode: Episode, lenses: dict[str, Lens], step: int
     for field, lens in lenses.items():
         topic, frame, time_s = f"/camera/{field}", optical(_camera(field)), float(episode.sim_time[step])
         bag.camera(f"{topic}/camera_info", time_s, frame, lens)
-        bag.picture(f"{topic}/image", time_s, frame, field, episode.obs[field][step])
+        bag.picture(f"{topic}/image", time_s, frame, episode.obs[field][step])
 
 
 def _lenses(model: mujoco.MjModel, episode: Episode) -> dict[str, Lens]:

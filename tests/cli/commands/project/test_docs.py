@@ -8,7 +8,7 @@ import pytest
 
 from aerial_il.cli.commands.project.docs import show
 from aerial_il.cli.main import main
-from aerial_il.presentation.documentation import layers
+from aerial_il.presentation.documentation import layers, results
 from aerial_il.presentation.documentation.sources import ROOT
 from aerial_il.workflows import docs
 
@@ -16,14 +16,27 @@ from aerial_il.workflows import docs
 @pytest.mark.slow
 def test_pages_alone_are_written_without_a_site(tmp_path: Path) -> None:
     assert main(["docs", f"out={tmp_path}", "site=null"]) == 0
-    for name in ("robots/README.md", "robots/quad.svg", "tasks/reach.md", "frames.svg", "architecture.svg"):
+    for name in (
+        "robots/README.md",
+        "robots/quad.svg",
+        "tasks/reach.md",
+        "frames.svg",
+        "architecture.svg",
+        "results.svg",
+    ):
         assert (tmp_path / name).is_file()
 
 
-def test_the_published_drawing_of_the_rooms_is_that_of_the_contract() -> None:
+def test_the_drawing_of_layers_is_that_of_the_contract() -> None:
     published = (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8")
     assert published == layers.drawing(ROOT), "run: aerial-il docs"
-    assert all(f">{room}</text>" in published for row in layers.layers(ROOT) for room in row)
+    assert all(f">{package}</text>" in published for row in layers.layers(ROOT) for package in row)
+
+
+def test_the_figure_of_results_is_that_of_the_records() -> None:
+    published = (ROOT / "docs" / "results.svg").read_text(encoding="utf-8")
+    assert published == results.drawing(ROOT), "run: aerial-il docs"
+    assert published.count("<polyline") == 4
 
 
 @pytest.mark.parametrize("word", docs.NOWHERE)

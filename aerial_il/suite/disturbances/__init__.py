@@ -1,0 +1,43 @@
+"""Disturbances, one file each: a module in this folder is registered by being there, see ``disturbance.py``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from aerial_il.core import registry
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite.disturbances.disturbance import Disturbance
+from aerial_il.suite.physics import hooks
+
+
+def names() -> tuple[str, ...]:
+    """Names of all disturbances, in alphabetical order."""
+    return registry.names("disturbance")
+
+
+def get(name: str) -> type[Disturbance]:
+    """Return the class of the settings of the disturbance called ``name``.
+
+    Raises:
+        UnknownNameError: no disturbance has that name.
+    """
+    return registry.get("disturbance", name)
+
+
+def strengths(name: str) -> Mapping[str, Disturbance]:
+    """Tier -> how strong a disturbance is there; tiers without it are missing."""
+    return getattr(registry.module("disturbance", name), "TIERS", {})
+
+
+def kernels(name: str) -> dict[str, Any]:
+    """Hook -> compiled function, of those in :data:`hooks.NAMES` that a disturbance has.
+
+    Raises:
+        InvalidValueError: one of them is a plain Python function.
+    """
+    module = registry.module("disturbance", name)
+    found = {hook: getattr(module, hook) for hook in hooks.NAMES if hasattr(module, hook)}
+    if plain := [hook for hook, function in found.items() if not hasattr(function, "py_func")]:
+        raise InvalidValueError(f"{module.__name__}: {', '.join(plain)} must be compiled: write @kernel above it.")
+    return found
