@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+
 from aerial_il.cli import commands
 from aerial_il.cli.commands.project import bench
 from aerial_il.cli.configuration import compose, groups
