@@ -54,10 +54,12 @@ KINDS: Mapping[str, Kind] = {
     "task": Kind(
         "aerial_il.suite.tasks",
         "TASK",
-        frozenset({"task"}),
+        frozenset({"task", "fields"}),
         hint="Run `aerial-il list` to see which robot can do which.",
     ),
+    "controller": Kind("aerial_il.control.controllers", "", frozenset({"law"})),
     "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
+    "sensor": Kind("aerial_il.suite.sensors", "", frozenset({"sensor"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
     "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),

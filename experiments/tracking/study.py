@@ -223,7 +223,7 @@ def _observer_targets(flown: Mapping[tuple[str, str, str], Flights]) -> Iterator
     """Yield what the disturbance observer must bring in wind, to the base: what it is off by, the arm makes up for."""
     for (robot, tier, law), flights in flown.items():
         blind = flown.get((robot, tier, UNOBSERVED))
-        if law != DEFAULT or blind is None or tiers.get(tier).wind is None:
+        if law != DEFAULT or blind is None or "wind" not in tiers.get(tier).parts:
             continue
         with_it, without = (float(_rms(found.base_error_m)) for found in (flights, blind))
         spread = f"{_cm(with_it):g} against {_cm(without):g} cm"
@@ -239,8 +239,8 @@ def _angle(tool_mat: np.ndarray, rot6d: np.ndarray) -> np.ndarray:
 
 
 def _air(tier: str) -> str:
-    wind = tiers.get(tier).wind
-    air = f"wind whose gusts change the drag by up to {100.0 * wind.share:g} % of weight" if wind else "still air"
+    wind = tiers.get(tier).to_dict().get("wind")
+    air = f"wind whose gusts change the drag by up to {100.0 * wind['share']:g} % of weight" if wind else "still air"
     return f"{tier.capitalize()}: {air}."
 
 

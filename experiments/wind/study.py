@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from aerial_il.suite.physics.wind import (
+
+from aerial_il import robots
+from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.arrays import length
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.suite import tiers
+from aerial_il.suite.disturbances.wind import (
     LARGEST_GUST,
     WORK_HEIGHT_M,
     Air,
@@ -21,12 +27,6 @@ from aerial_il.suite.physics.wind import (
     length_scales,
     mean_share,
 )
-
-from aerial_il import robots
-from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.arrays import length
-from aerial_il.core.errors import InvalidValueError
-from aerial_il.suite import tiers
 from aerial_il.suite.timing import CONTROL_DT_S
 from experiments.common.figures import force_lines, spectra
 from experiments.common.report import Report, Row, Target
@@ -63,7 +63,7 @@ class Wind:
     def __post_init__(self) -> None:
         if self.duration_s < SEGMENT * CONTROL_DT_S:
             raise InvalidValueError(f"duration_s is at least {SEGMENT * CONTROL_DT_S:g} s, got {self.duration_s:g}.")
-        if missing := [name for name in self.tiers if tiers.get(name).wind is None]:
+        if missing := [name for name in self.tiers if "wind" not in tiers.get(name).parts]:
             raise InvalidValueError(f"No wind in {', '.join(missing)}; tiers with wind: breeze, gusts, hard.")
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
@@ -94,9 +94,7 @@ class Wind:
 
 
 def _air(robot: str, tier: str) -> Air:
-    wind = tiers.get(tier).wind
-    assert wind is not None
-    return air_about(robots.get(robot).vehicle, wind.share)
+    return air_about(robots.get(robot).vehicle, tiers.get(tier).to_dict()["wind"]["share"])
 
 
 def _force_row(robot: str, tier: str, air: Air, wind: np.ndarray) -> Row:

@@ -20,7 +20,7 @@ from aerial_il.cli.configuration.compose import compose
 from aerial_il.cli.configuration.defaults import defaults_of
 from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.cli.sweeps.sweep import launcher_of, parted
-from aerial_il.control import laws
+from aerial_il.control import controllers
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tiers
 from experiments.from_prior.study import FEWER, SHORTER
@@ -29,7 +29,7 @@ REGISTRIES = {
     "robot": aerial_il.list_robots(),
     "task": aerial_il.list_tasks(),
     "tier": tiers.names(),
-    "controller": laws.names(),
+    "controller": controllers.names(),
     "policy": policies.names(),
     "algorithm": algorithms.names(),
     "bench": benchmarks.names(),

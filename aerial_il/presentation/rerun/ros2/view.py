@@ -50,7 +50,7 @@ def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
         StorageError: the file cannot be written.
     """
     model = compile_scene(episode)
-    motion, tree = move(model, episode.states), tree_of(model)
+    motion, tree = move(model, episode.states, episode.spec), tree_of(model)
     qpos, qvel = (_part(model, episode.states, part) for part in ("qpos", "qvel"))
     tracks = tracks_of(motion, tree, qpos)
     free = [body for body in np.flatnonzero(motion.moving).tolist() if model.body_parentid[body] == 0]
