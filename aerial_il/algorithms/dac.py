@@ -30,7 +30,7 @@ from typing import ClassVar
 
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
-from aerial_il.algorithms.adversarial.settings import LearnedReward
+from aerial_il.algorithms.adversarial.settings import LearnedReward, begins_cloned
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
@@ -102,13 +102,8 @@ class DAC(Algorithm):
         require_share(self, "expert_share")
         require_not_negative(self, "bc_pretrain_steps", "bc_weight")
 
-    @property
-    def starts_cloned(self) -> bool:
-        """Whether it starts with behavioural cloning, as the control without demonstrations does not."""
-        return self.bc_pretrain_steps > 0 and self.demonstrations.control != "constant_reward"
-
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        if not self.starts_cloned:
+        if not begins_cloned(self):
             check_warmup(self, env)
         return from_demonstrations(self, dataset, policy, env, seed)
 
@@ -118,9 +113,9 @@ class DAC(Algorithm):
         reward_net = RewardNet(*run.sizes, self.reward.shape(running_norm=False), lr=self.reward.lr)
         demos = run.demos.buffer(run.interface, run.rng("expert"), absorbing=absorbing)
         flights = ExperienceReplay(run, self.replay.capacity, absorbing=absorbing, rewarded=False)
-        pilot = None if self.starts_cloned else RandomActions(run.sizes[1], run.rng("warm-up"))
+        pilot = None if begins_cloned(self) else RandomActions(run.sizes[1], run.rng("warm-up"))
         imitates = self.demonstrations.control != "constant_reward"
-        if self.starts_cloned and not run.folder.resumed:
+        if begins_cloned(self) and not run.folder.resumed:
             agent.bc_pretrain(demos, self.bc_pretrain_steps)
 
         def discriminate() -> None:

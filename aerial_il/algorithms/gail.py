@@ -147,7 +147,7 @@ def check_imitation(settings: ImitationSettings) -> None:
     """Raise :class:`InvalidValueError` where a setting is impossible."""
     check_proximal(settings)
     require_positive(settings, "reward_batch", "buffer_size")
-    require_not_negative(settings, "warmup", "bc_pretrain_steps")
+    require_not_negative(settings, "bc_pretrain_steps")
     if settings.reward.updates != int(settings.reward.updates):
         raise InvalidValueError(f"reward.updates is {settings.reward.updates}; for each rollout it is a whole number.")
 

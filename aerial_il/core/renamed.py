@@ -51,8 +51,9 @@ MOVED: Mapping[str, tuple[str, ...]] = {
 
 
 def moved(name: str, known: Container[str]) -> str | None:
-    """Return where a setting stands now among those ``known`` by dotted names; None where it has not moved."""
-    return next((new for new in MOVED.get(name, ()) if new in known), None)
+    """Return where a setting, perhaps one of a group, stands now among those ``known``; None where it has not moved."""
+    group, dot, last = name.rpartition(".")
+    return next((new for each in MOVED.get(last, ()) if (new := f"{group}{dot}{each}") in known), None)
 
 
 #: Settings of algorithms that earlier versions did not write, and the values by which they ran.

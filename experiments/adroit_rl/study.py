@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from aerial_il.algorithms.decisions.practice import PRIOR
+from aerial_il.algorithms.rl.reinforcement import Reward
 
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.npg import NPG
-from aerial_il.algorithms.rl.reinforcement import Reward
 from aerial_il.core.composition import build
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

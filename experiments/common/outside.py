@@ -8,8 +8,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import aerial_il
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+
+import aerial_il
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode

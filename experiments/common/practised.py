@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.algorithms.decisions.practice import PractisedPolicy
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.on_policy import OnPolicy
 
 from aerial_il import experts
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredBC
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.contracts import Policy

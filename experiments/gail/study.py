@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from aerial_il.algorithms.rl.imitation import Control, Imitation
 
 import aerial_il
 from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
 from aerial_il.algorithms.dac import DAC
 from aerial_il.algorithms.gail import GAIL
-from aerial_il.algorithms.rl.imitation import Control, Imitation
 from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.sac import SAC
 from aerial_il.collection.collect import collect

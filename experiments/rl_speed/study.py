@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.rl.off_policy import OffPolicy
 
 import aerial_il
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy

@@ -14,12 +14,12 @@ from functools import partial
 from typing import Any
 
 import gymnasium
+from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 
 import aerial_il
 from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.dqn import DQN
 from aerial_il.algorithms.ppo import PPO
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.algorithms.sac import SAC
 from aerial_il.core.composition import build
 from aerial_il.policies.categorical import Categorical

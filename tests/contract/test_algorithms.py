@@ -23,18 +23,17 @@ from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm as Flying
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
-from aerial_il.core.composition import build, keys
+from aerial_il.core.composition import keys
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
-from aerial_il.core.renamed import moved
 from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
+from tests.algorithms.made import made
 from tests.algorithms.point_mass import StepResult
 
 NAMES = algorithms.names()
@@ -91,19 +90,6 @@ def _one_thread() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
-def made(cls: type[Any], values: Mapping[str, Any], base: Any = None) -> Any:
-    """Return settings of ``cls`` with those of the values that are its own, in whichever group they stand."""
-    names, tree = {key.name for key in keys(cls)} | {field.name for field in fields(cls)}, dict[str, Any]()
-    for name, value in values.items():
-        path = (moved(name, names) or name).split(".")
-        if ".".join(path) in names:
-            node = tree
-            for group in path[:-1]:
-                node = node.setdefault(group, {})
-            node[path[-1]] = value
-    return build(cls, tree, base=base)
-
-
 def known(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of the values that are settings of ``cls``."""
     names = {field.name for field in fields(cls)}
@@ -113,7 +99,7 @@ def known(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
 def small(name: str) -> Any:
     """Return settings that learn in seconds."""
     cls = algorithms.get(name)
-    if issubclass(cls, OnlineAlgorithm | Flying):
+    if issubclass(cls, Flying):
         if not isinstance(getattr(cls, "rollout", None), Rollout):
             shown = {"steps": 600} if cls.demonstrated else {}  # half as many suffice
             return made(cls, OFF_POLICY | shown)
@@ -232,15 +218,14 @@ def killed_in_a_fork(work: Callable[[], object]) -> bool:
 
 @each
 def test_impossible_settings_are_refused(name: str) -> None:
-    """Every number that is not negative by default must not be, and none may be no number at all."""
-    settings = algorithms.get(name)()
-    numbers = {f.name: getattr(settings, f.name) for f in fields(settings)}
-    numbers = {n: v for n, v in numbers.items() if isinstance(v, int | float) and not isinstance(v, bool) and v >= 0}
+    """Every number that is not negative by default must not be, in groups neither, and none may be no number at all."""
+    cls = algorithms.get(name)
+    numbers = {key.name: key.default for key in keys(cls) if type(key.default) in (int, float)}
     assert len(numbers) > 3
-    for number in numbers:
+    for number in (name for name, value in numbers.items() if value >= 0):
         for wrong in (-1, float("nan")):
-            with pytest.raises(InvalidValueError, match=number):
-                replace(settings, **{number: wrong})
+            with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
+                made(cls, {number: wrong})
 
 
 @each

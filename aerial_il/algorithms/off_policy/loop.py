@@ -71,10 +71,15 @@ def learn_off_policy(
         flights.step(pilot if waiting else agent)
         if not warming_up:
             flights.finish_warmup()
-        agent.set_lr(settings.lr * (settings.lr_floor + (1.0 - settings.lr_floor) * run.left))
+        agent.set_lr(lr_at(settings, run.left))
         if not waiting:
             if prepare:
                 prepare()
             for _ in range(run.updates_due(settings.replay.updates_per_step, every)):
                 run.log(update(not warming_up))
         run.end_turn()
+
+
+def lr_at(settings: Settings, left: float) -> float:
+    """Return the learning rate when the share ``left`` of the training is left."""
+    return settings.lr * (settings.lr_floor + (1.0 - settings.lr_floor) * left)

@@ -28,7 +28,7 @@ from aerial_il.algorithms.online.rewards import Source, reward_scheme
 from aerial_il.algorithms.online.run import OnlineRun, open_run
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint, digest
@@ -100,7 +100,6 @@ class FromClone(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(self, "warmup")
         require_positive(self, "patience")
 
     def train(

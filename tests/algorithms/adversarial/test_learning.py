@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +25,13 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms import train_flying
 from tests.algorithms.drift import Drift, Guide, demonstrations, mean_reward
+from tests.algorithms.made import made, names
 from tests.algorithms.test_resume import assert_same_end
 
 POLICY = SquashedGaussian(hidden=(32, 32))
 OFF: dict[str, Any] = {
     "warmup": 200,
+    "utd_ratio": 0.5,
     "batch_size": 64,
     "lr": 2e-3,
     "critic_hidden": (32, 32),
@@ -62,32 +64,24 @@ def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: boo
 
 @pytest.mark.slow
 def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
-    assert learn(SAC(steps=2_000, utd_ratio=0.5, **OFF), tmp_path / "sac") > 0.9
-    assert learn(PPO(steps=12_000, **ON), tmp_path / "ppo") > 0.9
+    assert learn(made(SAC, {**OFF, "steps": 2_000}), tmp_path / "sac") > 0.9
+    assert learn(made(PPO, {**ON, "steps": 12_000}), tmp_path / "ppo") > 0.9
 
 
 @pytest.mark.slow
 def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
-    settings = DAC(steps=2_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
+    settings = made(DAC, {**JUDGE, **OFF, **ALONE, "steps": 2_500})
     demos = demonstrations(10)
     assert learn(settings, tmp_path / "dac", demos) > 0.9
-    assert learn(replace(settings, control="random_actions"), tmp_path / "control", demos) < 0.85
+    assert learn(made(DAC, {"control": "random_actions"}, settings), tmp_path / "control", demos) < 0.85
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reward", ["gail", "airl"])
 def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
     """Arriving ends the episode; a reward that is positive everywhere must not make it linger."""
-    settings = DAC(
-        steps=3_000,
-        utd_ratio=0.5,
-        reward_hidden=(32,),
-        gradient_penalty=1.0,
-        reward=reward,
-        log_every=1_000,
-        **OFF,
-        **ALONE,
-    )
+    judge = {"reward_hidden": (32,), "gradient_penalty": 1.0, "reward": reward}
+    settings = made(DAC, {**OFF, **ALONE, **judge, "steps": 3_000, "log_every": 1_000})
     learn(settings, tmp_path / "dac", demonstrations(10, ends_at_success=True), ends=True)
     assert read_metrics(tmp_path / "dac")[-1]["episode/success"] > 0.8
 
@@ -96,12 +90,13 @@ def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
 @pytest.mark.parametrize("algorithm", [GAIL, AIRL])
 def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
     judge = {"reward_hidden": (32,), "reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 48, "buffer_size": 2048}
-    assert learn(algorithm(steps=20_000, **judge, **ON), tmp_path, demonstrations(10)) > 0.7
+    assert learn(made(algorithm, {**ON, **judge, "steps": 20_000}), tmp_path, demonstrations(10)) > 0.7
 
 
 def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> None:
     """And afterwards it does not: what reinforcement has added can be told from what cloning had reached."""
-    settings = GAIL(steps=1_024, bc_pretrain_steps=200, warmup=1_024, reward_updates=2, reward_batch=64, **ON)
+    few = {"steps": 1_024, "bc_pretrain_steps": 200, "warmup": 1_024, "reward_updates": 2, "reward_batch": 64}
+    settings = made(GAIL, {**ON, **few})
     demos, centres = demonstrations(3), []
     for name, chosen in (
         ("short", replace(settings, steps=512)),
@@ -116,13 +111,13 @@ def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_sqil_learns(tmp_path: Path) -> None:
-    assert learn(SQIL(steps=3_000, utd_ratio=0.5, **OFF), tmp_path, demonstrations(10)) > 0.7
+    assert learn(made(SQIL, {**OFF, "steps": 3_000}), tmp_path, demonstrations(10)) > 0.7
 
 
 @pytest.mark.slow
 def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> None:
     demos = demonstrations(10)
-    settings = DAC(steps=1_500, utd_ratio=0.5, **JUDGE, **OFF, **ALONE)
+    settings = made(DAC, {**JUDGE, **OFF, **ALONE, "steps": 1_500})
     settings.train(demos, POLICY, env=Drift(8), run=tmp_path, progress=False)
     shown = reward_along(tmp_path, demos[0])
     assert shown.shape == (len(demos[0]),)
@@ -180,16 +175,18 @@ def test_impossible_settings_are_refused(name: str) -> None:
         "steps": 0,
         "gamma": 1.0,
         "threads": 0,
-        "batch_size": -1,
+        "replay.batch_size": -1,
+        "rollout.batch_size": -1,
+        "critics.hidden": (),
         "critic_hidden": (),
-        "dropout": 1.0,
-        "reward": "x",
+        "reward.dropout": 1.0,
+        "reward.form": "x",
     }
-    known = {f.name for f in fields(settings)}
+    known = names(type(settings))
     for key, value in wrong.items():
         if key in known:
-            with pytest.raises(InvalidValueError, match=key):
-                replace(settings, **{key: value})
+            with pytest.raises(InvalidValueError, match=key.rpartition(".")[2]):
+                made(type(settings), {key: value}, settings)
 
 
 def test_another_environment_is_refused(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from aerial_il.algorithms.adversarial.discriminator import (
 )
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
 from aerial_il.algorithms.dac import DAC
+from aerial_il.algorithms.off_policy.loop import lr_at
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.demonstrations import check_same, read_transitions
 from aerial_il.algorithms.online.interface import check_policy, decode, encode, encode_actions, fit_interface
@@ -31,6 +32,7 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, log_density
 from tests.algorithms import drift, point_mass
 from tests.algorithms.drift import Drift
+from tests.algorithms.made import made
 
 POLICY = SquashedGaussian(hidden=(16,))
 
@@ -254,7 +256,7 @@ def test_demonstrations_pay_what_they_were_paid_or_what_is_said() -> None:
 def test_what_cannot_be_imitated_is_refused() -> None:
     for wrong in (0, -1):
         with pytest.raises(InvalidValueError, match=f"trajectories is {wrong}; it must be positive"):
-            DAC(trajectories=wrong)
+            made(DAC, {"trajectories": wrong})
     demos = drift.demonstrations(2)
     with pytest.raises(InvalidValueError, match="trajectories is 3; the dataset has 2"):
         read_transitions(demos, POLICY, trajectories=3, subsample=1, seed=0)
@@ -302,8 +304,8 @@ def test_demonstrations_are_blurred_as_the_agent_explores() -> None:
 
 
 def test_an_agent_learns_at_the_rate_that_is_left() -> None:
-    settings = SAC(lr=1e-3, lr_floor=0.2, critic_hidden=(8,))
-    assert [settings.lr_at(left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-3, 6e-4, 2e-4])
+    settings = made(SAC, {"lr": 1e-3, "lr_floor": 0.2, "critic_hidden": (8,)})
+    assert [lr_at(settings, left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-3, 6e-4, 2e-4])
     torch.manual_seed(0)
     agent = SoftActorCritic(settings, POLICY.build(1, 1), (1, 1))
     batch = Batch(torch.zeros(16, 2), torch.rand(16, 1), torch.zeros(16, 2), torch.ones(16), torch.ones(16))

@@ -23,8 +23,8 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.residual import ResidualPolicy
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
+from tests.algorithms.made import made
 from tests.algorithms.point_mass import StepResult
-from tests.contract.test_algorithms import made
 
 NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), FromClone)]
 CHUNKED = [n for n in NAMES if hasattr(algorithms.get(n), "exploration")]

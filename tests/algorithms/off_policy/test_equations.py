@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from aerial_il.algorithms.off_policy.target import Target
-from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 
 from aerial_il import algorithms
 from aerial_il.algorithms.awac import AWAC, AdvantageWeightedAgent
@@ -20,10 +18,11 @@ from aerial_il.algorithms.ddpg import DDPG, DeterministicAgent
 from aerial_il.algorithms.dqn import DQN, DeepQAgent
 from aerial_il.algorithms.ibrl import IBRL, ProposedAgent
 from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
+from aerial_il.algorithms.off_policy.critics import Target
 from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.online.interface import encode
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, split
-from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.sac import SAC, SoftActorCritic
@@ -34,9 +33,10 @@ from aerial_il.policies.categorical import Categorical, CategoricalNetwork
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
 from tests.algorithms.hand_set import actor_at, move_actor, set_critics, step_of
+from tests.algorithms.made import made, names
 
 ONE: dict[str, Any] = {"critic_hidden": (1,), "gamma": 0.9}
-DEMONSTRATED = [n for n in algorithms.names() if issubclass(algorithms.get(n), DemonstratedReinforcement)]
+DEMONSTRATED = [n for n in algorithms.names() if "demonstrations" in names(cls := algorithms.get(n)) and cls.rewarded]
 POLICY = SquashedGaussian(hidden=(16,))
 
 # Two critics that cross: (0.5 s + 2 a + 1) and (0.5 s - a + 2), s the first element of the observation, which is 1
@@ -53,8 +53,7 @@ def mislead(agent: Any, centre: Sequence[float] = (-0.9,)) -> None:
     """Let what is trained, but no target, answer otherwise: backups that ask it are found out."""
     move_actor(agent.actor, centre)
     with torch.no_grad():
-        trained = getattr(agent, "_critics", None) or agent._critic
-        for bias in trained.network.biases:
+        for bias in agent.critics.network.biases:
             bias.add_(30.0)
 
 
@@ -76,9 +75,9 @@ def test_a_target_goes_its_share_of_the_way() -> None:
 def smoothed(name: str, centre: float, **changes: Any) -> Any:
     """Return an agent of either whose target actor answers ``centre``, and what its backups say of a step."""
     if name == "td3":
-        agent: Any = TwinDelayedAgent(TD3(**ONE, **changes), actor_at([centre]), (2, 1))
+        agent: Any = TwinDelayedAgent(made(TD3, {**ONE, **changes}), actor_at([centre]), (2, 1))
         return agent, agent.bellman_targets
-    settings = IBRL(critics=2, subset=2, critic_norm=False, **ONE, **changes)
+    settings = made(IBRL, {"critics": 2, "subset": 2, "critic_norm": False, **ONE, **changes})
     agent = ProposedAgent(settings, actor_at([centre]), (2, 1))
     return agent, lambda step: agent.bellman_targets(unproposed(step), listen=True)[0]
 
@@ -93,12 +92,12 @@ def unproposed(step: Batch) -> Batch:
 
 @pytest.mark.parametrize("name", ["td3", "ibrl"])
 @pytest.mark.parametrize(("centre", "tried"), [(0.2, (-0.3, 0.7)), (0.8, (0.3, 1.0))])
-def test_a_smoothed_backup_takes_the_smaller_critic_of_actions_moved_no_further_than_the_clip_and_the_bounds(
+def test_a_smoothed_backup_takes_the_smaller_critic_within_the_clip(
     name: str, centre: float, tried: tuple[float, float]
 ) -> None:
     """Noise without measure always goes as far as it may, up or down."""
     agent, targets = smoothed(name, centre, target_noise=1e6, noise_clip=0.5)
-    set_critics(agent._critic_targets.network, *CROSSING)
+    set_critics(agent.targets.network, *CROSSING)
     mislead(agent)
     torch.manual_seed(0)
     found = targets(step_of([0.0] * 64, rewards=0.25))
@@ -110,20 +109,20 @@ def test_a_smoothed_backup_takes_the_smaller_critic_of_actions_moved_no_further_
 
 
 @pytest.mark.parametrize("name", ["td3", "ibrl"])
-def test_the_noise_of_the_target_has_its_deviation_where_nothing_clips_it(name: str) -> None:
+def test_the_noise_of_the_target_has_its_deviation(name: str) -> None:
     agent, targets = smoothed(name, 0.3, target_noise=0.1, noise_clip=10.0)
-    set_critics(agent._critic_targets.network, [[0.0, 0.0, 0.0, 1.0]] * 2, [0.0, 0.0])
+    set_critics(agent.targets.network, [[0.0, 0.0, 0.0, 1.0]] * 2, [0.0, 0.0])
     torch.manual_seed(0)
     actions = targets(step_of([0.0] * 20_000)) / 0.9
     assert actions.mean().item() == pytest.approx(0.3, abs=0.005)
     assert actions.std().item() == pytest.approx(0.1, rel=0.03)
 
 
-def test_the_actor_and_the_targets_of_td3_move_at_every_second_update_and_its_critics_at_each() -> None:
-    settings = TD3(actor_every=2, lr=1e-2, tau=0.5, **ONE)
+def test_the_actor_and_targets_of_td3_move_at_every_second_update() -> None:
+    settings = made(TD3, {"actor_every": 2, "lr": 1e-2, "tau": 0.5, **ONE})
     agent = TwinDelayedAgent(settings, actor_at([0.2]), (2, 1))
-    set_critics(agent._critics.network, *CROSSING)
-    networks = (agent._critics, agent._actor_state, agent._actor_target, agent._critic_targets)
+    set_critics(agent.critics.network, *CROSSING)
+    networks = (agent.critics, agent.actor_state, agent.actor_target, agent.targets)
     moved = []
     for _ in range(4):
         before = [torch.cat([p.detach().reshape(-1) for p in each.network.parameters()]) for each in networks]
@@ -135,19 +134,19 @@ def test_the_actor_and_the_targets_of_td3_move_at_every_second_update_and_its_cr
 
 def test_the_actor_of_td3_climbs_the_first_critic() -> None:
     """The second one leads the other way, more steeply."""
-    agent = TwinDelayedAgent(TD3(**ONE), actor_at([0.2]), (2, 1))
-    set_critics(agent._critics.network, [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -8.0]], [0.5, 3.0])
+    agent = TwinDelayedAgent(made(TD3, ONE), actor_at([0.2]), (2, 1))
+    set_critics(agent.critics.network, [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -8.0]], [0.5, 3.0])
     loss = agent.actor_loss(step_of([0.0, 0.0]))
     assert loss.item() == pytest.approx(-0.7, abs=1e-4)
     (slope,) = torch.autograd.grad(loss, agent.actor.mean.bias)
     assert slope.item() == pytest.approx(-(1.0 - 0.2**2), abs=1e-4), "that of the tanh, downwards"
 
 
-def test_the_critic_of_ddpg_learns_what_its_targets_say_of_what_follows_and_its_actor_climbs_it() -> None:
-    agent = DeterministicAgent(DDPG(**ONE), actor_at([0.2]), (2, 1))
-    set_critics(agent._critic_target.network, [[0.5, 0.0, 0.0, 2.0]], [1.0])
+def test_the_critic_of_ddpg_learns_and_its_actor_climbs_it() -> None:
+    agent = DeterministicAgent(made(DDPG, ONE), actor_at([0.2]), (2, 1))
+    set_critics(agent.targets.network, [[0.5, 0.0, 0.0, 2.0]], [1.0])
     mislead(agent, [-0.5])
-    set_critics(agent._critic.network, [[0.0, 0.0, 0.0, 1.0]], [0.0])
+    set_critics(agent.critics.network, [[0.0, 0.0, 0.0, 1.0]], [0.0])
     loss, _ = agent.critic_loss(step_of([0.6, -0.4], rewards=0.25, continues=[1.0, 0.0]))
     target = 0.25 + 0.9 * (0.5 + 2.0 * 0.2 + 1.0)
     assert loss.item() == pytest.approx(((0.6 - target) ** 2 + (-0.4 - 0.25) ** 2) / 2, rel=1e-4)
@@ -184,12 +183,12 @@ def decided() -> Batch:
     return Batch(first, torch.ones(2, 1), second, torch.tensor([0.5, 0.5]), torch.tensor([1.0, 0.0]))
 
 
-@pytest.mark.parametrize(("double", "worth"), [(True, 3.0), (False, 7.0)])
-def test_the_trained_network_chooses_and_the_target_judges_unless_it_does_both(double: bool, worth: float) -> None:
+@pytest.mark.parametrize(("double", "value"), [(True, 3.0), (False, 7.0)])
+def test_in_double_dqn_the_network_chooses_and_its_target_judges(double: bool, value: float) -> None:
     network = choices([[90.0, 91.0, 92.0], [7.0, 3.0, 4.0]])
     agent = DeepQAgent(DQN(double=double, gamma=0.9), network)
     tell_choices(network, [[93.0, 94.0, 95.0], [1.0, 5.0, 2.0]])
-    assert agent.bellman_targets(decided()).tolist() == pytest.approx([0.5 + 0.9 * worth, 0.5])
+    assert agent.bellman_targets(decided()).tolist() == pytest.approx([0.5 + 0.9 * value, 0.5])
 
 
 def test_only_the_choice_that_was_taken_is_learned_about() -> None:
@@ -205,7 +204,7 @@ def test_only_the_choice_that_was_taken_is_learned_about() -> None:
     assert found == pytest.approx([1.0, 1.9, 3.0], abs=1e-4), "Adam's first step is its learning rate, to 0.5"
 
 
-def test_dueling_values_are_those_of_the_state_plus_advantages_over_their_mean() -> None:
+def test_dueling_values_are_those_of_state_plus_advantages() -> None:
     """Whatever is added to all advantages alike changes nothing."""
     network, seen = choices([[1.0, 2.0, 6.0], [0.0, 0.0, 0.0]], dueling=True), torch.tensor([[[1.0, 0.0]]])
     assert network.worth is not None
@@ -228,8 +227,8 @@ def soft(name: str, actor: Any = None, **changes: Any) -> Any:
     sizes = (2, actor.shape[1])
     settings = {**ONE, "alpha": 0.3, "actor_every": 1, "lr": 1e-2, **changes}
     if name == "sac":
-        return SoftActorCritic(SAC(**settings), actor, sizes)
-    return EnsembleActorCritic(RLPD(**{"critics": 2, "subset": 2, "critic_norm": False, **settings}), actor, sizes)
+        return SoftActorCritic(made(SAC, settings), actor, sizes)
+    return EnsembleActorCritic(made(RLPD, {"critics": 2, "subset": 2, "critic_norm": False, **settings}), actor, sizes)
 
 
 def draws(agent: Any, monkeypatch: pytest.MonkeyPatch, actions: Sequence[float], log_prob: Sequence[float]) -> None:
@@ -242,11 +241,9 @@ both = pytest.mark.parametrize("name", ["sac", "rlpd"])
 
 
 @both
-def test_a_soft_backup_pays_for_surprise_beside_the_smaller_critic_and_nothing_in_the_absorbing_state(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_soft_backup_pays_for_entropy_except_when_absorbed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     agent = soft(name)
-    set_critics(agent._targets.network, *CROSSING)
+    set_critics(agent.targets.network, *CROSSING)
     mislead(agent)
     draws(agent, monkeypatch, [-0.3, 0.7, 0.7], [-1.5, 0.8, 0.8])
     found = agent.bellman_targets(step_of([0.0] * 3, rewards=0.25, continues=[1.0, 1.0, 0.0]))
@@ -258,7 +255,7 @@ def test_a_soft_backup_pays_for_surprise_beside_the_smaller_critic_and_nothing_i
 
 def test_critics_are_drawn_anew_for_each_backup(monkeypatch: pytest.MonkeyPatch) -> None:
     agent = soft("rlpd", critics=3, subset=2)
-    set_critics(agent._targets.network, [[0.0] * 4] * 3, [1.0, 5.0, 9.0])
+    set_critics(agent.targets.network, [[0.0] * 4] * 3, [1.0, 5.0, 9.0])
     draws(agent, monkeypatch, [0.0], [0.0])
     torch.manual_seed(0)
     found = {round(agent.bellman_targets(step_of([0.0])).item(), 3) for _ in range(40)}
@@ -266,47 +263,45 @@ def test_critics_are_drawn_anew_for_each_backup(monkeypatch: pytest.MonkeyPatch)
 
 
 @both
-def test_a_soft_actor_trades_its_surprise_for_what_the_critics_say(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_soft_actor_trades_entropy_for_value(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """``sac`` believes the smaller critic, ``rlpd`` their mean."""
     agent = soft(name)
-    set_critics(agent._critics.network, *CROSSING)
+    set_critics(agent.critics.network, *CROSSING)
     draws(agent, monkeypatch, [-0.3, 0.7], [-1.5, 0.8])
     loss = agent.actor_and_alpha_loss(step_of([0.0] * 2))[0]
     entropy = (1.5 - 0.8) / 2
-    worth = {"sac": (0.4 + 1.3) / 2, "rlpd": (0.4 + 2.3 + 2.4 + 1.3) / 4}[name]
-    alphas = {"sac": 0.0, "rlpd": math.log(0.3) * (entropy - agent._target_entropy)}[name]
-    assert loss.item() == pytest.approx(-0.3 * entropy - worth + alphas, abs=1e-4)
+    value = {"sac": (0.4 + 1.3) / 2, "rlpd": (0.4 + 2.3 + 2.4 + 1.3) / 4}[name]
+    alphas = {"sac": 0.0, "rlpd": math.log(0.3) * (entropy - agent.target_entropy)}[name]
+    assert loss.item() == pytest.approx(-0.3 * entropy - value + alphas, abs=1e-4)
 
 
 @both
 @pytest.mark.parametrize(("log_std", "way"), [(-3.0, 1.0), (-2.17, -1.0)])
-def test_the_temperature_rises_where_entropy_is_below_its_target_and_falls_where_it_is_above(
-    name: str, log_std: float, way: float
-) -> None:
+def test_the_temperature_moves_entropy_to_its_target(name: str, log_std: float, way: float) -> None:
     """Two action elements: the target is -2, the entropy near -3.2, or near -1.5, which is below one element's -1."""
     agent = soft(name, actor_at([0.0, 0.0], log_std), entropy=-1.0)
-    set_critics(agent._critics.network, [[0.0] * 5] * 2, [0.0, 0.0])
+    set_critics(agent.critics.network, [[0.0] * 5] * 2, [0.0, 0.0])
     torch.manual_seed(0)
     step = step_of([0.0] * 500)
     step = step._replace(actions=torch.zeros(500, 2))
     metrics = agent.update(step, **({"demos": step} if name == "rlpd" else {}))
     assert metrics["actor/entropy"] == pytest.approx(2 * (0.5 * math.log(2 * math.pi * math.e) + log_std), abs=0.15)
     assert metrics["actor/alpha"] == pytest.approx(0.3)
-    change = agent._log_alpha.item() - math.log(0.3)
+    change = agent.log_alpha.item() - math.log(0.3)
     assert change == pytest.approx(way * 1e-2, rel=0.01), "Adam's first step is its learning rate"
 
 
 # -- awac and iql
 
 
-def test_weights_of_awac_grow_with_what_an_action_is_worth_beyond_the_actors_own(
+def test_weights_of_awac_grow_with_the_advantage(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Where s = 0 the smaller critic says min(2 a + 1, 2 - a); the actor's own action, 0, is worth 1."""
-    settings = AWAC(temperature=0.5, weight_limit=3.0, **ONE)
+    settings = made(AWAC, {"temperature": 0.5, "weight_limit": 3.0, **ONE})
     agent = AdvantageWeightedAgent(settings, actor_at([0.0]), (2, 1))
-    set_critics(agent._critics.network, *CROSSING)
-    set_critics(agent._targets.network, [[9.0] * 4] * 2, [70.0, 70.0])
+    set_critics(agent.critics.network, *CROSSING)
+    set_critics(agent.targets.network, [[9.0] * 4] * 2, [70.0, 70.0])
     draws(agent, monkeypatch, [0.0] * 5, [0.0] * 5)
     step = step_of([-0.4, 0.0, 0.2, 0.9, 0.5])
     weights, advantages = agent.weights(step)
@@ -318,10 +313,10 @@ def test_weights_of_awac_grow_with_what_an_action_is_worth_beyond_the_actors_own
     assert limited == pytest.approx([exact[0], 1.0, 2.0, exact[3], 2.0], abs=1e-3)
 
 
-def test_the_critics_of_awac_learn_what_the_actors_own_action_is_worth_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    agent = AdvantageWeightedAgent(AWAC(**ONE), actor_at([0.0]), (2, 1))
-    set_critics(agent._targets.network, *CROSSING)
-    set_critics(agent._critics.network, [[0.0] * 4] * 2, [1.0, 2.0])
+def test_the_critics_of_awac_learn_the_value_of_the_actors_action(monkeypatch: pytest.MonkeyPatch) -> None:
+    agent = AdvantageWeightedAgent(made(AWAC, ONE), actor_at([0.0]), (2, 1))
+    set_critics(agent.targets.network, *CROSSING)
+    set_critics(agent.critics.network, [[0.0] * 4] * 2, [1.0, 2.0])
     draws(agent, monkeypatch, [0.7, 0.7], [5.0, 5.0])
     loss, _ = agent.critic_loss(step_of([0.0, 0.0], rewards=0.25, continues=[1.0, 0.0]))
     target = 0.25 + 0.9 * crossing(0.7)
@@ -335,12 +330,12 @@ def test_the_likelihood_of_tried_actions_counts_by_their_weights(name: str, monk
     actor, step = actor_at([0.3], log_std=-0.5), step_of([0.2, -0.4])
     agent: Any
     if name == "awac":
-        agent = AdvantageWeightedAgent(AWAC(temperature=0.5, **ONE), actor, (2, 1))
-        set_critics(agent._critics.network, *CROSSING)
+        agent = AdvantageWeightedAgent(made(AWAC, {"temperature": 0.5, **ONE}), actor, (2, 1))
+        set_critics(agent.critics.network, *CROSSING)
         draws(agent, monkeypatch, [0.0] * 2, [0.0] * 2)
         loss, found = agent.actor_loss(step)
     else:
-        agent = ImplicitAgent(IQL(beta=2.0, **ONE), actor, (2, 1))
+        agent = ImplicitAgent(made(IQL, {"beta": 2.0, **ONE}), actor, (2, 1))
         loss, found = agent.actor_loss(step, torch.tensor([0.4, -0.8]))
     weights, deviation = (math.exp(0.8), math.exp(-1.6)), math.exp(-0.5)
     likely = [
@@ -356,14 +351,14 @@ def test_the_likelihood_of_tried_actions_counts_by_their_weights(name: str, monk
 
 def implicit(**changes: Any) -> ImplicitAgent:
     """Return an agent whose V is 1 + 3 s, and whose target critics say what two that cross do."""
-    agent = ImplicitAgent(IQL(**{**ONE, **changes}), actor_at([-0.9]), (2, 1))
-    set_critics(agent._targets.network, *CROSSING)
-    set_critics(agent._critics.network, [[0.0] * 4] * 2, [70.0, 71.0])
-    set_critics(agent._value.network, [[3.0, 0.0, 0.0]], [1.0])
+    agent = ImplicitAgent(made(IQL, {**ONE, **changes}), actor_at([-0.9]), (2, 1))
+    set_critics(agent.targets.network, *CROSSING)
+    set_critics(agent.critics.network, [[0.0] * 4] * 2, [70.0, 71.0])
+    set_critics(agent.value.network, [[3.0, 0.0, 0.0]], [1.0])
     return agent
 
 
-def test_weights_of_iql_grow_with_what_an_action_is_worth_beyond_the_value_of_its_state() -> None:
+def test_weights_of_iql_grow_with_the_advantage() -> None:
     """V is 1 where s = 0; the smaller target critic says 0.2, 1, 1.4 and 1.1 of what was tried there."""
     step, advantages = step_of([-0.4, 0.0, 0.2, 0.9]), [-0.8, 0.0, 0.4, 0.1]
     metrics = implicit(beta=2.0, expectile=0.7).update(step)
@@ -384,7 +379,7 @@ def test_the_critics_of_iql_learn_the_value_of_the_next_state() -> None:
 
 
 @pytest.mark.parametrize(("expectile", "wanted"), [(0.5, 7.0), (0.7, 6.2), (0.9, 5.4)])
-def test_an_expectile_squares_errors_above_and_below_with_different_weights(expectile: float, wanted: float) -> None:
+def test_an_expectile_weighs_errors_above_and_below(expectile: float, wanted: float) -> None:
     """Of errors 2, -3 and 1: 4 tau + 9 (1 - tau) + tau, over three."""
     assert expectile_loss(torch.tensor([2.0, -3.0, 1.0]), expectile).item() == pytest.approx(wanted / 3)
 
@@ -400,7 +395,7 @@ with_and_without = pytest.mark.parametrize("absorbing", [True, False])
 
 def train(name: str, run: Path, env: Any, demos: list[Episode], **changes: Any) -> Any:
     cls: Any = algorithms.get(name)
-    settings = cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
+    settings = made(cls, {**SMALL, **changes})
     return settings.train(demos, POLICY, env=env, run=run, seed=1, progress=False)
 
 
@@ -433,7 +428,7 @@ def apart(rows: np.ndarray) -> Batch:
 
 @each
 @with_and_without
-def test_what_was_flown_goes_on_beyond_a_cut_but_not_beyond_an_end(
+def test_flights_go_on_beyond_a_cut_but_not_beyond_an_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, absorbing: bool
 ) -> None:
     """Row by row beside the steps: a crash leads nowhere, success to a state that leads to itself, or nowhere; a cut,
@@ -466,7 +461,7 @@ def test_what_the_last_step_cost_is_not_subtracted_for_ever(
 ) -> None:
     """Neither after flights nor after demonstrations: an absorbing state is paid what success is."""
     memory, env = Memory(monkeypatch), Drift(8, ends_at_success=True)
-    rough = {"reward": "sparse", "smoothness": Smoothness(rate_penalty=0.3)}
+    rough = {"reward": "sparse", "smoothness": replace(NO_SMOOTHNESS, rate_penalty=0.3)}
     train(name, tmp_path, env, demonstrations(6, ends_at_success=True), **rough)
     for rows in (memory.shown[-1], np.concatenate(memory.flown)):
         kept = apart(rows)
@@ -480,7 +475,7 @@ def test_what_the_last_step_cost_is_not_subtracted_for_ever(
 @each
 @with_and_without
 @pytest.mark.parametrize("how", ["cut", "success", "crash"])
-def test_what_was_shown_goes_on_beyond_a_cut_but_not_beyond_an_end(
+def test_demonstrations_go_on_beyond_a_cut_but_not_an_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, absorbing: bool, how: str
 ) -> None:
     memory, demos = Memory(monkeypatch), demonstrations(6, ends_at_success=how != "cut")
@@ -513,7 +508,7 @@ class Paid(Drift):
 
 
 @each
-def test_critics_value_what_follows_a_cut_or_success_and_nothing_after_a_crash(tmp_path: Path, name: str) -> None:
+def test_critics_value_what_follows_a_cut_but_not_a_crash(tmp_path: Path, name: str) -> None:
     """One step of 1 is worth 1, steps without end 10 at gamma 0.9; random flights stand in for the demonstrations."""
     values = {}
     for how in ("cut", "success", "crash"):

@@ -1,4 +1,4 @@
-"""Actor-critics that begin with a clone: it flies first, critics learn its worth, and other weights are refused."""
+"""Actor-critics that begin with a clone: it flies first, critics learn its value, and other weights are refused."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.off_policy.from_prior import BegunFromPrior, explored
+from aerial_il.algorithms.off_policy.from_prior import explored
 from aerial_il.algorithms.online.interface import decode
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError
@@ -25,8 +25,9 @@ from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms import point_mass
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
+from tests.algorithms.made import made
 
-NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), BegunFromPrior)]
+NAMES = ["ddpg", "sac", "td3"]
 each = pytest.mark.parametrize("name", NAMES)
 POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 320, "warmup": 160, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
@@ -56,7 +57,7 @@ def narrow(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def train(name: str, run: Path, *, evaluate: Any = None, **changes: Any) -> Any:
-    settings = algorithms.get(name)(**{**SMALL, **changes})
+    settings = made(algorithms.get(name), {**SMALL, **changes})
     return settings.train(None, POLICY, env=Drift(8), run=run, seed=1, progress=False, evaluate=evaluate)
 
 
@@ -153,7 +154,7 @@ def test_a_prior_with_an_anchor_is_gone_on_from(tmp_path: Path, name: str) -> No
     policy = SquashedGaussian(hidden=(16,), anchor="ee_pos")
     cloning = BC(steps=40, batch_size=64, warmup_steps=5, ema=0.9, validation=0.0)
     cloning.train(point_mass.demonstrations(4), policy, run=tmp_path / "prior", progress=False)
-    settings = algorithms.get(name)(**{**SMALL, "prior": str(tmp_path / "prior"), "reward_patience": 0})
+    settings = made(algorithms.get(name), {**SMALL, "prior": str(tmp_path / "prior"), "reward_patience": 0})
     env = point_mass.PointMassBatch(8)
     begun = settings.train(None, policy, env=env, run=tmp_path / "run", seed=1, progress=False)
     assert "actor/loss" in read_metrics(tmp_path / "run")[-1]

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
 
 from aerial_il import algorithms
+from aerial_il.algorithms.off_policy.problems import relabelled_scheme
 from aerial_il.algorithms.online.collector import Collector, RewardScheme
 from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.algorithms.online.interface import plain_interface
 from aerial_il.algorithms.online.replay_buffer import Batch, rows_of
 from aerial_il.algorithms.online.rewarded_demonstrations import with_rewards
-from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.online.rewards import reward_scheme
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.data.episode import Episode
@@ -25,9 +26,10 @@ from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
+from tests.algorithms.made import made, names
 from tests.algorithms.point_mass import StepResult
 
-SHOWN = [n for n in algorithms.names() if issubclass(algorithms.get(n), DemonstratedReinforcement)]
+SHOWN = [n for n in algorithms.names() if "demonstrations" in names(cls := algorithms.get(n)) and cls.rewarded]
 each = pytest.mark.parametrize("name", SHOWN)
 POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 320, "warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
@@ -39,7 +41,7 @@ def short(name: str, **changes: Any) -> Any:
     cls: Any = algorithms.get(name)
     if getattr(cls(), "bc_pretrain_steps", 0):  # whose clone would take thousands, which nothing here asks about
         changes = {"bc_pretrain_steps": 50, **changes}
-    return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
+    return made(cls, {**SMALL, **changes})
 
 
 def train(settings: Any, run: Path, demos: list[Episode], env: Any = None) -> Any:
@@ -111,7 +113,7 @@ def test_with_random_flights_in_their_place_it_runs(tmp_path: Path, name: str) -
 
 def test_a_demonstration_is_paid_as_its_flight_would_be() -> None:
     """Step by step as by the collector, penalties too; sparse, for the step that ends it."""
-    scheme = RewardScheme(smoothness=Smoothness(rate_penalty=0.3, jerk_penalty=0.1))
+    scheme = RewardScheme(smoothness=replace(NO_SMOOTHNESS, rate_penalty=0.3, jerk_penalty=0.1))
     demo = demonstrations(1)[0]
     collector = Collector(Flown(demo), Layout.of(SPEC, POLICY), seed=0, scheme=scheme)
     flown = [collector.step(action[None]) for action in demo.executed_actions]
@@ -146,11 +148,11 @@ class Flown(Drift):
 def test_rlpd_learns_from_demonstrations_what_it_does_not_learn_from_random_flights(tmp_path: Path) -> None:
     """A few steps of its own, the same for both."""
     settings = {"steps": 640, "utd_ratio": 2.0, "actor_every": 2, "critics": 4, "entropy": -3.0}
-    shown, blind = (
+    shown, random = (
         mean_reward(train(short("rlpd", control=control, **settings), tmp_path / control, demonstrations(20)))
         for control in ("none", "random_actions")
     )
-    assert shown > blind + 0.02
+    assert shown > random + 0.02
 
 
 def batch(size: int = 7) -> Batch:
@@ -161,13 +163,13 @@ def batch(size: int = 7) -> Batch:
 
 def test_a_backup_believes_the_least_of_the_critics_that_were_drawn() -> None:
     """With all of them drawn, that of all; alpha at nothing, so that only rewards and values are left."""
-    settings = RLPD(critics=3, subset=3, critic_hidden=(8,), alpha=1e-9)
+    settings = made(RLPD, {"critics": 3, "subset": 3, "critic_hidden": (8,), "alpha": 1e-9})
     agent, seen = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch()
     seen = seen._replace(next_obs=torch.cat([seen.next_obs[:, :-1], torch.ones(7, 1)], 1))  # absorbing: action 0
-    worth = agent._targets.network(seen.next_obs, torch.zeros(7, 1))
+    values = agent.targets.network(seen.next_obs, torch.zeros(7, 1))
     targets = agent.bellman_targets(seen)
-    assert torch.allclose(targets, seen.rewards + settings.gamma * worth.min(0).values, atol=1e-5)
-    assert (worth.max(0).values - worth.min(0).values > 0).all(), "critics that are alike would tell nothing"
+    assert torch.allclose(targets, seen.rewards + settings.gamma * values.min(0).values, atol=1e-5)
+    assert (values.max(0).values - values.min(0).values > 0).all(), "critics that are alike would tell nothing"
 
 
 def test_critics_drawn_from_an_ensemble_are_those_of_all() -> None:
@@ -185,12 +187,12 @@ def test_layer_norm_bounds_values_far_away() -> None:
 
 
 def test_more_critics_are_drawn_than_there_are() -> None:
-    with pytest.raises(InvalidValueError, match="at most critics, 2"):
-        RLPD(critics=2, subset=3)
+    with pytest.raises(InvalidValueError, match=r"between 1 and critics\.count, 2"):
+        made(RLPD, {"critics": 2, "subset": 3})
 
 
 def test_the_pull_to_demonstrations_moves_the_actor_to_their_actions() -> None:
-    settings = RLPD(critics=2, critic_hidden=(8,), actor_every=1, bc_weight=1e4, lr=1e-2)
+    settings = made(RLPD, {"critics": 2, "critic_hidden": (8,), "actor_every": 1, "bc_weight": 1e4, "lr": 1e-2})
     agent, demos = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch(32)
     demos = demos._replace(obs=torch.cat([demos.obs[:, :2], torch.zeros(32, 1)], 1), actions=torch.full((32, 1), 0.7))
     for _ in range(200):
@@ -246,7 +248,7 @@ def test_a_crash_is_not_absorbed_where_rewards_teach() -> None:
 
 
 def test_advice_names_what_the_algorithm_has() -> None:
-    assert "algorithm.reward=environment" in short("iql", reward="sparse").scheme.advice
-    assert "algorithm.reward=environment" not in short("ibrl").scheme.advice
-    assert "hindsight.goals=4 algorithm.reward=environment" in short("iql", reward="sparse").scheme.advice
-    assert "hindsight" not in short("ibrl", reward="sparse").scheme.advice
+    assert "algorithm.reward=environment" not in reward_scheme(short("ibrl")).advice
+    assert "algorithm.reward=environment" in reward_scheme(short("ibrl", reward="sparse")).advice
+    assert "hindsight.goals=4 algorithm.reward=environment" in relabelled_scheme(short("iql", reward="sparse")).advice
+    assert "hindsight" not in reward_scheme(short("ibrl", reward="sparse")).advice

@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from aerial_il.algorithms.rl.offline import OfflineFirst
 
 from aerial_il import algorithms
 from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
-from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, mixed
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations, mean_reward
+from tests.algorithms.made import made
 
-NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), OfflineFirst)]
+NAMES = ["awac", "iql"]
 each = pytest.mark.parametrize("name", NAMES)
 POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 80, "warmup": 16, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
@@ -31,7 +31,7 @@ SMALL |= {"gamma": 0.9, "log_every": 20, "checkpoint_every": 20, "offline_steps"
 
 
 def train(name: str, run: Path, demos: list[Episode] | None = None, evaluate: Any = None, **changes: Any) -> Any:
-    settings = algorithms.get(name)(**{**SMALL, **changes})
+    settings = made(algorithms.get(name), {**SMALL, **changes})
     options = {"env": Drift(8), "run": run, "seed": 1, "progress": False, "evaluate": evaluate}
     return settings.train(demos or demonstrations(6), POLICY, **options)
 
@@ -83,7 +83,7 @@ def paid(episodes: list[Episode], reward: float, action: float) -> list[Episode]
 
 
 @each
-def test_what_was_paid_more_is_imitated_and_failures_only_where_they_are_asked_for(tmp_path: Path, name: str) -> None:
+def test_what_was_paid_more_is_imitated(tmp_path: Path, name: str) -> None:
     """The same places, one action paid and another not; the second was taken in failed flights."""
     good, bad = paid(demonstrations(6), 1.0, 0.8), paid(demonstrations(6), 0.0, -0.3)
     both = [*good, *(replace(e, success=False, uid=f"failed-{e.uid}") for e in bad)]
@@ -94,8 +94,8 @@ def test_what_was_paid_more_is_imitated_and_failures_only_where_they_are_asked_f
         taken[failures] = train(name, run, both, failures=failures, **settings).act(Drift(20).reset(0)).mean()
     assert taken[False] == pytest.approx(0.8, abs=0.15), "all that it has seen"
     assert taken[True] == pytest.approx(0.8, abs=0.25), "of what it has seen, what was paid"
-    blind = train("awac", tmp_path / "blind", both, failures=True, temperature=1e9, **settings)
-    assert blind.act(Drift(20).reset(0)).mean() < 0.6, "cloning, which cannot tell them apart"
+    plain = train("awac", tmp_path / "plain", both, failures=True, temperature=1e9, **settings)
+    assert plain.act(Drift(20).reset(0)).mean() < 0.6, "cloning, which cannot tell them apart"
 
 
 @pytest.mark.slow
@@ -125,13 +125,13 @@ def batch(size: int = 16) -> Batch:
     return Batch(obs, torch.rand(size, 1) * 2 - 1, obs.flip(0), torch.randn(size), torch.ones(size))
 
 
-def test_iql_never_asks_what_another_action_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
-    agent = ImplicitAgent(IQL(critic_hidden=(8,)), POLICY.build(2, 1), (2, 1))
+def test_iql_never_asks_for_the_value_of_another_action(monkeypatch: pytest.MonkeyPatch) -> None:
+    agent = ImplicitAgent(made(IQL, {"critic_hidden": (8,)}), POLICY.build(2, 1), (2, 1))
     monkeypatch.setattr(agent.actor, "sample", None)
     seen = batch()
     agent.update(seen)
     loss, _ = agent.critic_loss(seen._replace(continues=torch.zeros(16)))
-    values = agent._critics.network(seen.obs, seen.actions)
+    values = agent.critics.network(seen.obs, seen.actions)
     assert loss.item() == pytest.approx(((values - seen.rewards) ** 2).mean(1).sum().item(), rel=1e-5)
 
 
@@ -141,7 +141,7 @@ def test_shares_of_the_dataset_in_minibatches() -> None:
     for buffer, mark in ((shown, 1.0), (flown, 2.0)):
         buffer.add(np.full((4, 9), mark, np.float32))
     for share, count in ((0.0, 0), (0.25, 8), (1.0, 32)):
-        drawn = IQL(demos_share=share, batch_size=32).minibatch(shown, flown)
+        drawn = mixed(shown, flown, 32, share)
         assert int((drawn.rewards == 1.0).sum()) == count
         assert len(drawn.rewards) == 32
 

@@ -2,36 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from aerial_il.algorithms.rl.demonstrated import RelabelledDemonstrated
 
 from aerial_il import algorithms
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.online.demonstrations import read_transitions
-from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
+from tests.algorithms.made import made, names
 from tests.algorithms.sought import NEAR, Sought
 
-NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), RelabelledDemonstrated)]
+NAMES = [n for n in algorithms.names() if {"hindsight.goals", "demonstrations.labels"} <= names(algorithms.get(n))]
 each = pytest.mark.parametrize("name", NAMES)
 POLICY = SquashedGaussian(hidden=(16,))
 SMALL: dict[str, Any] = {"steps": 160, "warmup": 32, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"utd_ratio": 0.2, "actor_every": 1, "gamma": 0.9, "log_every": 80, "checkpoint_every": 0}
-SMALL |= {"offline_steps": 10, "critics": 3, "hindsight": Hindsight(goals=2)}
+SMALL |= {"offline_steps": 10, "critics": 3, "hindsight.goals": 2}
 
 
 def short(name: str, **changes: Any) -> Any:
     cls: Any = algorithms.get(name)
-    return cls(**{k: v for k, v in {**SMALL, **changes}.items() if k in cls.__dataclass_fields__})
+    return made(cls, {**SMALL, **changes})
 
 
 def train(settings: Any, run: Path, env: Any, demos: list[Episode] | None = None, **options: Any) -> Any:
@@ -80,10 +80,10 @@ def test_flights_are_kept_again_with_goals_that_they_reached(
 def test_demonstrations_are_rewarded_by_the_rule_of_their_goals(name: str) -> None:
     """Whatever they were paid; rough actions cost as before, and success is no end of what is to come."""
     demos, env = demonstrations(6, ends_at_success=True), Sought(8, ends_at_success=True)
-    smoothness = Smoothness(rate_penalty=0.3)
+    smoothness = replace(NO_SMOOTHNESS, rate_penalty=0.3)
     plain = read_transitions(demos, POLICY, trajectories=None, subsample=1, smoothness=smoothness, seed=0)[1]
     for tolerance in (1.0, 0.5):
-        settings = short(name, hindsight=Hindsight(goals=2, tolerance=tolerance), smoothness=smoothness)
+        settings = short(name, **{"hindsight.tolerance": tolerance}, smoothness=smoothness)
         found = settings.problem(demos, POLICY, env, 0)
         paid = np.abs(plain.next_frames[:, 0] - plain.next_frames[:, 1]) <= NEAR * tolerance
         np.testing.assert_allclose(found.demos.rewards, paid - plain.penalties)
