@@ -20,6 +20,7 @@ import yaml
 from aerial_il import algorithms, policies, robots
 from aerial_il.cli import launchers, sweepers
 from aerial_il.cli.configuration.defaults import TARGET, classes, completed, has_method
+from aerial_il.control import controllers
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tasks
@@ -33,7 +34,11 @@ CONSTRUCTED: Mapping[str, tuple[str, Names, str]] = {
     "sweeper": (sweepers.__name__, sweepers.names, "search"),
     "policy": (policies.__name__, policies.names, "build"),
 }
-NAMED: Mapping[str, Names] = {"robot": robots.names, "task": tasks.names}  # only their name is chosen
+NAMED: Mapping[str, Names] = {
+    "robot": robots.names,
+    "task": tasks.names,
+    "controller": controllers.names,
+}  # only their name is chosen
 STUDY = "bench"  # the group of studies, whose settings are read from the dataclasses themselves
 _GLOBAL = "# @package _global_"
 

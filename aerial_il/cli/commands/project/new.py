@@ -1,4 +1,4 @@
-"""Write a working start for a task, a robot, a policy, an algorithm or a study of your own.
+"""Write a working start for something of your own: a task, a robot, a disturbance, a policy, an algorithm, ….
 
 The registries find it by its name: list, help, completion and the contract tests include it at once. docs/adding.md and
 docs/writing_a_task.md explain each line.
@@ -18,13 +18,16 @@ from aerial_il.cli.configuration.keys import MISSING, check_choices, key
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
-KINDS = ("task", "robot", "policy", "algorithm", "study")
+KINDS = ("task", "robot", "disturbance", "sensor", "controller", "policy", "algorithm", "study")
 PAGES = {"task": "docs/writing_a_task.md"} | {
     kind: f"docs/adding.md#{'an' if kind == 'algorithm' else 'a'}-{kind}" for kind in KINDS[1:]
 }
 TRY = {
     "task": ["evaluate", "policy=expert", "robot=fa_hexa_arm4", "task=NAME", "episodes=20", "out=runs/NAME"],
     "robot": ["evaluate", "policy=expert", "robot=NAME", "task=reach", "episodes=20", "out=runs/NAME"],
+    "disturbance": ["evaluate", "policy=expert", "robot=quad", "task=hover", "tier=calm+NAME", "out=runs/NAME"],
+    "sensor": ["list", "json=true"],
+    "controller": ["evaluate", "policy=expert", "robot=quad", "task=hover", "controller=NAME", "out=runs/NAME"],
     "policy": ["train", "policy=NAME", "dataset=datasets/reach", "run=runs/NAME"],
     "algorithm": ["train", "algorithm=NAME", "policy=squashed_gaussian", "dataset=datasets/reach", "run=runs/NAME"],
     "study": ["bench", "NAME"],
@@ -47,10 +50,10 @@ class Config:
 
 def run(config: Config) -> None:
     """Write the files, and say what comes next."""
-    from aerial_il.cli.configuration import groups
     from aerial_il.cli.starts import start
+    from aerial_il.core import registry
 
-    if config.name in groups.options(config.kind):
+    if config.name in registry.names(config.kind):
         raise InvalidValueError(f"A {config.kind} named {config.name} already exists. See: aerial-il list")
     top = Path(config.into) if config.into is not None else _checkout()
     files = {top / path: text for path, text in start(config.kind, config.name).items()}
