@@ -29,7 +29,7 @@ from PIL import Image
 import aerial_il
 from aerial_il import robots
 from aerial_il.control.hover import hover_body
-from aerial_il.control.lqr import feedback_matrix, hover_model
+from aerial_il.control.controllers.lqr import feedback_matrix, hover_model
 from aerial_il.core.rendering import can_render
 from aerial_il.robots.figures import chain, stances
 

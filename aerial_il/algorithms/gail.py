@@ -1,6 +1,6 @@
 """Generative adversarial imitation: a discriminator's output is the reward of proximal policy optimisation.
 
-Each turn collects one rollout, lets a discriminator D learn to tell it from the demonstrations in ``reward_updates``
+Each turn collects one rollout, lets a discriminator D learn to tell it from the demonstrations in ``reward.updates``
 minibatches, half of either, by the loss
 
     ``-log D(s, a)`` of the demonstrator's ``- log(1 - D(s, a))`` of the agent's  ``+ lambda (|grad| - 1)^2``,
@@ -20,106 +20,235 @@ Clean Imitation Learning Implementations", 2022, found to matter.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
-from aerial_il.algorithms.adversarial.settings import Adversarial
+from aerial_il.algorithms.adversarial.settings import LearnedReward, begins_cloned
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.on_policy.steps import StepFlights, Steps
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.problem import Problem, check_steps, whole_turns
+from aerial_il.algorithms.online.problems import from_demonstrations
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.ppo import ProximalActorCritic
-from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
+from aerial_il.algorithms.ppo import ProximalActorCritic, ProximalSettings, check_proximal
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.tensors import tensor
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class GAIL(Adversarial, ProximalOnPolicy):
-    """Settings of a run, beside those of :class:`Adversarial` and :class:`ProximalOnPolicy`.
+class GAIL(Algorithm):
+    """Generative adversarial imitation learning (Ho and Ermon 2016).
 
     Attributes:
+        bc_pretrain_steps: minibatches of behavioural cloning before the first flight.
         warmup: environment steps in which the clone acts as it is, and critic and discriminator alone learn.
-        reward_updates: the discriminator's steps for each rollout. reward_batch: its minibatch.
+        lr: learning rate at the start; it falls linearly to zero.
+        entropy: weight of the entropy.
+        reward: updates are the discriminator's steps for each rollout.
+        reward_batch: transitions in its minibatch, half of them demonstrated.
         buffer_size: newest transitions of the agent that it is given.
     """
 
     name: ClassVar[str] = "gail"
+    rewarded: ClassVar[bool] = False
+    demonstrated: ClassVar[bool] = True
 
+    steps: int = 300_000
+    bc_pretrain_steps: int = 0
     warmup: int = 0
-    reward_updates: int = 12
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    lr: float = 3e-4
+    clip: float = 0.2
+    entropy: float = 0.0
+    clip_norm: float = 0.5
+    target_kl: float = 0.0
+    critic_hidden: tuple[int, ...] = (64, 64)
+    rollout: Rollout = Rollout(steps=2048, epochs=10, batch_size=64)
+    reward: LearnedReward = LearnedReward(
+        form="gail",
+        hidden=(64, 64),
+        lr=1e-3,
+        updates=12,
+        gradient_penalty=1.0,
+        spectral_norm=False,
+        dropout=0.0,
+        action_noise=False,
+    )
     reward_batch: int = 1024
     buffer_size: int = 16_384
+    demonstrations: Demonstrations = Demonstrations(
+        trajectories=None,
+        subsample=1,
+        bounds="environment",
+        labels="executed",
+        absorbing=True,
+        control="none",
+    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "reward_batch", "buffer_size")
-        require_not_negative(self, "warmup")
+        check_imitation(self)
 
-    def flown_before_learning(self, worlds: int) -> dict[str, int]:
-        if self.begins_cloned:
-            return {}
-        found = super().flown_before_learning(worlds)
-        return {**found, "warmup": (self.warmup // found["rollout"] + 1) * found["rollout"]}
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return imitation_problem(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
-        reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
-        expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
-        buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
-        imitates = self.control != "constant_reward"
-        if self.begins_cloned and not run.folder.resumed:
-            agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
-        parts = {"agent": agent, "reward_net": reward_net, "reward_norm": reward_norm}
-        run.begin(agent.actor, {**parts, "expert_buffer": expert_buffer, "replay_buffer": buffer})
+        reward_net = RewardNet(*run.sizes, self.reward.shape(running_norm=True), lr=self.reward.lr)
+        return imitate(run, self, agent, reward_net)
 
-        while run.goes_on():
-            rollout = collect_rollout(run.collector, run.interface, agent, self.rollout)
-            buffer.add(rows_of_rollout(rollout, absorbing=self.absorbing))
-            for _ in range(imitates * self.reward_updates):
-                half = self.reward_batch // 2
-                demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.action_noise)
-                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=self.gradient_penalty)
-                reward_net.descend(loss)
-                run.log(logged)
 
-            rewards, end_values = self._rewards(rollout, reward_net, reward_norm)
-            run.log({"reward/mean": float(rewards.mean())})
-            improve = run.collector.steps > self.warmup
-            run.log(agent.update(rollout, rewards, left=run.left, end_values=end_values, improve=improve))
-            run.end_turn()
+class ImitationSettings(ProximalSettings, Protocol):
+    """What imitation reads of an algorithm's settings; :class:`AIRL` is one with another reward."""
 
-        reward_net.save(run.folder.path)
-        return run.finish()
+    name: ClassVar[str]
+    rewarded: ClassVar[bool]
 
-    def _rewards(
-        self, rollout: Rollout, reward_net: RewardNet, reward_norm: RunningMoments
-    ) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def steps(self) -> int: ...
+    @property
+    def bc_pretrain_steps(self) -> int: ...
+    @property
+    def warmup(self) -> int: ...
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def gae_lambda(self) -> float: ...
+    @property
+    def reward(self) -> LearnedReward: ...
+    @property
+    def reward_batch(self) -> int: ...
+    @property
+    def buffer_size(self) -> int: ...
+    @property
+    def demonstrations(self) -> Demonstrations: ...
+
+
+def check_imitation(settings: ImitationSettings) -> None:
+    """Raise :class:`InvalidValueError` where a setting is impossible."""
+    check_proximal(settings)
+    require_positive(settings, "reward_batch", "buffer_size")
+    require_not_negative(settings, "bc_pretrain_steps")
+    if settings.reward.updates != int(settings.reward.updates):
+        raise InvalidValueError(f"reward.updates is {settings.reward.updates}; for each rollout it is a whole number.")
+
+
+def imitation_problem(
+    settings: ImitationSettings, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int
+) -> Problem:
+    """Return a problem of demonstrations; see :meth:`Algorithm.problem`."""
+    if not begins_cloned(settings):
+        rollout = whole_turns(settings.rollout.steps, env.num_envs)  # for the last rollout no learning rate is left
+        check_steps(settings, "rollout.steps", rollout)
+        check_steps(settings, "warmup", (settings.warmup // rollout + 1) * rollout)
+    return from_demonstrations(settings, dataset, policy, env, seed)
+
+
+def imitate(
+    run: OnlineRun,
+    settings: ImitationSettings,
+    agent: ProximalActorCritic[SquashedGaussianNetwork],
+    reward_net: RewardNet,
+) -> ChunkPolicy:
+    """Let an agent learn from the reward that a discriminator gives it, and save that reward with the run."""
+    expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=settings.demonstrations.absorbing)
+    buffer = ReplayBuffer(settings.buffer_size, *run.sizes, run.rng("minibatches"))
+    if begins_cloned(settings) and not run.folder.resumed:
+        agent.bc_pretrain(expert_buffer, settings.bc_pretrain_steps)
+    found = DiscriminatedReward(run, settings, agent.actor, reward_net, (expert_buffer, buffer))
+    flights = StepFlights(run, agent.actor, obs_norm=False)
+    learns_from = settings.warmup + 1 - whole_turns(settings.rollout.steps, run.collector.n)  # the rollout that ends it
+    learn_on_policy(
+        run,
+        settings,
+        flights,
+        agent,
+        agent.actor,
+        warmup=learns_from,
+        rewarded=found.rewards,
+        parts={
+            "reward_net": reward_net,
+            "reward_norm": found.norm,
+            "expert_buffer": expert_buffer,
+            "replay_buffer": buffer,
+        },
+    )
+    reward_net.save(run.folder.path)
+    return run.finish()
+
+
+class DiscriminatedReward:
+    """A discriminator that learns to tell each rollout from the demonstrations, and rewards it by its answer.
+
+    Args:
+        actor: who flies. reward_net: the discriminator. buffers: of demonstrations, and of the newest flights.
+    """
+
+    def __init__(
+        self,
+        run: OnlineRun,
+        settings: ImitationSettings,
+        actor: SquashedGaussianNetwork,
+        reward_net: RewardNet,
+        buffers: tuple[ReplayBuffer, ReplayBuffer],
+    ) -> None:
+        self._run, self._settings, self._actor, self._reward_net = run, settings, actor, reward_net
+        self._expert_buffer, self._buffer = buffers
+        self.norm, self._imitates = RunningMoments(1), settings.demonstrations.control != "constant_reward"
+
+    def rewards(self, rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
         """Return standardised rewards (T, n), and the value after each step (T, n) where it is terminal."""
-        if self.control == "constant_reward":
-            return np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
+        self._buffer.add(rows_of_rollout(rollout, absorbing=self._settings.demonstrations.absorbing))
+        if self._imitates:
+            self._learn()
+            rewards, end_values = self._judged(rollout)
+        else:
+            rewards, end_values = np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
+        self._run.log({"reward/mean": float(rewards.mean())})
+        return rewards, end_values
+
+    def _learn(self) -> None:
+        chosen, half = self._settings.reward, self._settings.reward_batch // 2
+        for _ in range(int(chosen.updates)):
+            demos = sample_demos(self._expert_buffer, half, self._actor, action_noise=chosen.action_noise)
+            flown = self._buffer.sample(half)
+            loss, logged = discriminator_loss(self._reward_net, demos, flown, penalty=chosen.gradient_penalty)
+            self._reward_net.descend(loss)
+            self._run.log(logged)
+
+    def _judged(self, rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
         obs = tensor(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
-        rewards = reward_net.reward(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
-        reward_norm.add(rewards[:, None])
-        centre, deviation = reward_norm.mean[0], reward_norm.deviation[0]
+        rewards = self._reward_net.reward(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
+        self.norm.add(rewards[:, None])
+        centre, deviation = self.norm.mean[0], self.norm.deviation[0]
         end_values = np.zeros_like(rewards)
-        if self.absorbing and (ends := rollout.flat("terminal")).any():
-            for_ever = reward_net.after(rollout.flat("next_obs")[ends])
-            end_values[ends] = (for_ever - centre) / deviation / (1.0 - self.gamma)
+        if self._settings.demonstrations.absorbing and (ends := rollout.flat("terminal")).any():
+            for_ever = self._reward_net.after(rollout.flat("next_obs")[ends])
+            end_values[ends] = (for_ever - centre) / deviation / (1.0 - self._settings.gamma)
         shape = rollout.rewards.shape
         return ((rewards - centre) / deviation).reshape(shape), end_values.reshape(shape)
 
-    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
-        """Return a new discriminator for observations and actions of these ``sizes``."""
-        return RewardNet(*sizes, self.reward_shape(running_norm=True), lr=self.reward_lr)
 
-
-def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:
+def rows_of_rollout(rollout: Steps, *, absorbing: bool) -> np.ndarray:
     """Return a rollout as rows of a replay buffer."""
     names = ("obs", "actions", "rewards", "next_obs", "terminal")
     return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)

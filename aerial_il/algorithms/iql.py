@@ -30,17 +30,15 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.off_policy.agent import Agent, sampled
-from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.exploration import RandomActions
+from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
 from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
-from aerial_il.algorithms.off_policy.target import Target
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.problem import Problem
-from aerial_il.algorithms.online.replay_buffer import Batch, mixed
+from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
@@ -51,7 +49,7 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
-from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,19 +105,8 @@ class IQL(Algorithm):
         return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
         agent = ImplicitAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        pilot = agent if self.offline_steps else RandomActions(run.sizes[1], run.rng("warm-up"))
-        demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
-
-        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
-            flown = len(replay.buffer) > 0
-            return agent.update(mixed(demos, replay.buffer, size, self.demos_share) if flown else demos.sample(size))
-
-        offline = self.offline_steps
-        return learn_off_policy(
-            run, self, agent, update, pilot=pilot, demos=demos, offline=offline, absorbing=absorbing
-        )
+        return learn_offline_first(run, self, agent, agent.update)
 
 
 class ImplicitAgent(Agent):
@@ -133,12 +120,12 @@ class ImplicitAgent(Agent):
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
         value = replace(settings.critics, count=1).build((sizes[0], 0))
-        self._actor_state = TrainState(actor, adam(actor, settings.lr))
-        self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._value = TrainState(value, adam(value, settings.lr))
-        self._targets = Target(critics)
+        self.actor_state = TrainState(actor, adam(actor, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.value = TrainState(value, adam(value, settings.lr))
+        self.targets = Target(critics)
         super().__init__(
-            {"actor": self._actor_state, "critics": self._critics, "value": self._value}, {"targets": self._targets}
+            {"actor": self.actor_state, "critics": self.critics, "value": self.value}, {"targets": self.targets}
         )
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
@@ -148,42 +135,35 @@ class ImplicitAgent(Agent):
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of both kinds of critic and of the targets and, where it is due, of the actor."""
         with torch.no_grad():
-            worth = self._targets.network(batch.obs, batch.actions).min(0).values
-        advantages = worth - self.values(batch.obs)
+            tried = self.targets.network(batch.obs, batch.actions).min(0).values
+        advantages = tried - self.values(batch.obs)
         value_loss = expectile_loss(advantages, self.settings.expectile)
         critic_loss, metrics = self.critic_loss(batch)
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
-            actor_loss, found = self.actor_loss(batch, advantages.detach())
+            actor_loss, means = self.actor_loss(batch, advantages.detach())
             smooth = self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
-            self._actor_state.descend(actor_loss + smooth)
-            metrics |= found
-        self._value.descend(value_loss)
-        self._critics.descend(critic_loss)
-        self._targets.follow(self.settings.critics.tau)
+            self.actor_state.descend(actor_loss + smooth)
+            metrics |= means
+        self.value.descend(value_loss)
+        self.critics.descend(critic_loss)
+        self.targets.follow(self.settings.critics.tau)
         return {"value/loss": value_loss.item(), **metrics}
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared distance of both critics from ``r + gamma * V(s')``."""
         with torch.no_grad():
             targets = batch.rewards + self.settings.gamma * batch.continues * self.values(batch.next_obs)
-        values = self._critics.network(batch.obs, batch.actions)
-        loss = ((values - targets) ** 2).mean(1).sum()
-        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+        return squared_error(self.critics.network, batch, targets)
 
     def actor_loss(self, batch: Batch, advantages: Tensor) -> tuple[Tensor, dict[str, float]]:
         """Return ``-w log pi(a | s)`` without the absorbing state, where none is chosen."""
-        alive = 1.0 - batch.obs[:, -1]
-        share = alive / alive.sum().clamp(min=1.0)
         weights = (self.settings.beta * advantages).exp().clamp(max=self.settings.weight_limit)
-        log_prob, _ = self.actor.judge(batch.obs[:, None, :-1], unsquashed(batch.actions))
-        loss = -(share * weights * log_prob).sum()
-        found = {"actor/advantage": (share * advantages).sum().item(), "actor/weight": (share * weights).sum().item()}
-        return loss, {"actor/loss": loss.item(), **found}
+        return weighted_likelihood(self.actor, batch, weights, advantages)
 
     def values(self, obs: Tensor) -> Tensor:
         """Return ``V(s)`` (B,) for observations (B, Do + 1)."""
-        return self._value.network(obs, obs[:, :0])[0]
+        return self.value.network(obs, obs[:, :0])[0]
 
 
 def expectile_loss(errors: Tensor, expectile: float) -> Tensor:

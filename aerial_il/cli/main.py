@@ -88,6 +88,10 @@ def _dispatch(words: list[str]) -> int:
     else:
         command = commands.find(name)
         _log_to_stderr()
+        if name == "bench":
+            from aerial_il.cli.commands.project.bench import check_checkout
+
+            check_checkout()
         from aerial_il.cli.running import run_command
         from aerial_il.core.rendering import check_backend
 

@@ -15,7 +15,7 @@ from typing import Any, Union, get_args, get_origin
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.fitting import fits, in_words
-from aerial_il.core.renamed import MOVED
+from aerial_il.core.renamed import moved
 
 _MEANING = re.compile(r"^    ((?:\w+, )*\w+): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 
@@ -42,7 +42,7 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
     values: dict[str, Any] = {}
     for name, value in given.items():
         if name not in known:
-            if (new := MOVED.get(name, "")).partition(".")[0] in known:
+            if new := moved(name, {key.name for key in keys(kind)}):
                 raise InvalidValueError(f"{at}{name} is called {at}{new} now.")
             raise UnknownNameError("key", f"{at}{name}", [f"{at}{each}" for each in known])
         before = getattr(base, name) if base is not None else _default(known[name])
@@ -88,7 +88,9 @@ def _default(field: Field[Any]) -> Any:
 
 
 def _value(hint: Any, value: Any, before: Any, at: str) -> Any:
-    inner = _group(hint)
+    inner = type(before) if is_dataclass(before) and not isinstance(before, type) else _group(hint)
+    if isinstance(before, Mapping) and isinstance(value, Mapping):
+        return _merged(hint, value, before, at)
     if inner is not None and isinstance(value, Mapping):
         return build(inner, value, base=before, at=f"{at}.")
     if inner is not None and isinstance(value, str) and "path" in inner.__dataclass_fields__:  # prior=PATH: prior.path
@@ -100,6 +102,14 @@ def _value(hint: Any, value: Any, before: Any, at: str) -> Any:
     if not fits(value, hint):
         raise InvalidValueError(f"{at}={value!r} is not {in_words(hint)}.")
     return value
+
+
+def _merged(hint: Any, value: Mapping[str, Any], before: Mapping[str, Any], at: str) -> dict[str, Any]:
+    """Return a mapping with what is given changed or added; null takes an entry out unless it is a value."""
+    _, inside = get_args(hint) or (Any, Any)
+    gone = {name for name, each in value.items() if each is None and not fits(None, inside)}
+    given = {n: _value(inside, v, before.get(n), f"{at}.{n}") for n, v in value.items() if n not in gone}
+    return {name: each for name, each in {**before, **given}.items() if name not in gone}
 
 
 def _group(hint: Any) -> type | None:

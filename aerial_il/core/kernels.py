@@ -95,7 +95,10 @@ def _kernel_sources() -> str:
 def _kernel_files() -> set[Path]:
     whole = (path for folder in WHOLE for path in (PACKAGE / folder).glob("*.py"))
     some = (path for folder in ("core", "suite", "suite/episode") for path in (PACKAGE / folder).glob("*.py"))
-    return {*whole, *(path for path in some if path.name == "timing.py" or b"@kernel" in path.read_bytes())}
+    return {
+        *whole,
+        *(path for path in some if path.name in ("timing.py", "addresses.py") or b"@kernel" in path.read_bytes()),
+    }
 
 
 @cache

@@ -11,11 +11,13 @@ Names are listed without importing what they name.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -31,26 +33,38 @@ class Kind:
         defines: the module's attribute; empty for a class that is called as the file is, whatever its capitals:
             ``SAC`` in ``sac.py``.
         besides: modules of that package which are none of them.
+        inside: the module that defines it lies in a folder that has its name; empty where files have the names.
         hint: where to look, said beside an unknown name.
     """
 
     package: str
     defines: str = ""
     besides: frozenset[str] = frozenset()
+    inside: str = ""
     hint: str = ""
 
 
 KINDS: Mapping[str, Kind] = {
     "robot": Kind(
-        "aerial_il.robots", "ROBOT", frozenset({"robot", "figures"}), "Run `aerial-il list` to see what each can do."
+        "aerial_il.robots",
+        "ROBOT",
+        frozenset({"robot", "figures"}),
+        hint="Run `aerial-il list` to see what each can do.",
     ),
     "task": Kind(
-        "aerial_il.suite.tasks", "TASK", frozenset({"task"}), "Run `aerial-il list` to see which robot can do which."
+        "aerial_il.suite.tasks",
+        "TASK",
+        frozenset({"task", "fields"}),
+        hint="Run `aerial-il list` to see which robot can do which.",
     ),
+    "controller": Kind("aerial_il.control.controllers", "", frozenset({"law"})),
     "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
+    "sensor": Kind("aerial_il.suite.sensors", "", frozenset({"sensor"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
+    "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),
+    "study": Kind("experiments", inside="study"),
 }
 
 
@@ -99,10 +113,7 @@ def _defined(found: ModuleType, kind: str, attribute: str) -> Any:
 
 def _modules(kind: str) -> dict[str, str]:
     """Return name -> module."""
-    here = KINDS[kind]
-    files = pkgutil.iter_modules(importlib.import_module(here.package).__path__)
-    own = (each.name for each in files if not each.ispkg and each.name not in here.besides)
-    found = {name: f"{here.package}.{name}" for name in own}
+    found = _own(KINDS[kind])
     for name, place in outside(kind).items():
         if name in found:
             raise InvalidValueError(
@@ -111,6 +122,18 @@ def _modules(kind: str) -> dict[str, str]:
             )
         found[name] = place
     return found
+
+
+def _own(here: Kind) -> dict[str, str]:
+    """Return name -> module of what lies in the folder of a kind; none where that is not installed, as studies."""
+    if importlib.util.find_spec(here.package) is None:
+        return {}
+    folders = importlib.import_module(here.package).__path__
+    if here.inside:
+        files = (file for folder in folders for file in Path(folder).glob(f"*/{here.inside}.py"))
+        return {file.parent.name: f"{here.package}.{file.parent.name}.{here.inside}" for file in files}
+    files = (each for each in pkgutil.iter_modules(folders) if not each.ispkg and each.name not in here.besides)
+    return {each.name: f"{here.package}.{each.name}" for each in files}
 
 
 @cache

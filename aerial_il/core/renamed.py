@@ -6,7 +6,7 @@ old key on the command line, looks here. Nothing else knows the old names.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 #: Settings of algorithms, as dotted paths below ``algorithm`` (in a run's configuration: below ``settings``).
 ALGORITHM_KEYS: Mapping[str, str] = {
@@ -21,27 +21,40 @@ ALGORITHM_KEYS: Mapping[str, str] = {
     "warm": "warm_start",
 }
 
-#: Settings that moved into a group; only of algorithms whose keys hold the new one.
-MOVED: Mapping[str, str] = {
-    "buffer_size": "replay.capacity",
-    "batch_size": "replay.batch_size",
-    "utd_ratio": "replay.updates_per_step",
-    "critics": "critics.count",
-    "critic_hidden": "critics.hidden",
-    "critic_norm": "critics.layer_norm",
-    "tau": "critics.tau",
-    "prior": "prior.path",
-    "reward": "reward.form",
-    "reward_hidden": "reward.hidden",
-    "reward_lr": "reward.lr",
-    "reward_updates": "reward.updates",
-    **{name: f"reward.{name}" for name in ("gradient_penalty", "spectral_norm", "dropout", "action_noise")},
-    **{name: f"cadence.{name}" for name in ("log_every", "evaluate_every", "checkpoint_every", "keep_checkpoints")},
+#: Settings that moved into a group: where to, of which an algorithm has one at most.
+MOVED: Mapping[str, tuple[str, ...]] = {
+    "buffer_size": ("replay.capacity",),
+    "batch_size": ("replay.batch_size", "rollout.batch_size"),
+    "utd_ratio": ("replay.updates_per_step",),
+    "critics": ("critics.count",),
+    "critic_hidden": ("critics.hidden",),
+    "critic_norm": ("critics.layer_norm",),
+    "tau": ("critics.tau",),
+    "rollout": ("rollout.steps",),
+    "epochs": ("rollout.epochs",),
+    "noise": ("exploration.noise",),
+    "execute": ("exploration.execute",),
+    "correlation": ("exploration.correlation",),
+    "trial": ("trial.flights",),
+    "trial_every": ("trial.every",),
+    "reward": ("reward.form",),
+    "reward_hidden": ("reward.hidden",),
+    "reward_lr": ("reward.lr",),
+    "reward_updates": ("reward.updates",),
+    **{name: (f"reward.{name}",) for name in ("gradient_penalty", "spectral_norm", "dropout", "action_noise")},
+    **{name: (f"cadence.{name}",) for name in ("log_every", "evaluate_every", "checkpoint_every", "keep_checkpoints")},
     **{
-        name: f"demonstrations.{name}"
+        name: (f"demonstrations.{name}",)
         for name in ("trajectories", "subsample", "bounds", "labels", "absorbing", "control")
     },
 }
+
+
+def moved(name: str, known: Container[str]) -> str | None:
+    """Return where a setting, perhaps one of a group, stands now among those ``known``; None where it has not moved."""
+    group, dot, last = name.rpartition(".")
+    return next((new for each in MOVED.get(last, ()) if (new := f"{group}{dot}{each}") in known), None)
+
 
 #: Settings of algorithms that earlier versions did not write, and the values by which they ran.
 ADDED: Mapping[str, object] = {

@@ -17,6 +17,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 Group = Literal["proprio", "task", "image"]
 CONDITIONS = ("tier", "disturbances", "controller", "options")  # of a specification: what may change under a policy
 FIRST_NAMED = ("robot", "task", "tier", "controller", "action.level")  # of what differs between two
+DESCRIBES = ("frame", "meaning", "noise", "real")  # a field, and may be said otherwise
 UNKNOWN = "unknown"  # what a foreign dataset does not tell
 NO_CONTROLLER = "none"  # of environments from outside the suite, whose actions are their own
 
@@ -32,6 +33,9 @@ class Field:
         dtype: NumPy dtype name.
         unit: SI unit, empty if dimensionless.
         labels: one label per element for one-dimensional fields.
+        frame: in which it is given, e.g. ``world``; ``world from tool`` for a rotation; empty where none matters.
+        meaning: what it is, a clause. noise: how it differs from the truth, and when. real: a robot could measure it.
+            These four describe the field; two that differ in nothing else are alike.
     """
 
     name: str
@@ -40,6 +44,10 @@ class Field:
     dtype: str = "float64"
     unit: str = ""
     labels: tuple[str, ...] = ()
+    frame: str = field(default="", compare=False)
+    meaning: str = field(default="", compare=False)
+    noise: str = field(default="", compare=False)
+    real: bool = field(default=True, compare=False)
 
     @property
     def size(self) -> int:
@@ -248,6 +256,7 @@ class EnvSpec:
             f"{key}: {mine.get(key)!r} != {theirs.get(key)!r}"
             for key in (*FIRST_NAMED, *others)
             if key.split(".")[0] not in skip and mine.get(key) != theirs.get(key)
+            if key.rpartition(".")[2] not in DESCRIBES
             if not key.startswith(implied) or key.endswith(".shape")
         ]
 

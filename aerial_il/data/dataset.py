@@ -10,16 +10,15 @@ from itertools import islice
 from pathlib import Path
 
 from aerial_il.core.errors import DemoError
-from aerial_il.core.files import sha256_of
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.check import checked
 from aerial_il.data.episode import Episode
-from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
+from aerial_il.data.formats import find
 from aerial_il.data.provenance import made_by
-from aerial_il.data.recording.reader import read_episode
+from aerial_il.data.source import Cameras, Source, Wanted
 
 AHEAD = 2  # episodes that are read while another one is used
 
-Cameras = bool | Sequence[str]
 COLLECT = "Record some with: aerial-il collect robot=R task=T episodes=100 out={}"
 
 
@@ -96,85 +95,40 @@ class Dataset:
                 yield uid, None
 
 
-def open_dataset(path: str | os.PathLike[str], *, cameras: Cameras = False, failures: bool = False) -> Dataset:
+def open_dataset(
+    path: str | os.PathLike[str], *, cameras: Cameras = False, failures: bool = False, states: bool = True
+) -> Dataset:
     """Open demonstrations, whatever form they are in.
 
     Args:
         path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3 or Minari folder, an HDF5
-            file of robomimic's or D4RL's layout, or transitions as ``.npz``.
+            file of robomimic's or D4RL's layout, transitions as ``.npz``, or what a format of your own recognises.
         cameras: True to decode all image fields, or the names of some.
         failures: also the failed episodes of a folder of recordings; each episode says how it ended.
+        states: False to leave out the simulator's states, most of a recording, which no training looks at.
 
     Raises:
-        DemoError: there is nothing to open, or something that the index lists is missing.
+        DemoError: there is nothing to open, something that the index lists is missing, or it cannot be used.
     """
     path = Path(path)
     if not path.exists():
         raise DemoError(path, "does not exist.", hint=COLLECT.format(path))
-    if path.suffix in (".hdf5", ".h5"):
-        from aerial_il.data.formats.hdf5 import open_hdf5
-
-        return Dataset(path, open_hdf5(path))
-    if path.suffix == ".npz":
-        from aerial_il.data.formats.transitions import open_npz
-
-        return Dataset(path, open_npz(path))
-    if path.is_file():
-        return _open_files(path, [path], cameras)
-    if (path / "meta" / "info.json").is_file():
-        from aerial_il.data.formats.lerobot_import import open_lerobot
-
-        return Dataset(path, open_lerobot(path, cameras))
-    if (path / "data" / "main_data.hdf5").is_file():
-        from aerial_il.data.formats.minari import open_minari
-
-        return Dataset(path, open_minari(path))
-    if (path / INDEX).exists() or (path / DEMOS).is_dir():
-        return _open_folder(DatasetFolder(path), cameras, (DEMOS, FAILURES) if failures else (DEMOS,))
-    if inner := sorted(index.parent for index in path.glob(f"*/{INDEX}")):
-        found = [open_dataset(folder, cameras=cameras, failures=failures) for folder in inner]
-        return Dataset(path, {uid: load for dataset in found for uid, load in dataset._loaders.items()}, found)
-    return _open_files(path, sorted(path.glob("*.mcap")), cameras)
+    return _dataset(find(path).read(path, Wanted(cameras=cameras, failures=failures, states=states)))
 
 
-def _open_folder(folder: DatasetFolder, cameras: Cameras, kinds: Iterable[str]) -> Dataset:
-    index, files = folder.read_index(), []
-    for kind in kinds:
-        found = folder.files(kind)
-        if missing := sorted(index.get(kind, {}).keys() - {file.stem for file in found}):
-            hint = f"Restore it, or accept the loss with: aerial-il recover path={folder.path}"
-            raise DemoError(folder.file(missing[0], kind), "is listed in the index but missing.", hint=hint)
-        files += found
-    return _open_files(folder.path, files, cameras)
-
-
-def _open_files(path: Path, files: Sequence[Path], cameras: Cameras) -> Dataset:
-    if not files:
-        raise DemoError(path, "holds no demonstrations.", hint=COLLECT.format(path))
-    return Dataset(path, {file.stem: lambda file=file: read_episode(file, cameras=cameras) for file in files})
+def _dataset(source: Source) -> Dataset:
+    loaders = checked(source)
+    if not loaders:
+        raise DemoError(source.path, "holds no demonstrations.", hint=COLLECT.format(source.path))
+    return Dataset(source.path, loaders, [_dataset(part) for part in source.parts])
 
 
 def altered_files(path: str | os.PathLike[str]) -> list[Path]:
-    """Return the recordings whose SHA-256 differs from the index of their dataset folder.
+    """Return the files whose SHA-256 differs from what was listed when they were written.
 
     Args:
         path: a dataset folder, a folder of such folders, or one recording, judged by the index where it lies; or a
-            LeRobot dataset made of recordings.
+            LeRobot dataset made of recordings. Other formats keep no digests of files.
     """
-    path = Path(path)
-    if (path / "meta" / "info.json").is_file():
-        from aerial_il.data.formats import lerobot_import
-
-        return lerobot_import.altered_files(path)
-    if path.is_file():
-        home = path.resolve().parent
-        return [path] if path.resolve() in _altered(DatasetFolder(home.parent), home.name, path.stem) else []
-    folders = [DatasetFolder(index.parent) for index in (path / INDEX, *sorted(path.glob(f"*/{INDEX}")))]
-    return [file for folder in folders for kind in (DEMOS, FAILURES) for file in _altered(folder, kind)]
-
-
-def _altered(folder: DatasetFolder, kind: str, uid: str = "*") -> list[Path]:
-    """Return the files of a kind, or that of one episode, which are not what the folder's index lists."""
-    listed = folder.read_index().get(kind, {})
-    files = [file for file in folder.files(kind) if uid in ("*", file.stem)]
-    return [file for file in files if listed.get(file.stem, digest := sha256_of(file)) != digest]
+    form = find(Path(path))
+    return form.altered(Path(path)) if hasattr(form, "altered") else []

@@ -8,7 +8,8 @@ from pathlib import Path
 from aerial_il.core.errors import DemoError
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, SALVAGED, DatasetFolder
 from aerial_il.data.recording.decoding import Messages
-from aerial_il.data.recording.reader import Form, check_channels, read_episode, read_head, read_outcome
+from aerial_il.data.recording.form import Form
+from aerial_il.data.recording.reader import check_channels, read_episode, read_head, read_outcome
 from aerial_il.data.recording.scan import Contents, scan
 from aerial_il.data.recording.writer import OUTCOME, EpisodeWriter, is_being_written
 from aerial_il.data.validation import Report

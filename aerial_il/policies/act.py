@@ -36,7 +36,9 @@ class ACT(PolicySettings):
     """Sizes of the transformer and weight of its latent variable.
 
     Attributes:
-        width: of each token. heads: of attention. feedforward: width between the two linear maps of a layer.
+        width: of each token.
+        heads: of attention.
+        feedforward: width between the two linear maps of a layer.
         encoder_layers: over what is seen, and again in the network that reads the style off a chunk.
         decoder_layers: from what is seen to the chunk.
         latent: numbers in the style z.

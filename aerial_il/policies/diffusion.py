@@ -47,7 +47,8 @@ class Diffusion(PolicySettings):
     """Sizes of the network, the schedule and how it is run backwards.
 
     Attributes:
-        width: of each hidden layer. blocks: residual blocks of two hidden layers each, after a first one.
+        width: of each hidden layer.
+        blocks: residual blocks of two hidden layers each, after a first one.
         noise_steps: steps of the schedule.
         denoise_steps: how many of them are taken when flying, evenly chosen.
         sampler: ``ddim`` (noise at the start only) or ``ddpm`` (at every step).

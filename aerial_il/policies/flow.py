@@ -40,7 +40,8 @@ class Flow(PolicySettings):
     """Sizes of the network and how a chunk is reached from noise.
 
     Attributes:
-        width: of each hidden layer. blocks: residual blocks of two hidden layers each, after a first one.
+        width: of each hidden layer.
+        blocks: residual blocks of two hidden layers each, after a first one.
         euler_steps: steps N from noise to a chunk.
         predict: what the network answers with: the ``velocity`` towards the actions, or the actions (``sample``).
         clip: limit of normalised actions at the end, in deviations of the data under ``standard`` scaling.

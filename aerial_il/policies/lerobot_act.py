@@ -27,10 +27,13 @@ class LerobotACT(PolicySettings):
     """Sizes of lerobot's ACT, under its own names.
 
     Attributes:
-        dim_model: width of the transformer. n_heads: attention heads, a divisor of it.
+        dim_model: width of the transformer.
+        n_heads: attention heads, a divisor of it.
         dim_feedforward: width between its attention layers.
         n_encoder_layers, n_decoder_layers, n_vae_encoder_layers: depths.
-        use_vae: train a style variable, zero in flight. latent_dim: its size. kl_weight: how narrow it is kept.
+        use_vae: train a style variable, zero in flight.
+        latent_dim: size of the style variable.
+        kl_weight: how narrow the style variable is kept.
         dropout: while training.
     """
 

@@ -28,9 +28,11 @@ class LerobotDiffusion(PolicySettings):
 
     Attributes:
         down_dims: widths of the U-Net's levels; it sees the chunk rounded up to a multiple of 2 to their number.
-        kernel_size: of its convolutions. n_groups: of its normalisation, a divisor of every width.
+        kernel_size: of its convolutions.
+        n_groups: of its normalisation, a divisor of every width.
         diffusion_step_embed_dim: width of the encoded noise level.
-        num_train_timesteps: noise levels. num_inference_steps: of them visited in flight.
+        num_train_timesteps: noise levels.
+        num_inference_steps: noise levels visited in flight.
     """
 
     history: int = 1

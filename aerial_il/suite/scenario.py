@@ -10,16 +10,17 @@ from typing import Any
 import mujoco
 
 from aerial_il import robots
+from aerial_il.control import controllers
 from aerial_il.control.actions import ActionLevel, action_spec, check_level
-from aerial_il.control.laws import Law
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
-from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics.physics_batch import STATE
-from aerial_il.suite.rendering import CameraRequest, parse_cameras
+from aerial_il.suite.rendering import SCENE, CameraRequest, parse_cameras
 from aerial_il.suite.scene import build_xml
+from aerial_il.suite.sensors import robot_fields
 from aerial_il.suite.tasks.task import Task
 from aerial_il.suite.tiers import Tier
 from aerial_il.suite.timing import CONTROL_DT_S
@@ -30,6 +31,7 @@ class Scenario:
     """A cell with a tier, an action level, a flight law and cameras: everything that defines an environment.
 
     Attributes:
+        image_size: height and width of images, pixels, of cameras whose robot does not say theirs.
         horizon: episodes of so many steps of 20 ms, which success does not end; None for the task's time limit, and
             an end at success.
 
@@ -53,12 +55,11 @@ class Scenario:
         tasks.check_cell(self.robot_name, self.task_name)
         object.__setattr__(self, "tier_name", self.tier.name)
         check_level(self.level, self.robot.vehicle, self.robot_name)
-        Law.parse(self.controller)
-        parse_cameras(self.cameras)
-        object.__setattr__(self, "cameras", tuple(self.cameras))
+        controllers.get(self.controller)
         object.__setattr__(self, "image_size", tuple(self.image_size))
-        if len(self.image_size) != 2 or not (0 < self.image_size[0] <= 960 and 0 < self.image_size[1] <= 1280):
-            raise InvalidValueError(f"image_size is (height, width) up to (960, 1280), got {self.image_size}.")
+        check_size(self.image_size)
+        parse_cameras(self.cameras, self.camera)
+        object.__setattr__(self, "cameras", tuple(self.cameras))
         limit = limit_of(self.task)
         if self.horizon is not None and not 1 <= self.horizon <= limit:
             hint = f"{self.task_name} has a time limit of {limit} steps."
@@ -76,13 +77,25 @@ class Scenario:
     def level(self) -> ActionLevel:
         return ActionLevel.parse(self.action)
 
-    @property
-    def law(self) -> Law:
-        return Law.parse(self.controller)
-
     @cached_property
     def camera_requests(self) -> tuple[CameraRequest, ...]:
-        return parse_cameras(self.cameras)
+        return parse_cameras(self.cameras, self.camera)
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Names of all cameras: the scene's, then the robot's."""
+        return (SCENE, *(camera.name for camera in self.robot.mounted_cameras))
+
+    def camera(self, name: str, modality: str = "rgb", size: tuple[int, int] | None = None) -> CameraRequest:
+        """Return a request of one camera's image, of ``size`` (height, width) pixels, its own or ``image_size``.
+
+        Raises:
+            UnknownNameError: no such camera or modality.
+        """
+        if name not in self.camera_names:
+            raise UnknownNameError("camera", name, self.camera_names)
+        own = {camera.name: camera.size for camera in self.robot.mounted_cameras}
+        return CameraRequest(name, modality, size or own.get(name) or self.image_size)
 
     @property
     def tier(self) -> Tier:
@@ -109,7 +122,8 @@ class Scenario:
     def spec(self) -> EnvSpec:
         """Specification of observations and actions."""
         images = tuple(
-            Field(c.key, (*self.image_size, *c.channels), "image", dtype=c.dtype) for c in self.camera_requests
+            Field(c.key, c.shape, "image", dtype=c.dtype, frame=f"camera {c.camera}", meaning=c.meaning)
+            for c in self.camera_requests
         )
         state = (*robot_fields(self.robot), *self.task.fields())
         return EnvSpec(

@@ -121,7 +121,7 @@ def _changed(tier: Tier, sign: str, component: str) -> Tier:
 
 
 def _canonical(tier: Tier, base: Tier) -> str:
-    """Name of a tier: that of its base, then what was added, then what was removed, each in the order of components()."""
+    """Name of a tier: that of its base, then what was added, then what was removed, each in their order."""
     changed = [name for name in components() if tier.parts.get(name) != base.parts.get(name)]
     added = [f"+{name}" for name in changed if name in tier.parts]
     removed = [f"-{name}" for name in changed if name not in tier.parts]

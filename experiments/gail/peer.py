@@ -82,9 +82,9 @@ def export(study: Path, task: str, draw: int, folder: Path) -> None:
     """Write the demonstrations of one draw as plain arrays."""
     import numpy as np
 
-    from aerial_il.benchmarks.parts.records.record import Record
     from aerial_il.cli.configuration import groups
     from aerial_il.cli.configuration.build import build
+    from experiments.common.record import Record
 
     episodes = build(groups.read_option("bench", "gail")).demonstrations(task, draw, Record(study), progress=True)
     names = episodes[0].spec.observation.names

@@ -19,7 +19,7 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.engine import ENGINE
 
 QUIET = "progress=false"
-SMALL = ["policy.hidden=[8]", "algorithm.steps=2", "algorithm.validate_every=0", "algorithm.log_every=1"]
+SMALL = ["policy.hidden=[8]", "algorithm.steps=2", "algorithm.validate_every=0", "algorithm.cadence.log_every=1"]
 COLLECT = ["collect", "robot=quad", "task=hover", "tier=gusts", "episodes=2", QUIET]
 EVALUATE = ["evaluate", "policy=run", "tier=gusts", "episodes=1", "videos=0", QUIET]
 

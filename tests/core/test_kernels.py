@@ -21,7 +21,7 @@ def test_the_cache_is_stamped_with_all_sources() -> None:
 
 def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     counted = ("core/rotations.py", "control/flight.py", "suite/timing.py", "suite/physics/world.py")
-    for name in ("core/kernels.py", "core/errors.py", "suite/episode/variation.py", *counted):
+    for name in ("core/kernels.py", "core/errors.py", "suite/tiers.py", *counted):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text("@kernel\n" if name == "core/rotations.py" else "x = 1\n")
@@ -42,8 +42,8 @@ def test_the_stamp_counts_every_file_that_a_kernel_takes_a_name_from() -> None:
         for path in (package / room).rglob("*.py"):
             used = _taken_by_kernels(path)
             found += len(used)
-            in_task = path.relative_to(package).as_posix().startswith(("suite/tasks", "suite/props", "experts"))
-            missing = used - stamped - (kernels._task_files() if in_task else set())
+            own = kernels.CALLED.get(path.parent.relative_to(package).as_posix(), ())
+            missing = used - stamped - {file for folder in own for file in (package / folder).glob("*.py")}
             assert not missing, f"{path} compiles what these hold: {missing}"
     assert found > 100
 

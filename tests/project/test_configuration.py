@@ -13,7 +13,6 @@ import pytest
 
 import aerial_il
 from aerial_il import algorithms, benchmarks, policies
-from aerial_il.benchmarks.from_prior import FEWER, SHORTER
 from aerial_il.cli import commands
 from aerial_il.cli.configuration import defaults, groups, keys
 from aerial_il.cli.configuration.build import build, locate, parameters
@@ -21,15 +20,16 @@ from aerial_il.cli.configuration.compose import compose
 from aerial_il.cli.configuration.defaults import defaults_of
 from aerial_il.cli.configuration.overrides import known_keys
 from aerial_il.cli.sweeps.sweep import launcher_of, parted
-from aerial_il.control import laws
+from aerial_il.control import controllers
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tiers
+from experiments.from_prior.study import FEWER, SHORTER
 
 REGISTRIES = {
     "robot": aerial_il.list_robots(),
     "task": aerial_il.list_tasks(),
     "tier": tiers.names(),
-    "controller": laws.names(),
+    "controller": controllers.names(),
     "policy": policies.names(),
     "algorithm": algorithms.names(),
     "bench": benchmarks.names(),
@@ -102,7 +102,7 @@ def test_defaults_read_from_the_source_are_those_of_the_constructor(group: str, 
 
 def test_a_mapping_that_unpacks_what_is_computed_is_refused_and_one_that_unpacks_a_constant_is_read() -> None:
     """Of two constants of one module."""
-    home = "aerial_il.benchmarks.from_prior"
+    home = "experiments.from_prior.study"
     read = defaults._value(ast.parse("{**SHORTER, 'more': FEWER['dapg']}", mode="eval").body, home)
     assert read == {**SHORTER, "more": FEWER["dapg"]}
     home = "aerial_il.benchmarks.parts.records.fingerprint"

@@ -36,7 +36,7 @@ def files() -> dict[str, str]:
 
 
 def registries() -> tuple[object, ...]:
-    return (robots.names, robots.get, tasks.names, tasks.get, tasks.cells, benchmarks.names)
+    return (robots.get, tasks.get, tasks.cells, benchmarks.names)
 
 
 @contextmanager

@@ -6,14 +6,13 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.formats.hdf5 import convert_to_hdf5
-from aerial_il.data.formats.minari_export import convert_to_minari
+from aerial_il.data.formats import minari, robomimic
 from tests.safety.hostile import Sound
 
 ENV = "env=gymnasium:CartPole-v1"
 QUIET = "progress=false"
 CLONE = ["policy.hidden=[8]", "policy.chunk=1", "policy.ensemble=null", "algorithm.steps=2",
-         "algorithm.validate_every=0", "algorithm.log_every=1"]  # fmt: skip
+         "algorithm.validate_every=0", "algorithm.cadence.log_every=1"]  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -28,8 +27,8 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Sound:
         judged = ["episodes=2", "videos=0", "threads=1", QUIET]
         assert main(["evaluate", "policy=run", ENV, "out=judged", "success=survived", "max_steps=5", *judged]) == 0
     episodes = list(open_dataset(home / "demos"))
-    convert_to_hdf5(episodes, home / "demos.hdf5")
-    convert_to_minari(episodes, home / "minari-v0")
+    robomimic.write(episodes, home / "demos.hdf5")
+    minari.write(episodes, home / "minari-v0")
     victim = home / "victim"
     (victim / "numbers" / "00000001").mkdir(parents=True)
     (victim / "precious.txt").write_text("the precious words of somebody else\n")

@@ -29,10 +29,9 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.errors import AerialError
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.formats import hdf5_probe
-from aerial_il.data.formats.content_digest import content_digest
-from aerial_il.data.formats.hdf5 import convert_to_hdf5
-from aerial_il.data.formats.lerobot import convert_to_lerobot
+from aerial_il.data.formats import lerobot, robomimic
+from aerial_il.data.formats.parts import hdf5_probe
+from aerial_il.data.formats.parts.content_digest import content_digest
 from tests.algorithms.train_tiny import train
 from tests.data.crane import CraneBatch, CraneExpert
 from tests.data.recording.test_damage import mutate
@@ -62,18 +61,19 @@ class Target:
 
 def sound(home: Path) -> dict[str, Target]:
     """Return what is mutated, made once in ``home``."""
-    mcap, lerobot, hdf5, run = home / "mcap", home / "lerobot", home / "demos.hdf5", home / "run"
+    mcap, folder, hdf5, run = home / "mcap", home / "lerobot", home / "demos.hdf5", home / "run"
     if not (home / "whole").exists():
         shutil.rmtree(home, ignore_errors=True)
         home.mkdir(parents=True)
         dataset = collect(CraneBatch(3), CraneExpert(), range(3), home / "dataset", progress=False).folder
         shutil.copyfile(dataset.files()[0], mcap)
-        convert_to_lerobot(dataset.path, lerobot, progress=False)
-        convert_to_hdf5(list(open_dataset(dataset.path)), hdf5)
+        recorded = open_dataset(dataset.path)
+        lerobot.write(recorded, folder)
+        robomimic.write(recorded, hdf5)
         train(str(run))
         (home / "whole").touch()
     return {
-        "mcap": Target(mcap, _episodes), "lerobot": Target(lerobot, _episodes),
+        "mcap": Target(mcap, _episodes), "lerobot": Target(folder, _episodes),
         "hdf5": Target(hdf5, _episodes), "run": Target(run, _run),
     }  # fmt: skip
 
@@ -141,7 +141,7 @@ def _too_slow(number: int, frame: FrameType | None) -> NoReturn:
     raise TooSlowError
 
 
-def _comes_back(path: str, changed_ns: int, size: int) -> bool:
+def comes_back(path: str, changed_ns: int, size: int) -> bool:
     """Probe as ``hdf5_probe`` does, in a copy of this process, which has imported all, instead of in a new one."""
     child = os.fork()
     if not child:
@@ -149,7 +149,7 @@ def _comes_back(path: str, changed_ns: int, size: int) -> bool:
             held, limit = int(Path("/proc/self/statm").read_text().split()[0]), hdf5_probe.MAX_BYTES
             most = held * os.sysconf("SC_PAGESIZE") + limit
             sys.argv = ["", path]
-            exec(hdf5_probe._READ.replace(f"({limit}, {limit})", f"({most}, {most})"), {})
+            exec(hdf5_probe.PROGRAM.replace(f"({limit}, {limit})", f"({most}, {most})"), {})
         finally:
             os._exit(0)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) >= 0
@@ -157,7 +157,7 @@ def _comes_back(path: str, changed_ns: int, size: int) -> bool:
 
 def _child(home: Path, kind: str, first: int, last: int) -> None:
     """Write the outcomes of some mutations, one line each."""
-    hdf5_probe._comes_back = _comes_back  # type: ignore[assignment]
+    hdf5_probe.comes_back = comes_back  # type: ignore[assignment]
     scratch = home / f"scratch_{kind}"
     scratch.mkdir(exist_ok=True)
     with open(home / f"{kind}.jsonl", "a") as rows:

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from aerial_il.data.formats import hdf5_probe
+from aerial_il.data.formats.parts import hdf5_probe
 from tests.safety import fuzz
 from tests.safety.fuzz import ALL, GOOD, Target, outcomes, sound
 
@@ -43,11 +43,11 @@ def test_a_copy_of_the_process_probes_a_file_as_a_new_one_does(
 ) -> None:
     path, torn = str(targets["hdf5"].path), tmp_path / "torn.hdf5"
     torn.write_bytes(b"torn")
-    assert [fuzz._comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
-    assert [hdf5_probe._comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
-    monkeypatch.setattr(hdf5_probe, "_READ", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
-    assert not fuzz._comes_back(path, 1, 0)
-    assert not hdf5_probe._comes_back(path, 1, 0)
+    assert [fuzz.comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
+    assert [hdf5_probe.comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
+    monkeypatch.setattr(hdf5_probe, "PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    assert not fuzz.comes_back(path, 1, 0)
+    assert not hdf5_probe.comes_back(path, 1, 0)
 
 
 @pytest.mark.slow

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from aerial_il.benchmarks.parts.teleop.narrow import narrowed
+from experiments.teleop.narrow import narrowed
 
 __all__ = ["narrowed"]

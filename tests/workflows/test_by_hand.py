@@ -19,7 +19,7 @@ from aerial_il.workflows.parts.by_hand import suited
 from tests.teleop.hands import world
 
 SMALL = ["policy.hidden=[8]", "algorithm.steps=2", "progress=false"]
-SUITED = Waypoints(lookahead_s=LOOKAHEAD_S)
+SUITED = Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="hand")
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_only_flights_by_hand_that_command_poses_are_taken_so(home: Path) -> Non
 
 
 def test_what_the_user_has_chosen_is_kept(home: Path) -> None:
-    cloning = BC(waypoints=Waypoints(lookahead_s=0.5))
+    cloning = BC(waypoints=Waypoints(lookahead_s=0.5, flown_by="hand"))
     for mine in (MLP(blind_to=("gripper",)), MLP(obs_names=("ee_pos",)), MLP(relative=True)):
         assert suited(str(home / "hands"), cloning, mine, by_hand=None) == (cloning, mine)
 

@@ -77,7 +77,7 @@ def test_demonstrations_are_recorded_by_an_expert_of_one_s_own(home: Path) -> No
     np.testing.assert_allclose(episode.actions[0][:3], episode.obs["target_pos"][0])
 
 
-ROUNDS = ["rounds=1", "episodes=2", "between_steps=2", "training.steps=2", "training.log_every=1"]
+ROUNDS = ["rounds=1", "episodes=2", "between_steps=2", "training.steps=2", "training.cadence.log_every=1"]
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from aerial_il.algorithms.off_policy.exploration import Explorer
 from aerial_il.algorithms.off_policy.hindsight import Hindsight, Relabeller, goal_columns
 from aerial_il.algorithms.online.interface import decode, encode, standardised
 from aerial_il.algorithms.online.moments import RunningMoments
-from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, rows_of
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Snapshot, Stateful
 
@@ -19,22 +19,30 @@ class ExperienceReplay:
     """The replay buffer of a run, and all that is done to its flights before they are stored.
 
     Args:
-        run: whose flights these are. buffer_size: transitions kept.
-        hindsight: the other goals that episodes are relabelled with.
+        run: whose flights these are. capacity: transitions kept.
+        hindsight: the other goals that episodes are relabelled with; None for none.
         obs_norm: standardise observations by their moments in the warm-up.
         absorbing: whether success that ends an episode leads to an absorbing state. With hindsight it ends nothing.
+        rewarded: whether rewards are stored; otherwise zeros in their place, and ``absorbing`` is for all ends.
 
     Attributes:
         buffer: the transitions.
     """
 
     def __init__(
-        self, run: OnlineRun, buffer_size: int, *, hindsight: Hindsight, obs_norm: bool = False, absorbing: bool = False
+        self,
+        run: OnlineRun,
+        capacity: int,
+        *,
+        hindsight: Hindsight | None = None,
+        obs_norm: bool = False,
+        absorbing: bool = False,
+        rewarded: bool = True,
     ) -> None:
-        self._run, self._absorbing = run, absorbing
-        self.buffer = ReplayBuffer(buffer_size, *run.sizes, run.rng("minibatches"))
+        self._run, self._absorbing, self._rewarded = run, absorbing, rewarded
+        self.buffer = ReplayBuffer(capacity, *run.sizes, run.rng("minibatches"))
         self._norm = WarmupNorm(run) if obs_norm else None
-        self._relabeller = relabeller(hindsight, run) if hindsight.goals else None
+        self._relabeller = relabeller(hindsight, run) if hindsight and hindsight.goals else None
 
     @property
     def parts(self) -> Mapping[str, Stateful]:
@@ -50,6 +58,10 @@ class ExperienceReplay:
         step = run.collector.step(decode(run.interface, actions, frames))
         if self._norm:
             self._norm.add(step.frames)
+        if not self._rewarded:
+            flown = (frames, actions, np.zeros(len(frames)), step.next_frames, step.terminal)
+            self._keep(*flown, absorbing=self._absorbing)
+            return
         if self._relabeller is None:
             flown = (frames, actions, step.rewards, step.next_frames, step.terminal)
             self._keep(*flown, absorbing=self._absorbing & step.success, penalties=step.penalties)
@@ -58,10 +70,6 @@ class ExperienceReplay:
         self._keep(frames, actions, rewards, step.next_frames, step.terminal & ~step.success)
         for episode in self._relabeller.add(step, actions):
             self._keep(*episode)
-
-    def sample(self, count: int) -> Batch:
-        """Sample ``count`` transitions with replacement."""
-        return self.buffer.sample(count)
 
     def finish_warmup(self) -> None:
         """End the warm-up: where observations are to be standardised they are from now on, those in the buffer too."""

@@ -8,7 +8,6 @@ from typing import ClassVar, Protocol
 
 from aerial_il.algorithms.off_policy.from_prior import check_weights, explored
 from aerial_il.algorithms.off_policy.hindsight import Hindsight, goal_columns
-from aerial_il.algorithms.off_policy.settings import Prior
 from aerial_il.algorithms.online import problems
 from aerial_il.algorithms.online.collector import RewardScheme
 from aerial_il.algorithms.online.problem import Problem, check_steps, whole_turns
@@ -42,13 +41,17 @@ class Relabelled(Rewarded, Protocol):
     def hindsight(self) -> Hindsight: ...
 
 
-class Begun(WarmedUp, Relabelled, Protocol):
-    """Settings of those that the reward alone teaches, by random weights or a prior's."""
+class Taught(WarmedUp, Relabelled, Protocol):
+    """Settings of those that the reward alone teaches."""
 
     name: ClassVar[str]
 
+
+class Begun(Taught, Protocol):
+    """Settings of those that may start from a prior's weights, too."""
+
     @property
-    def prior(self) -> Prior | None: ...
+    def prior(self) -> str | None: ...
     @property
     def obs_norm(self) -> bool: ...
 
@@ -63,24 +66,39 @@ def check_warmup(settings: WarmedUp, env: BatchEnv) -> None:
     check_steps(settings, "warmup", whole_turns(settings.warmup, env.num_envs) + last)
 
 
-def from_reward(settings: Begun, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-    """Return a problem of the reward alone; with a prior, through that policy's interface.
+def from_reward(settings: Taught, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+    """Return a problem of the reward alone.
 
     Raises:
-        InvalidValueError: the run would end too early; the prior cannot fly here, or its weights are none of this
-            policy's.
+        InvalidValueError: the run would end before its policy learns.
     """
     check_warmup(settings, env)
-    scheme = relabelled_scheme(settings)
+    return problems.from_environment(settings.name, policy, env, seed, relabelled_scheme(settings))
+
+
+def from_reward_or_prior(settings: Begun, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+    """Return a problem of the reward alone; with a prior, through that policy's interface and from its weights.
+
+    Raises:
+        InvalidValueError: also where the prior cannot fly here, or its weights are none of this policy's.
+    """
     if settings.prior is None:
-        return problems.from_environment(settings.name, policy, env, seed, scheme)
-    begun = load_prior(settings.prior.path, env.spec)
-    check_weights(begun, policy, settings.prior.path)
+        return from_reward(settings, policy, env, seed)
+    check_warmup(settings, env)
+    prior = load_prior(settings.prior, env.spec)
+    check_weights(prior, policy, settings.prior)
     if settings.obs_norm:
         raise InvalidValueError(OWN_NORM)
-    inputs, weights = {"prior": digest(begun.to_checkpoint())}, begun.network.state_dict()
-    interface = explored(begun.interface)
-    return Problem(settings.name, seed, policy, env, interface, scheme=scheme, inputs=inputs, initial=weights)
+    return Problem(
+        settings.name,
+        seed,
+        policy,
+        env,
+        explored(prior.interface),
+        scheme=relabelled_scheme(settings),
+        inputs={"prior": digest(prior.to_checkpoint())},
+        initial=prior.network.state_dict(),
+    )
 
 
 def from_demonstrations(

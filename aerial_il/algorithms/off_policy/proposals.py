@@ -8,13 +8,17 @@ demonstrated action counts as the proposed one.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from aerial_il.algorithms.off_policy.exploration import Explorer
 from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.online.demonstrations import Transitions
-from aerial_il.algorithms.online.interface import encode, encode_actions
-from aerial_il.algorithms.online.replay_buffer import rows_of
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.online.interface import decode, encode, encode_actions
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.run.state import Snapshot, Stateful
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 
@@ -54,9 +58,55 @@ class Proposals:
         self._prior.recall(saved.arrays)
 
 
+class ProposedFlights:
+    """An off-policy learner's flights with proposals: who explores sees them, and takes them all in the warm-up.
+
+    Args:
+        run: whose flights these are. capacity: transitions kept. proposals: of the prior. warmup: environment steps.
+        absorbing: whether success that ends an episode leads to an absorbing state.
+
+    Attributes:
+        buffer: the transitions; their observations carry proposals.
+    """
+
+    def __init__(self, run: OnlineRun, capacity: int, proposals: Proposals, *, warmup: int, absorbing: bool) -> None:
+        obs_size, action_size = run.sizes
+        self._run, self._proposals, self._warmup, self._absorbing = run, proposals, warmup, absorbing
+        self.buffer = ReplayBuffer(capacity, obs_size + action_size + 1, action_size, run.rng("minibatches"))
+
+    @property
+    def parts(self) -> Mapping[str, Stateful]:
+        """What of it changes while the run goes on."""
+        return {"proposals": self._proposals, "replay_buffer": self.buffer}
+
+    def step(self, explorer: Explorer) -> None:
+        """Take one step in all worlds, and add it to the buffer."""
+        run, proposed = self._run, self._proposals.now
+        warming_up, frames = run.collector.steps < self._warmup, run.collector.frames
+        seen = np.concatenate([encode(run.interface, frames), columns(proposed, np.ones(len(frames), bool))], axis=1)
+        actions = proposed if warming_up else explorer.explore(seen)
+        step = run.collector.step(decode(run.interface, actions.astype(np.float32), frames))
+        led = np.concatenate([encode(run.interface, step.next_frames), self._proposals.after(step)], axis=1)
+        ends = {"absorbing": self._absorbing & step.success, "penalties": step.penalties}
+        self.buffer.add(rows_of(seen, actions, step.rewards, led, step.terminal, **ends))
+
+    def finish_warmup(self) -> None:
+        """Do nothing: the prior's observations are standardised already."""
+
+
 def columns(proposed: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the columns (T, Da + 1) of actions (T, Da), of which only those ``known`` (T,) are proposals."""
     return np.concatenate([np.where(known[:, None], proposed, 0.0), known[:, None]], axis=1)
+
+
+def proposed_demos(
+    demos: Transitions, interface: Interface, rng: np.random.Generator, *, absorbing: bool
+) -> ReplayBuffer:
+    """Return demonstrations as a buffer, sampled by ``rng``, whose observations carry proposals."""
+    obs_size, action_size = interface.layout.size, demos.actions.shape[1]
+    buffer = ReplayBuffer(2 * len(demos.frames), obs_size + action_size + 1, action_size, rng)
+    buffer.add(demonstrated_rows(demos, interface, absorbing=absorbing))
+    return buffer
 
 
 def demonstrated_rows(demos: Transitions, interface: Interface, *, absorbing: bool) -> np.ndarray:

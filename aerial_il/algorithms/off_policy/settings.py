@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aerial_il.algorithms.run.checks import require_positive, require_share, require_widths
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts import critics
 
 
@@ -52,13 +53,7 @@ class Critics:
         """Return new critics for observations and actions of these ``sizes``; one input is for the absorbing state."""
         return critics.Critics(sizes[0] + 1 + sizes[1], self.hidden, self.count, layer_norm=self.layer_norm)
 
-
-@dataclass(frozen=True, kw_only=True)
-class Prior:
-    """A trained policy that the actor starts from; it flies through the warm-up while critics learn its value.
-
-    Attributes:
-        path: a run or policy of the same class and sizes.
-    """
-
-    path: str
+    def check_subset(self, subset: int) -> None:
+        """Raise :class:`InvalidValueError` unless there are ``subset`` critics to sample for each backup."""
+        if not 0 < subset <= self.count:
+            raise InvalidValueError(f"subset is {subset}; it must lie between 1 and critics.count, {self.count}.")

@@ -12,7 +12,7 @@ from aerial_il.algorithms.online.interface import check_policy
 from aerial_il.algorithms.online.problem import Problem
 from aerial_il.algorithms.online.run import OnlineRun, open_run
 from aerial_il.algorithms.run.cadence import Cadence, Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share, require_widths
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -38,10 +38,17 @@ class Algorithm(ABC):
         actor_every: how many of the critics' gradient steps for each one of the actor.
         alpha: temperature at the start: weight of the entropy beside the reward.
         entropy: target entropy for each action element.
+        gae_lambda: lambda of generalised advantage estimation.
+        clip: how far from 1 the ratio of probabilities counts.
+        clip_norm: largest norm of a gradient.
+        target_kl: a pass of a mean KL divergence above 1.5 times this is the actor's last; 0 for no limit.
+        critic_hidden: widths of the critic.
         reward: the ``environment``'s own, dense in the suite; or ``sparse``, 1 for success. With hindsight it is the
             environment's own rule for goals.
         reward_patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
         failures: learn from failed demonstrations too; rewards tell them from the others.
+        prior: a run or policy of the same class and sizes, from whose weights the actor starts; null for random ones.
+            It flies through the warm-up in place of random actions, while the critics alone learn its value.
         obs_norm: standardise observations by their moments in the warm-up, which are fixed from then on.
         threads: torch threads; results repeat bit for bit at a fixed number only.
 
@@ -64,9 +71,11 @@ class Algorithm(ABC):
     def __post_init__(self) -> None:
         stated = {field.name for field in fields(self)}
         require_positive(self, *sorted(stated & POSITIVE))
-        require_not_negative(self, *(stated & {"reward_patience"}))
+        require_not_negative(self, *(stated & {"warmup", "reward_patience"}))
         require_share(self, *(stated & {"gamma"}), below_one=True)
-        require_share(self, *(stated & {"lr_floor"}))
+        require_share(self, *(stated & {"lr_floor", "gae_lambda"}))
+        if "critic_hidden" in stated:
+            require_widths(self, "critic_hidden")
         for name in stated:
             if check := getattr(getattr(self, name), "check_in", None):
                 check(self)

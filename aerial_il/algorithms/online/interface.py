@@ -22,6 +22,7 @@ NO_SCORES = (
     "The actions of {} are no scores of choices, each from 0 to 1: set policy.choices=bounds, or choose "
     "policy=squashed_gaussian and an algorithm that trains it."
 )
+IN_BOUNDS = "Set policy.anchor=null and policy.relative=false, or algorithm.demonstrations.bounds=demonstrations."
 ANCHORED = "There are no demonstrations to take another range from: set policy.anchor=null and policy.relative=false."
 
 
@@ -112,7 +113,7 @@ def action_bounds(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
 def _action(layout: Layout, frames: np.ndarray, actions: np.ndarray, bounds: Bounds) -> Normaliser:
     low, high = action_bounds(layout)
     if bounds == "environment":
-        _refuse_anchor(layout, "Set policy.anchor=null and policy.relative=false, or algorithm.bounds=demonstrations.")
+        _refuse_anchor(layout, IN_BOUNDS)
         return _between(low, high)
     shown = to_offsets(layout, actions[:, None], frames[:, None])[:, 0]
     centre, half = 0.5 * (shown.min(0) + shown.max(0)), 0.5 * (shown.max(0) - shown.min(0))

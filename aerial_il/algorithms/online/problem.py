@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 from torch import Tensor
@@ -57,7 +58,7 @@ class Problem:
 def check_steps(settings: Any, name: str, flown: int) -> None:
     """Raise :class:`InvalidValueError` where a run ends with the steps ``flown`` that the setting ``name`` asks for."""
     if settings.steps <= flown:
-        raise InvalidValueError(TOO_SHORT.format(settings.steps, name, getattr(settings, name), flown, name))
+        raise InvalidValueError(TOO_SHORT.format(settings.steps, name, attrgetter(name)(settings), flown, name))
 
 
 def whole_turns(steps: int, worlds: int) -> int:

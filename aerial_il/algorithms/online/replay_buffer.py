@@ -128,6 +128,11 @@ def split(rows: Tensor, widths: tuple[int, ...]) -> Batch:
     return Batch(obs, actions, next_obs, rewards[:, 0], continues[:, 0])
 
 
+def alive(batch: Batch) -> Batch:
+    """Return transitions that are rewarded by 1 for each step before an end."""
+    return batch._replace(rewards=1.0 - batch.obs[:, -1])
+
+
 def concatenated(first: Batch, second: Batch) -> Batch:
     """Put two minibatches one after the other."""
     return Batch(*(torch.cat(pair) for pair in zip(first, second, strict=True)))

@@ -161,9 +161,15 @@ class OnlineRun:
         """Share of the environment steps that are left."""
         return max(0.0, 1.0 - self.collector.steps / self._settings.steps)
 
-    def updates_due(self, ratio: float) -> int:
-        """Return how many of ``ratio`` updates for each environment step fall due in this turn of one step."""
-        return int(ratio * self.collector.steps) - int(ratio * (self.collector.steps - self.collector.n))
+    def updates_due(self, ratio: float, every: int = 1) -> int:
+        """Return how many of ``ratio`` updates for each environment step fall due in this turn of one step.
+
+        Args:
+            every: environment steps from one block of updates to the next.
+        """
+        steps, worlds = self.collector.steps, self.collector.n
+        due, done = (int(ratio * (n - n % every)) for n in (steps, steps - worlds))
+        return due - done
 
     def policy(self) -> ChunkPolicy:
         """Return the policy as it stands, with where it comes from."""

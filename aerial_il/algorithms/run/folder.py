@@ -27,7 +27,7 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
 from aerial_il.core.provenance import provenance
-from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS, MOVED
+from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS, moved
 from aerial_il.core.renamed import METRICS as METRIC_NAMES
 from aerial_il.policies import FINAL
 
@@ -229,8 +229,8 @@ def _new_key(key: str, now: Mapping[str, Any]) -> str:
     if group != "settings":
         return key
     name = ALGORITHM_KEYS.get(name, name)
-    moved = f"settings.{MOVED.get(name, name)}"
-    return moved if moved in now else f"settings.{name}"
+    known = {each.removeprefix("settings.") for each in now if each.startswith("settings.")}
+    return f"settings.{moved(name, known) or name}"
 
 
 def _flat(tree: Any, cadence: tuple[str, ...], prefix: str = "") -> dict[str, Any]:

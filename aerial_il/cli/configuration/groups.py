@@ -7,17 +7,20 @@ only what differs from them: a file of a registered name changes that one, any o
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from aerial_il import algorithms, benchmarks, policies, robots
+from aerial_il import algorithms, policies, robots
 from aerial_il.cli import launchers, sweepers
 from aerial_il.cli.configuration.defaults import TARGET, classes, completed, has_method
+from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tasks
 
@@ -26,12 +29,12 @@ Names = Callable[[], Iterable[str]]
 # group -> the room of its files, the names in it, and the method by which the class of settings is known in a file
 CONSTRUCTED: Mapping[str, tuple[str, Names, str]] = {
     "algorithm": (algorithms.__name__, algorithms.names, "train"),
-    "bench": (benchmarks.__name__, benchmarks.names, "run"),
     "launcher": (launchers.__name__, launchers.names, "launch"),
     "sweeper": (sweepers.__name__, sweepers.names, "search"),
     "policy": (policies.__name__, policies.names, "build"),
 }
 NAMED: Mapping[str, Names] = {"robot": robots.names, "task": tasks.names}  # only their name is chosen
+STUDY = "bench"  # the group of studies, whose settings are read from the dataclasses themselves
 _GLOBAL = "# @package _global_"
 
 
@@ -46,7 +49,7 @@ def conf_dir() -> Path:
 def groups() -> tuple[str, ...]:
     """Return the names of all configuration groups, Hydra's own left out."""
     folders = {p.name for p in conf_dir().iterdir() if p.is_dir() and p.name not in ("hydra", "__pycache__")}
-    return tuple(sorted(folders | CONSTRUCTED.keys() | NAMED.keys()))
+    return tuple(sorted({STUDY} | folders | CONSTRUCTED.keys() | NAMED.keys()))
 
 
 def options(group: str) -> tuple[str, ...]:
@@ -68,7 +71,7 @@ def is_global(group: str, name: str) -> bool:
 
 
 def target_of(group: str, name: str) -> str:
-    """Return the class of settings that the file of a registered policy, algorithm or benchmark defines.
+    """Return the class of settings that the file of a registered policy or algorithm defines.
 
     Raises:
         InvalidValueError: the file defines none.
@@ -95,11 +98,15 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def _registered(group: str) -> tuple[str, ...]:
+    if group == STUDY:
+        return registry.names("study")
     return tuple(CONSTRUCTED[group][1]() if group in CONSTRUCTED else NAMED.get(group, tuple)())
 
 
 @cache
 def _option(group: str, name: str) -> dict[str, Any]:
+    if group == STUDY:
+        return {"name": name, **json.loads(json.dumps(asdict(registry.get("study", name)())))}
     said = _said(group, name)
     if group in NAMED:
         return {"name": name, **said}

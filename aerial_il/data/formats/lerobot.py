@@ -1,262 +1,57 @@
-"""Derive a LeRobot v3 dataset from recordings, so that lerobot opens and trains on it without glue.
+"""LeRobot v3, the folder with ``meta/info.json``: its columns are listed in :mod:`.parts.lerobot.writing`.
 
-=============================  ======================================================================
-feature                        content
-=============================  ======================================================================
-observation.state              all proprioceptive fields, concatenated, named element by element
-observation.environment_state  all fields of the task, likewise
-observation.images.<camera>    one video per colour camera
-action                         the expert's label where there is one, else the executed action
-next.reward, next.done         of the step; done marks the last one
-next.success                   true on the last step of a success
-demo.uid                       key to ``meta/provenance.json``; its ``names`` tell the specification;
-                               survives delete, split and merge
-=============================  ======================================================================
-
-Frames are the T observations that an action follows; the terminal one is left out. The dataset is built in a temporary
-folder from whole recordings and renamed when it is complete, as lerobot cannot read an unfinished one.
+What it is read and written with takes a while to import.
 """
 
 from __future__ import annotations
 
-import fcntl
-import glob
-import hashlib
-import os
-import shutil
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from aerial_il.core.errors import DemoError, UnknownNameError
-from aerial_il.core.files import sha256_of, sync_folder, write_json
-from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
-from aerial_il.core.progress import Progress
-from aerial_il.core.specs import EnvSpec, Field, camera_name
-from aerial_il.data.dataset import open_dataset
+from aerial_il.core.errors import DemoError
+from aerial_il.core.lerobot_names import IMAGES
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.content_digest import sealed
-from aerial_il.data.formats.lerobot_identity import UID, identity
-from aerial_il.data.formats.lerobot_states import PROVENANCE, StateWriter
-from aerial_il.data.recording.writer import storing
+from aerial_il.data.source import Source, Wanted
 
-DEFAULT_OUT = "derived/lerobot"
-NEW, OLD = "new", "old"  # in the temporary folder
+if TYPE_CHECKING:
+    from aerial_il.data.dataset import Dataset
 
-
-def convert_to_lerobot(
-    path: str | os.PathLike[str],
-    out: str | os.PathLike[str] | None = None,
-    *,
-    cameras: Sequence[str] | bool = True,
-    progress: bool = True,
-) -> Path:
-    """Convert the successes of a dataset of recordings.
-
-    Args:
-        path: a folder of recordings.
-        out: where the LeRobot dataset goes, ``<path>/derived/lerobot`` if not given; an older one is replaced.
-        cameras: True for all recorded image fields as videos, False for states alone, or the names of some.
-        progress: show a progress bar.
-
-    Returns:
-        The folder.
-
-    Raises:
-        DemoError: a recording cannot be read.
-        UnknownNameError: a camera was not recorded.
-        StorageError: the disk is full; an older conversion is untouched.
-    """
-    spec = open_dataset(path).spec
-    names = _camera_names(spec, cameras)
-    dataset = open_dataset(path, cameras=names)
-    out = Path(out) if out else Path(path) / DEFAULT_OUT
-    with storing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        _clear_leftovers(out)
-        with _temporary(out) as temporary:
-            _build(temporary, spec, names, Progress(dataset, desc="convert", unit="ep", disable=not progress))
-            _replace(temporary, out)
-    return out
+ENDINGS, OWN_NAME = ("",), "lerobot"
 
 
-@contextmanager
-def _temporary(out: Path) -> Iterator[Path]:
-    """Name a new folder beside ``out`` and remove what is left of it; it is locked as long as the process lives."""
-    holder = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    holder.mkdir()
-    handle = os.open(holder, os.O_RDONLY)
+def recognises(path: Path) -> bool:
+    return (path / "meta" / "info.json").is_file()
+
+
+def read(path: Path, wanted: Wanted) -> Source:
+    from aerial_il.data.formats.parts.lerobot import reading
+
+    return reading.read(path, wanted.cameras)
+
+
+def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:
+    from aerial_il.data.formats.parts.lerobot import writing
+
+    return writing.write(episodes, out)
+
+
+def is_current(dataset: Dataset, out: Path) -> bool:
+    """Whether ``out`` is whole and holds just the demonstrations of ``dataset``, and the cameras it was opened with."""
+    from aerial_il.data.formats.parts.lerobot import reading, writing
+
+    if not out.exists():
+        return False
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield holder / NEW
-    finally:
-        shutil.rmtree(holder, ignore_errors=True)
-        os.close(handle)
+        there = {name for name in reading.check_lerobot(out)["features"] if name.startswith(IMAGES)}
+        first = dataset[0]
+        wanted = {writing.image_key(name) for name in writing.colour_cameras(first.spec) if name in first.obs}
+        return there == wanted and tuple(reading.read(out).raw) == dataset.uids
+    except DemoError:
+        return False
 
 
-def _clear_leftovers(out: Path) -> None:
-    """Remove what killed conversions have left beside ``out``; the older dataset comes back if none replaced it."""
-    for holder in out.parent.glob(f".{glob.escape(out.name)}.*.tmp"):
-        handle = os.open(holder, os.O_RDONLY)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if (holder / OLD).exists() and not out.exists():
-                os.replace(holder / OLD, out)
-            shutil.rmtree(holder, ignore_errors=True)
-        except BlockingIOError:  # its process lives
-            continue
-        finally:
-            os.close(handle)
+def altered(path: Path) -> list[Path]:
+    from aerial_il.data.formats.parts.lerobot import reading
 
-
-def _build(root: Path, spec: EnvSpec, cameras: Sequence[str], episodes: Iterable[Episode]) -> None:
-    """Write a complete dataset to ``root``."""
-    os.environ.setdefault("HF_HUB_OFFLINE", "1")
-    origins = []
-
-    def noted() -> Iterator[Episode]:
-        for episode in episodes:
-            yield episode
-            origins.append({"uid": episode.uid, "success": episode.success, "provenance": dict(episode.provenance)})
-
-    if cameras:
-        write_with_lerobot(root, spec, cameras, noted())
-    else:
-        write_states(root, spec, noted())
-    files = sorted(f for f in root.rglob("*") if f.is_file())
-    entries = {str(f.relative_to(root)): {"bytes": f.stat().st_size, "sha256": sha256_of(f)} for f in files}
-    tree = {"schema": 2, "spec": spec.to_dict(), "episodes": origins, "files": entries}
-    write_json(root / PROVENANCE, {**tree, "seal": hashlib.sha256(sealed(tree)).hexdigest()})
-
-
-def write_states(root: Path, spec: EnvSpec, episodes: Iterable[Episode]) -> None:
-    """Write episodes without images to ``root``; equal to what :func:`write_with_lerobot` writes."""
-    dataset = StateWriter(root, **_described(spec), features=features_of(spec, ()))
-    try:
-        for episode in episodes:
-            dataset.add(columns_of(episode), episode.spec.instruction)
-    finally:
-        dataset.close()
-
-
-def write_with_lerobot(root: Path, spec: EnvSpec, cameras: Sequence[str], episodes: Iterable[Episode]) -> None:
-    """Write episodes to ``root`` with lerobot's own writer, which encodes videos."""
-    os.environ.setdefault("SVT_LOG", "1")  # the video encoder reports errors only
-    from datasets.utils.logging import disable_progress_bar
-    from lerobot.datasets.lerobot_dataset import LeRobotDataset
-
-    disable_progress_bar()  # one bar for each episode
-    dataset = LeRobotDataset.create(
-        **_described(spec),
-        features=features_of(spec, cameras),
-        root=root,
-        use_videos=bool(cameras),
-        video_backend="pyav",  # torchcodec needs a system FFmpeg
-        streaming_encoding=bool(cameras),
-        encoder_queue_maxsize=spec.max_steps + 1,  # a full queue drops frames
-    )
-    try:
-        for episode in episodes:
-            for frame in frames_of(episode, cameras):
-                dataset.add_frame(frame)
-            dataset.save_episode()
-    finally:
-        dataset.finalize()  # else it would write on when it is collected as garbage
-    _check_videos(root, dataset.meta.total_frames)
-
-
-def _described(spec: EnvSpec) -> dict[str, Any]:
-    name = f"local/{spec.robot}-{spec.task}"
-    return {"repo_id": name, "fps": round(1 / spec.control_dt_s), "robot_type": spec.robot}
-
-
-def _check_videos(root: Path, frames: int) -> None:
-    """Require that no encoder has dropped a frame."""
-    import av
-
-    for folder in sorted((root / "videos").glob("*")):
-        found = 0
-        for file in sorted(folder.rglob("*.mp4")):
-            with av.open(str(file)) as video:
-                found += sum(packet.size > 0 for packet in video.demux(video=0))
-        if found != frames:
-            raise DemoError(folder, "was encoded with another number of frames.", expected=frames, got=found)
-
-
-def features_of(spec: EnvSpec, cameras: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return lerobot's description of the columns."""
-    features = {
-        STATE: _vector(spec.observation.of_group("proprio")),
-        ENVIRONMENT: _vector(spec.observation.of_group("task")),
-        ACTION: {"dtype": "float64", "shape": (spec.action.size,), "names": list(spec.action.labels)},
-        "next.reward": {"dtype": "float64", "shape": (1,), "names": None},
-        "next.done": {"dtype": "bool", "shape": (1,), "names": None},
-        "next.success": {"dtype": "bool", "shape": (1,), "names": None},
-        UID: {"dtype": "string", "shape": (1,), "names": identity(spec)},
-    }
-    for name in cameras:
-        shape = spec.observation[name].shape
-        features[image_key(name)] = {"dtype": "video", "shape": shape, "names": ["height", "width", "channels"]}
-    return {name: feature for name, feature in features.items() if 0 not in feature["shape"]}
-
-
-def columns_of(episode: Episode) -> dict[str, np.ndarray]:
-    """Return the T rows of an episode by feature: (T, D), or (T,) where a feature has one element."""
-    spec, steps = episode.spec.observation, len(episode)
-    vectors = {
-        key: episode.flat_obs(tuple(f.name for f in fields))[:steps]
-        for key, fields in ((STATE, spec.of_group("proprio")), (ENVIRONMENT, spec.of_group("task")))
-        if fields
-    }
-    done = np.arange(steps) == steps - 1
-    columns = {
-        **vectors,
-        ACTION: episode.labels,
-        "next.reward": episode.rewards,
-        "next.done": done,
-        "next.success": done & episode.success,
-        UID: np.full(steps, episode.uid),
-    }
-    return {name: values[:, 0] if values.shape[1:] == (1,) else values for name, values in columns.items()}
-
-
-def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Yield the T frames of an episode as lerobot wants them."""
-    columns = columns_of(episode)
-    for t in range(len(episode)):
-        yield {
-            **{key: values[t] if key == UID else np.array(values[t], ndmin=1) for key, values in columns.items()},
-            **{image_key(name): episode.obs[name][t].copy() for name in cameras},
-            "task": episode.spec.instruction,
-        }
-
-
-def image_key(field: str) -> str:
-    """Return the feature that holds a colour camera's field, e.g. ``observation.images.wrist`` for ``wrist_rgb``."""
-    return IMAGES + camera_name(field)
-
-
-def _vector(fields: Sequence[Field]) -> dict[str, Any]:
-    labels = [label for field in fields for label in field.element_labels()]
-    return {"dtype": "float64", "shape": (len(labels),), "names": labels}
-
-
-def _camera_names(spec: EnvSpec, cameras: Sequence[str] | bool) -> tuple[str, ...]:
-    recorded = tuple(f.name for f in spec.observation.fields if f.is_colour)
-    if isinstance(cameras, bool):
-        return recorded if cameras else ()
-    for name in cameras:
-        if name not in recorded:
-            raise UnknownNameError("recorded camera", name, recorded, "Record it with: aerial-il collect cameras=[...]")
-    return tuple(cameras)
-
-
-def _replace(new: Path, path: Path) -> None:
-    """Put ``new`` in the place of ``path``, which goes beside ``new``."""
-    if path.exists():
-        os.replace(path, new.with_name(OLD))
-    os.replace(new, path)
-    sync_folder(path.parent)
+    return reading.altered_files(path)

@@ -1,17 +1,21 @@
-"""Read Minari's datasets, the folder with ``data/main_data.hdf5`` and ``data/metadata.json``, from their files.
+"""Minari's datasets, the folder with ``data/main_data.hdf5`` and ``data/metadata.json``, read and written as files.
 
 Observations of a vector, an image that is not compressed or a dictionary of these are read, one of them more than
 actions; actions are vectors. The environment is the id that the metadata name, which is compared with lists and never
-imported; where :mod:`aerial_il.data.formats.minari_export` wrote them, it is the recorded specification.
+imported. What is written keeps the recorded specification, under ``aerial_il_spec`` in the metadata, and pictures as
+they are, without JPEG.
 
-Source: Minari 0.5, ``HDF5Storage``.
+Source: Minari 0.5, ``HDF5Storage`` and ``serialize_space``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cache
+import json
+import re
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,176 +23,177 @@ import h5py
 import numpy as np
 
 from aerial_il.core.bounded import parse_json, read_json
-from aerial_il.core.errors import DemoError
+from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.core.specs import UNKNOWN, EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.foreign import foreign_episode, foreign_spec
-from aerial_il.data.formats.hdf5 import FAULTS, MAX_BYTES, array, child
-from aerial_il.data.formats.hdf5_probe import require_readable
-from aerial_il.data.formats.transitions import FIELD
+from aerial_il.data.formats.parts.hdf5 import FAULTS, array, child, later, numbered, opened, require_size
+from aerial_il.data.formats.parts.transitions import FIELD
+from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.source import Later, Raw, Source, Wanted
 
+ENDINGS, OWN_NAME = ("",), "minari/flights-v0"
 FILE, METADATA = Path("data", "main_data.hdf5"), Path("data", "metadata.json")
 SERIES = ("actions", "rewards", "terminations", "truncations")
 SPEC, SUCCESS = "aerial_il_spec", "success"  # of ours, in the metadata and as an attribute of each episode
 TUPLE = "_index_0"  # Minari's name for the first element of a tuple
 JPEG = (0xFF, 0xD8, 0xFF)
+VERSION = "0.5.4"  # of Minari, whose layout is written; its readers check it
+NAME = re.compile(r"[-_\w]+-v\d+")
 
 
-@dataclass(frozen=True)
-class _Told:
-    """What the metadata say.
-
-    Attributes:
-        robot, task: ``gymnasium`` and an id, or unknown. spec: as recorded, None for files that are not ours.
-    """
-
-    robot: str
-    task: str
-    spec: EnvSpec | None = None
+def recognises(path: Path) -> bool:
+    return (path / FILE).is_file()
 
 
-def open_minari(path: Path) -> dict[str, Callable[[], Episode]]:
-    """Return uid -> function that reads the episode.
+def read(path: Path, wanted: Wanted) -> Source:
+    with opened(path / FILE, "cannot be read as a Minari dataset") as file:
+        names = numbered(name for name in map(str, file) if name.startswith("episode_"))
+    robot, task, spec = _environment(path)
+    raw = {name: partial(_raw, path, name, spec) for name in names}
+    return Source(path=path, kind="a Minari dataset", raw=raw, spec=spec, robot=robot, task=task)
+
+
+def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:
+    """Write episodes of one environment as one dataset; their actions are the labels to be learned.
+
+    Args:
+        episodes: of one environment.
+        out: its folder, NAME-vN, which is the name that Minari knows it by; one that is there is replaced.
+        env_spec: Gymnasium's specification of the environment, as JSON.
 
     Raises:
-        DemoError: it is no such dataset, holds other than numbers, or refers to data outside itself.
+        InvalidValueError: the name is none of Minari's, or ``out`` holds something else.
     """
-    require_readable(path / FILE)
-    try:
-        with h5py.File(path / FILE, "r") as file:
-            names = sorted((n for n in map(str, file) if n.startswith("episode_")), key=lambda n: (len(n), n))
-            bounds, longest = _survey(path, file, names)
-    except DemoError:
-        raise
-    except FAULTS as error:
-        raise DemoError(path, f"cannot be read as a Minari dataset ({error}).") from error
-    told = _told(path)
-    return {name: cache(lambda name=name: _read(path, name, (*bounds, longest), told)) for name in names}
+    if not NAME.fullmatch(out.name):
+        raise InvalidValueError(
+            f"out={out}: a dataset of Minari's is named NAME-vN, e.g. {out.with_name('flights-v0')}."
+        )
+    if out.exists() and not (out / METADATA).is_file():
+        raise InvalidValueError(f"out={out} is there and holds no dataset of Minari's: choose another name.")
+    episodes = iter(episodes)
+    first = next(episodes)
+    with replacing(out) as temporary:
+        (temporary / FILE).parent.mkdir(parents=True)
+        with h5py.File(temporary / FILE, "w", track_order=True) as file:
+            lengths = [_write(file, number, episode) for number, episode in enumerate(chain([first], episodes))]
+        size_mb = round((temporary / FILE).stat().st_size / 1e6, 1)
+        told = {**_metadata(first, lengths, out.name), "dataset_size": size_mb}
+        told |= {"env_spec": env_spec} if env_spec else {}
+        (temporary / METADATA).write_text(json.dumps(told))
+    return out
 
 
-def _survey(path: Path, file: h5py.File, names: Sequence[str]) -> tuple[tuple[np.ndarray, np.ndarray], int]:
-    """Return least and greatest action (Da,) of all episodes, and the length of the longest."""
-    lows, highs, longest = [], [], 0
-    for name in names:
-        episode = child(path, file, name, h5py.Group)
-        _check_size(path, episode)
-        actions = _actions(path, episode)
-        lows.append(actions.min(0))
-        highs.append(actions.max(0))
-        longest = max(longest, len(actions))
-    if not names:
-        raise DemoError(path, "holds no demonstrations.")
-    return (np.min(lows, 0), np.max(highs, 0)), longest
+def _raw(path: Path, name: str, spec: EnvSpec | None) -> Raw:
+    with opened(path / FILE, f"holds a malformed episode {name!r}") as file:
+        group = child(path, file, name, h5py.Group)
+        observed = dict(_observed(path, group))
+        series = {name: child(path, group, name, h5py.Dataset) for name in SERIES}
+        require_size(path, group, [*series.values(), *(inner[key] for inner, key in observed.values())])
+        obs = {name: _field(path, *place) for name, place in observed.items()}
+        if spec is not None and len(obs) == len(spec.observation.names) == 1:
+            obs = dict(zip(spec.observation.names, obs.values(), strict=True))
+        actions, rewards, terminated, truncated = (array(path, group, name) for name in SERIES)
+        return Raw(
+            obs=obs,
+            actions=actions,
+            rewards=rewards,
+            terminated=terminated,
+            truncated=truncated,
+            success=bool(group.attrs[SUCCESS]) if SUCCESS in group.attrs else None,
+        )
 
 
-def _actions(path: Path, episode: h5py.Group) -> np.ndarray:
-    actions = array(path, episode, "actions")
-    if actions.ndim != 2 or actions.dtype.kind != "f" or not actions.size:
-        hint = "Actions of a Discrete or Tuple space cannot be imitated here."
-        got = (actions.dtype, actions.shape)
-        raise DemoError(path, "has actions that are not vectors of numbers.", got=got, hint=hint)
-    return actions.astype(float)
-
-
-def _check_size(path: Path, episode: h5py.Group) -> None:
-    """Require that an episode can be held, before any of it is read."""
-    groups = [(episode, name) for name in SERIES if name in episode]
-    if isinstance(episode.get("observations"), h5py.Group):
-        inner = child(path, episode, "observations", h5py.Group)
-        groups += [(inner, str(name)) for name in inner]
-    else:
-        groups.append((episode, "observations"))
-    size = sum(8 * int(_dataset(path, group, name).size or 0) for group, name in groups)
-    if size > MAX_BYTES:
-        problem = f"has an absurdly large episode {episode.name}."
-        raise DemoError(path, problem, expected=f"at most {MAX_BYTES} bytes", got=size)
-
-
-def _told(path: Path) -> _Told:
-    """Return the recorded specification, or robot and task where an environment of Gymnasium's is named."""
+def _environment(path: Path) -> tuple[str, str, EnvSpec | None]:
+    """Return robot, task and the recorded specification; without it an environment of Gymnasium's, if one is named."""
     try:
         raw: Any = read_json(path / METADATA)
         if SPEC not in raw:
-            return _Told("gymnasium", str(parse_json(raw["env_spec"])["id"]))
+            return "gymnasium", str(parse_json(raw["env_spec"])["id"]), None
     except FAULTS:
-        return _Told(UNKNOWN, UNKNOWN)
+        return UNKNOWN, UNKNOWN, None
     try:
         spec = EnvSpec.from_dict(parse_json(raw[SPEC]))
     except FAULTS as error:
         raise DemoError(path / METADATA, f"has a malformed {SPEC} ({error}).") from error
-    return _Told(spec.robot, spec.task, spec)
+    return spec.robot, spec.task, spec
 
 
-def _read(path: Path, name: str, seen: tuple[np.ndarray, np.ndarray, int], told: _Told) -> Episode:
-    try:
-        with h5py.File(path / FILE, "r") as file:
-            return _episode(path, child(path, file, name, h5py.Group), seen, told)
-    except DemoError:
-        raise
-    except FAULTS as error:
-        raise DemoError(path, f"holds a malformed episode {name!r} ({error}).") from error
-
-
-def _episode(path: Path, group: h5py.Group, seen: tuple[np.ndarray, np.ndarray, int], told: _Told) -> Episode:
-    _check_size(path, group)
-    actions, obs = _actions(path, group), _observations(path, group)
-    if told.spec is not None and len(obs) == len(told.spec.observation.names) == 1:
-        obs = dict(zip(told.spec.observation.names, obs.values(), strict=True))
-    over = {name: array(path, group, name) for name in SERIES[1:]}
-    if any(len(values) != len(actions) + 1 for values in obs.values()):
-        lengths = {name: len(values) for name, values in obs.items()}
-        raise DemoError(path, "has observations of another length.", expected=len(actions) + 1, got=lengths)
-    *bounds, longest = seen
-    own = foreign_spec(obs, (bounds[0], bounds[1]), max_steps=longest, robot=told.robot, task=told.task)
-    if told.spec is not None:
-        _check_fits(path, told.spec, own)
-    return foreign_episode(
-        str(group.name).strip("/"),
-        told.spec or own,
-        obs=obs,
-        actions=actions,
-        rewards=over["rewards"],
-        success=bool(group.attrs.get(SUCCESS, True)),
-        terminated=bool(over["terminations"][-1]),
-        truncated=bool(over["truncations"][-1] and not over["terminations"][-1]),
-        source=f"{path.name}, a Minari dataset",
-    )
-
-
-def _check_fits(path: Path, recorded: EnvSpec, own: EnvSpec) -> None:
-    """Require that the recorded specification is of the arrays that are there."""
-    sizes = [
-        {**{field.name: field.shape for field in spec.observation.fields}, "actions": spec.action.low.shape}
-        for spec in (recorded, own)
-    ]
-    if sizes[0] != sizes[1]:
-        raise DemoError(path, f"has other arrays than its {SPEC} says.", expected=sizes[0], got=sizes[1])
-
-
-def _observations(path: Path, group: h5py.Group) -> dict[str, np.ndarray]:
-    """Return field -> (T + 1, ...), under the names that Gymnasium's environments are recorded with here."""
-    if not isinstance(group.get("observations"), h5py.Group):
-        return {FIELD: _field(path, group, "observations")}
+def _observed(path: Path, group: h5py.Group) -> Iterator[tuple[str, tuple[h5py.Group, str]]]:
+    """Yield each field, and where it lies, under the name that Gymnasium's environments are recorded with here."""
+    if not isinstance(group.get("observations", getlink=True), h5py.HardLink) or isinstance(
+        group["observations"], h5py.Dataset
+    ):
+        child(path, group, "observations", h5py.Dataset)
+        yield FIELD, (group, "observations")
+        return
     inner = child(path, group, "observations", h5py.Group)
     if TUPLE in inner:
         raise DemoError(path, "has observations of a Tuple space, which are not read: only vectors, images, Dict.")
-    return {str(name): _field(path, inner, str(name)) for name in inner}
+    for name in map(str, inner):
+        if isinstance(inner.get(name, getlink=True), h5py.HardLink) and isinstance(inner[name], h5py.Group):
+            raise DemoError(path, f"has a Dict or Tuple of its own in {inner.name}/{name}, which is not read.")
+        child(path, inner, name, h5py.Dataset)
+        yield name, (inner, name)
 
 
-def _field(path: Path, group: h5py.Group, name: str) -> np.ndarray:
+def _field(path: Path, group: h5py.Group, name: str) -> np.ndarray | Later:
     """Return (T + 1, ...) numbers, or (T + 1, H, W, C) uint8 of an image."""
-    dataset = _dataset(path, group, name)
-    values = array(path, group, name) if dataset.dtype.kind != "O" else np.zeros((0, 0), np.uint8)
-    jpeg = values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] > 2 and (values[:, :3] == JPEG).all()
-    if dataset.dtype.kind == "O" or jpeg:
+    texts = group[name].dtype.kind == "O"  # type: ignore[union-attr]
+    values = np.zeros((0, 0), np.uint8) if texts else later(path, group, name)
+    jpeg = isinstance(values, np.ndarray) and values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] > 2
+    if texts or (jpeg and (values[:, :3] == JPEG).all()):
         hint = "Write images with jpeg_encoding=False."
-        raise DemoError(path, f"has texts or images as JPEG in {dataset.name}, which are not read.", hint=hint)
-    if values.dtype == np.uint8 and values.ndim == 4:
-        return values
-    return values.astype(float) if values.ndim > 1 else values[:, None].astype(float)
+        raise DemoError(path, f"has texts or images as JPEG in {group.name}/{name}, which are not read.", hint=hint)
+    return values
 
 
-def _dataset(path: Path, group: h5py.Group, name: str) -> h5py.Dataset:
-    if isinstance(group.get(name, getlink=True), h5py.HardLink) and isinstance(group[name], h5py.Group):
-        raise DemoError(path, f"has a Dict or Tuple of its own in {group.name}/{name}, which is not read.")
-    return child(path, group, name, h5py.Dataset)
+def _write(file: h5py.File, number: int, episode: Episode) -> int:
+    """Write an episode and return its length."""
+    group = file.create_group(f"episode_{number}")
+    group.attrs.update({"id": number, "total_steps": len(episode), "uid": episode.uid})
+    group.attrs[SUCCESS] = episode.success
+    over = np.arange(len(episode)) == len(episode) - 1
+    columns = (episode.labels, episode.rewards, episode.terminated, over & ~episode.terminated)
+    observed = {f"observations/{name}": values for name, values in episode.obs.items()}
+    if len(observed) == 1:
+        observed = {"observations": next(iter(observed.values()))}
+    for name, values in {**dict(zip(SERIES, columns, strict=True)), **observed}.items():
+        group.create_dataset(name, data=values, chunks=True, maxshape=(None, *values.shape[1:]))
+    return len(episode)
+
+
+def _metadata(first: Episode, lengths: list[int], name: str) -> dict[str, Any]:
+    spec = first.spec
+    boxes = {field.name: _box(first.obs[field.name]) for field in spec.observation.fields if field.name in first.obs}
+    observed = next(iter(boxes.values())) if len(boxes) == 1 else {"type": "Dict", "subspaces": boxes}
+    action = {
+        "type": "Box", "dtype": "float64", "shape": list(spec.action.low.shape),
+        "low": spec.action.low.tolist(), "high": spec.action.high.tolist(),
+    }  # fmt: skip
+    return {
+        "dataset_id": name,
+        "minari_version": VERSION,
+        "data_format": "hdf5",
+        "jpeg_encoding": False,
+        "total_episodes": len(lengths),
+        "total_steps": sum(lengths),
+        "observation_space": json.dumps(observed),
+        "action_space": json.dumps(action),
+        "description": f"{spec.task} on {spec.robot}, tier {spec.tier}, converted by aerial_il.",
+        "algorithm_name": str(first.provenance.get("policy", "")),
+        SPEC: json.dumps(_recorded(spec, boxes).to_dict()),
+    }
+
+
+def _recorded(spec: EnvSpec, names: Collection[str]) -> EnvSpec:
+    """Return the specification of what is written: its fields alone, without states."""
+    kept = tuple(field for field in spec.observation.fields if field.name in names)
+    return replace(spec, observation=replace(spec.observation, fields=kept), state_size=0)
+
+
+def _box(values: np.ndarray) -> dict[str, Any]:
+    """Return Minari's words for the space of a field, (T, ...)."""
+    shape, pictured = values.shape[1:], values.dtype == np.uint8
+    low, high = (0, 255) if pictured else (-np.inf, np.inf)
+    ends = {end: np.full(shape, value).tolist() for end, value in (("low", low), ("high", high))}
+    return {"type": "Box", "dtype": str(values.dtype), "shape": list(shape), **ends}

@@ -4,59 +4,34 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from aerial_il.core.bounded import parse_json
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.check import Gate, require_whole
 from aerial_il.data.episode import Episode
 from aerial_il.data.recording.container import Definitions
 from aerial_il.data.recording.decoding import Messages
 from aerial_il.data.recording.encoding import images
 from aerial_il.data.recording.encoding.digest import ContentDigest
 from aerial_il.data.recording.encoding.topics import Camera
+from aerial_il.data.recording.form import Form, form_of
 from aerial_il.data.recording.scan import Contents, scan
-from aerial_il.data.recording.schema import Layout
-from aerial_il.data.recording.version1 import Version1
-from aerial_il.data.recording.version2 import Version2
+from aerial_il.data.recording.schema import VERSION, Layout
 from aerial_il.data.recording.writer import EPISODE, MODEL, OUTCOME, PROVENANCE
-from aerial_il.data.validation import Report, check_episode
+from aerial_il.data.validation import Report, check_flight
 
 _EXTRA_NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
 MAX_ELEMENTS = 100_000  # numbers of one step, all fields together; keeps a forged specification from allocating
 MAX_PIXELS = 16_000_000  # of all cameras together
 MAX_DECODED = 1 << 30  # pixels of one camera in one episode
-
-
-class Form(Protocol):
-    """A version of the schema: how steps are written down."""
-
-    @property
-    def definitions(self) -> Definitions:
-        """Schemas and channels."""
-        ...
-
-    @property
-    def cameras(self) -> Sequence[Camera]:
-        """Topics of images."""
-        ...
-
-    def read(self, report: Report, contents: Contents, steps: int) -> Messages:
-        """Decode and check a whole episode of ``steps`` steps."""
-        ...
-
-    def read_whole_steps(self, report: Report, contents: Contents) -> Messages:
-        """Decode and check as many steps as have all their messages, of an episode that may lack its end."""
-        ...
-
-
-FORMS: Mapping[str, Callable[[Layout], Form]] = {"1": Version1, "2": Version2}
 
 
 @dataclass(frozen=True)
@@ -80,7 +55,7 @@ class Outcome:
 
 
 def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> Episode:
-    """Read and check the demonstration file at ``path``.
+    """Read and check the demonstration file at ``path``, as :func:`~aerial_il.data.dataset.open_dataset` does.
 
     Args:
         path: an MCAP file written by this package.
@@ -89,18 +64,30 @@ def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> 
     Raises:
         DemoError: the file is not what it should be.
     """
-    path = Path(path)
+    episode = decode_episode(Path(path), cameras=cameras)
+    require_whole(Gate(path), episode)
+    return episode
+
+
+def decode_episode(path: Path, *, cameras: bool | Sequence[str] = False, states: bool = True) -> Episode:
+    """Read the demonstration file at ``path``; require all but what the gate requires of every format.
+
+    Args:
+        path: an MCAP file written by this package.
+        cameras: True to decode all image fields, or the names of some. states: False to leave them out.
+    """
     contents = scan(path)
-    head = read_head(path, contents)
-    outcome = read_outcome(path, contents)
+    head, outcome = read_head(path, contents), read_outcome(path, contents)
     check_channels(path, contents, head.form.definitions)
     report = Report(path)
     messages = head.form.read(report, contents, outcome.steps)
-    episode = build_episode(head, messages, outcome)
-    check_episode(report, episode)
-    _check_digest(path, contents, messages)
     wanted = [c for c in head.form.cameras if cameras is True or (cameras and c.field in cameras)]
-    pictures = {c.field: _decode(report, c, messages.images[c.field]) for c in wanted}
+    episode = _episode(head, messages, outcome, states=states)
+    check_flight(report, episode)
+    if wrong := _wrong_digest(path, contents, messages):
+        require_whole(Gate(path), _episode(head, messages, outcome, states=True))  # which says where, if it can
+        raise wrong
+    pictures = {camera.field: _decode(report, camera, messages.images[camera.field]) for camera in wanted}
     return replace(episode, obs={**episode.obs, **pictures})
 
 
@@ -116,18 +103,17 @@ def read_head(path: Path, contents: Contents) -> Head:
     if missing := {"schema_version", "uid", "ctrl_size", "spec"} - entries.keys():
         raise DemoError(path, f"lacks {sorted(missing)} in its metadata {EPISODE!r}.")
     version = entries["schema_version"]
-    if version not in FORMS:
-        expected = f"one of {', '.join(FORMS)}"
-        raise DemoError(path, "has an unknown schema version.", expected=expected, got=version, hint=hint)
+    if version != str(VERSION):
+        raise DemoError(path, "has an unknown schema version.", expected=VERSION, got=version, hint=hint)
     if MODEL not in contents.attachments:
         raise DemoError(path, f"lacks the attachment {MODEL!r}.")
     try:
         layout = _layout(entries["spec"], int(entries["ctrl_size"]), entries.get("extras", "{}"))
-        if version != "1" and entries.get("columns") != layout.columns_json:
+        if entries.get("columns") != layout.columns_json:
             raise ValueError("its columns are not those of its specification")
         provenance = {key: parse_json(value) for key, value in contents.metadata[PROVENANCE].items()}
-        model_xml = contents.attachments[MODEL].decode()
-        return Head(entries["uid"], layout, _form(version, layout), provenance, model_xml)
+        model_xml = _text(contents.attachments[MODEL])
+        return Head(entries["uid"], layout, form_of(layout), provenance, model_xml)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, AerialError) as error:
         raise DemoError(path, f"has malformed metadata ({error}).") from error
 
@@ -138,7 +124,7 @@ def _layout(spec_json: str, ctrl_size: int, extras_json: str) -> Layout:
     spec, extras = EnvSpec.from_dict(parse_json(spec_json)), _extras(extras_json)
     _check_sizes(spec, [spec.state_size, ctrl_size, 4 * spec.action.size, *map(len, extras.values())])
     plain = Layout(spec, ctrl_size)
-    topics = {channel.topic[1:] for channel in Version1(plain).definitions.channels}
+    topics = {channel.topic[1:] for channel in Form(plain).definitions.channels}
     taken = {*(plain.row.names or ()), *topics, "step", "sec", "nanosec", "time_ns", "padding"}
     if doubled := extras.keys() & taken:
         raise ValueError(f"extras {min(doubled)!r} have the name of something else")
@@ -157,12 +143,6 @@ def _check_sizes(spec: EnvSpec, sizes: Sequence[int]) -> None:
         raise ValueError(
             f"a step has {numbers} numbers, {pictures} pixels; the most are {MAX_ELEMENTS} and {MAX_PIXELS}"
         )
-
-
-@lru_cache(maxsize=8)
-def _form(version: str, layout: Layout) -> Form:
-    """Return the topics of a layout in a version."""
-    return FORMS[version](layout)
 
 
 def _extras(text: str) -> dict[str, tuple[str, ...]]:
@@ -199,15 +179,21 @@ def check_channels(path: Path, contents: Contents, expected: Definitions) -> Non
         )
 
 
-def build_episode(head: Head, messages: Messages, outcome: Outcome) -> Episode:
-    """Assemble decoded messages."""
-    rows, steps = messages.rows, messages.rows[:-1]
-    flat = rows["observation"]
+@lru_cache(maxsize=8)
+def _text(model: bytes) -> str:
+    """Return a scene as text, the same one for all episodes that were flown in it."""
+    return model.decode()
+
+
+def _episode(head: Head, messages: Messages, outcome: Outcome, *, states: bool) -> Episode:
+    """Copy what an episode holds out of the rows, which are freed then: most of them are states."""
+    rows, steps, layout = messages.rows, messages.rows[:-1], head.layout
+    flat = _array(rows["observation"])
     return Episode(
         uid=head.uid,
-        spec=head.layout.spec,
+        spec=layout.spec,
         provenance={**head.provenance, **({"note": outcome.note} if outcome.note else {})},
-        obs={name: head.layout.field_of(flat, name) for name in head.layout.spec.observation.state_names},
+        obs={name: layout.field_of(flat, name) for name in layout.spec.observation.state_names},
         actions=_array(steps["action"]),
         executed_actions=_array(steps["executed_action"]),
         expert_actions=_array(steps["expert_action"]),
@@ -216,13 +202,13 @@ def build_episode(head: Head, messages: Messages, outcome: Outcome) -> Episode:
         rewards=_array(steps["reward"]),
         terminated=steps["terminated"].astype(bool),
         truncated=steps["truncated"].astype(bool),
-        states=_array(rows["state"]),
+        states=_array(rows["state"]) if states else np.zeros((len(rows), 0)),
         ctrl=_array(steps["ctrl"]),
         sim_time=_array(rows["sim_time"]),
         success=outcome.success,
         model_xml=head.model_xml,
-        extras={name: _array(steps[name]) for name in head.layout.extras},
-        extra_labels=head.layout.extras,
+        extras={name: _array(steps[name]) for name in layout.extras},
+        extra_labels=layout.extras,
     )
 
 
@@ -254,7 +240,8 @@ def _decode(report: Report, camera: Camera, compressed: list[bytes]) -> np.ndarr
     return np.stack(decoded)
 
 
-def _check_digest(path: Path, contents: Contents, messages: Messages) -> None:
+def _wrong_digest(path: Path, contents: Contents, messages: Messages) -> DemoError | None:
+    """Return the error that a file is not as it was recorded, or None."""
     digest = ContentDigest()
     for topic, records in messages.digested.items():
         for record in records:
@@ -262,7 +249,7 @@ def _check_digest(path: Path, contents: Contents, messages: Messages) -> None:
     outcome = dict(contents.metadata[OUTCOME])
     expected = outcome.pop("digest")
     got = digest.hexdigest({**contents.metadata, OUTCOME: outcome}, contents.attachments)
-    if got != expected:
-        raise DemoError(
-            path, "was changed after it was recorded: its content digest differs.", expected=expected, got=got
-        )
+    if got == expected:
+        return None
+    problem = "was changed after it was recorded: its content digest differs."
+    return DemoError(path, problem, expected=expected, got=got)

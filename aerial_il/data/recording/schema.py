@@ -18,7 +18,6 @@ Only ``/step`` and the cameras have something of each step; the last of ``/step`
 ended, its outcome zero. All others say again, ten times a second, what stands there, for eyes, and are written when
 the flight is over. ``log_time`` is simulation time.
 
-Version 1 had a message of each topic for each step, see :mod:`aerial_il.data.recording.version1`; it is read as before.
 """
 
 from __future__ import annotations

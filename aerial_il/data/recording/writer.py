@@ -28,8 +28,8 @@ from aerial_il.data.recording.encoding.topics import (
     Camera,
     nanoseconds,
 )
+from aerial_il.data.recording.form import STEP, form_of
 from aerial_il.data.recording.schema import VERSION, Layout
-from aerial_il.data.recording.version2 import STEP, version2_of
 
 STEPS_PER_CHUNK = MOST_STEPS  # written at once; what a kill loses: 1.3 s at 50 Hz
 CHUNK_BYTES = 1 << 20  # at most, unless a step is larger
@@ -66,7 +66,7 @@ class EpisodeWriter:
     def __init__(self, path: Path, layout: Layout, *, uid: str, provenance: Mapping[str, Any], model_xml: str) -> None:
         self.path, self.part = Path(path), part_of(path)
         self._layout, self._uid, self._provenance = layout, uid, provenance
-        self._form = version2_of(layout)
+        self._form = form_of(layout)
         self._steps, self._digest = 0, ContentDigest()
         self._viewed: list[np.ndarray] = []
         self._rows_per_chunk = max(1, min(STEPS_PER_CHUNK, CHUNK_BYTES // layout.row.itemsize))
@@ -212,7 +212,7 @@ def write_episode(episode: Episode, path: Path) -> Path:
         StorageError: the disk is full or the folder not writable.
     """
     layout = Layout(episode.spec, episode.ctrl.shape[1], episode.extra_labels)
-    cameras = version2_of(layout).cameras
+    cameras = form_of(layout).cameras
     for camera in cameras:
         if camera.field not in episode.obs:
             raise InvalidValueError(f"Episode {episode.uid} was read without its images of {camera.field}.")

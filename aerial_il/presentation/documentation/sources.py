@@ -140,7 +140,9 @@ def _name(file: Path, root: Path) -> str:
 
 def _titles(contents: Mapping[str, str | bytes]) -> dict[str, str]:
     """Return page -> its first heading."""
-    found = {name: HEADING.search(str(text)) for name, text in sorted(contents.items()) if _is_page(PurePosixPath(name))}
+    found = {
+        name: HEADING.search(str(text)) for name, text in sorted(contents.items()) if _is_page(PurePosixPath(name))
+    }
     return {name: heading[1] if heading else "" for name, heading in found.items()}
 
 

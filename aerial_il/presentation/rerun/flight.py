@@ -55,7 +55,7 @@ class Flight:
         except DemoError as error:
             return Flight(episode, None, None, (str(error),), chunks)
         notes = () if flags is not None else (NO_FLAGS,)
-        return Flight(episode, move(model, episode.states), flags, notes, chunks)
+        return Flight(episode, move(model, episode.states, episode.spec), flags, notes, chunks)
 
     @cached_property
     def cameras(self) -> tuple[str, ...]:

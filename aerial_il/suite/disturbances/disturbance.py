@@ -20,6 +20,7 @@ from zlib import crc32
 
 import numpy as np
 
+from aerial_il.core.addresses import record_of_numbers
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.disturbances.nominal import Nominal
 
@@ -75,6 +76,4 @@ class Disturbance:
     def record(self, name: str, robot: Robot) -> np.ndarray:
         """Return ``own`` (1,) of the kernels of the disturbance that is registered as ``name``."""
         stream = crc32(name.encode()) << 8 if self.stream is None else self.stream
-        numbers = {**self.numbers(robot), "stream": stream}
-        kinds = [(key, np.int64 if key == "stream" else np.float64) for key in numbers]
-        return np.array([tuple(numbers.values())], np.dtype(kinds, align=True))
+        return record_of_numbers({**self.numbers(robot), "stream": stream})

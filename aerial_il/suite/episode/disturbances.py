@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from aerial_il import robots
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import EnvSpec
@@ -151,13 +151,14 @@ def effects_of(spec: EnvSpec, model: mujoco.MjModel, states: np.ndarray) -> np.n
         spec: of the recording. model: its scene, compiled. states: (N, S), as an environment returns them.
 
     Returns:
-        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero in scenes that are not the suite's.
+        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero where robot or tier are not the suite's.
     """
     effects = np.zeros(len(states), EFFECTS)
-    if spec.is_outside or spec.robot not in robots.names():
+    try:
+        robot, tier = robots.get(spec.robot), tiers.get(spec.tier)
+    except UnknownNameError:
         return effects
-    robot, tier = robots.get(spec.robot), tiers.get(spec.tier)
-    if model.nuserdata != tier.userdata_size or robot.fixed:
+    if spec.is_outside or model.nuserdata != tier.userdata_size or robot.fixed:
         return effects
     table, before = HookTable(tier, robot, len(states)), mujoco.mj_stateSize(model, STATE_BEFORE_USERDATA)
     userdata = np.ascontiguousarray(states[:, before : before + model.nuserdata])

@@ -55,7 +55,8 @@ class Flight(NamedTuple):
 
     Attributes:
         vehicle: (1,) the nominal model's record, see ``alone``.
-        gains: (1,) record of ``Gains``. drag: of the body, N s²/m². hooks: (1,) of the tier's disturbances.
+        gains: (1,) record of ``Gains``. steering: (1,) of ``STEERING``, the flight law.
+        drag: of the body, N s²/m². hooks: (1,) of the tier's disturbances.
         level: action level.
         force_addresses: (K,) where the task's force sensors start in ``sensordata``.
         base_site: index of the base's site. base_contact: index of its contact count in ``sensordata``.
@@ -65,6 +66,7 @@ class Flight(NamedTuple):
 
     vehicle: np.ndarray
     gains: np.ndarray
+    steering: np.ndarray
     drag: float
     hooks: np.ndarray
     level: int
@@ -84,11 +86,12 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
     Args:
         flight: see :class:`Flight`. rules, found: what is asked after a control step, and where answers go.
         workspace: (1,) working memory, see ``SCRATCH``. worlds: addresses, see ``worlds.PhysicsPointers``.
-        sent: (n, Da) actions as they were sent. actions: (n, Da) the same, changed to those that arrive. active: (n,) bool, others stand still.
+        sent: (n, Da) actions as they were sent. actions: (n, Da) the same, changed to those that arrive.
+        active: (n,) bool, others stand still.
         fresh: the actions are new. steps: physics steps.
         counter: address of the number of worlds that are taken already; threads that share it share the work.
     """
-    vehicle, gains, hooks = flight.vehicle[0], flight.gains[0], flight.hooks[0]
+    vehicle, gains, hooks, steering = flight.vehicle[0], flight.gains[0], flight.hooks[0], flight.steering[0]
     scratch, dt = workspace[0], flight.dt
     rotors, level, thrust = vehicle.num_rotors, flight.level, scratch.thrust[: vehicle.num_rotors]
     pos, vel = scratch.pos[: 7 + vehicle.num_joints], scratch.vel[: 6 + vehicle.num_joints]
@@ -121,7 +124,21 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
             note(now, userdata[SEED], userdata[TICK], flight.interval, pos, vel)
             effects = act_all(hooks, memory, now, summed)
             measure(vehicle, effects, pos, vel, measured_pos, measured_vel)
-            tick(vehicle, gains, scratch, level, action, measured_pos, measured_vel, act, state, dt, thrust, servo)
+            tick(
+                vehicle,
+                gains,
+                steering,
+                scratch,
+                level,
+                action,
+                measured_pos,
+                measured_vel,
+                act,
+                state,
+                dt,
+                thrust,
+                servo,
+            )
             for r in range(rotors):
                 ctrl[r] = lagged_command(thrust[r], act[r], falling)
             if vehicle.gripper_stroke > 0.0:

@@ -10,17 +10,17 @@ from typing import Any, NoReturn
 import mujoco
 import numpy as np
 
-from aerial_il.control.laws import Law
+from aerial_il.control import controllers
+from aerial_il.control.controller import Steering
 from aerial_il.control.scratch import SCRATCH
 from aerial_il.control.vehicle import Gains, alone, record_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.kernels import entry_of
 from aerial_il.core.seeding import episode_rng
-from aerial_il.suite.episode.assessment import Assessment, assess_all, assessment_of, make_found, rules_of
+from aerial_il.suite.episode.assessment import Assessment, SensorTable, assess_all, assessment_of, make_found, rules_of
 from aerial_il.suite.episode.disturbances import Disturbances
 from aerial_il.suite.episode.flight_loop import Flight, fly, limit_actions
 from aerial_il.suite.episode.perception import Perceived
-from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.aerodynamics import quadratic_drag
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
@@ -62,12 +62,14 @@ class Simulation:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot, self.task.names)
-        self.gains = (gains or scenario.law.gains).fitted(self.robot.vehicle)
+        self.gains = (gains or controllers.get(scenario.controller)().gains).fitted(self.robot.vehicle)
+        self._steering = Steering(scenario.controller, self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
         self._ctrl, self._userdata = worlds.bind("ctrl"), worlds.bind("userdata")
         self._flight = Flight(
-            vehicle=alone(Law(self.gains.law).record(self.robot.vehicle)),
+            vehicle=alone(self.robot.vehicle.record),
             gains=alone(record_of(self.gains)),
+            steering=self._steering.record,
             drag=quadratic_drag(self.robot.vehicle),
             hooks=self.disturbances.table.hooks,
             level=int(scenario.level),
@@ -81,8 +83,8 @@ class Simulation:
         )
         self.seen = Perceived(scenario, self.view, self.disturbances.table.hooks)
         observation = self.spec.observation
-        own = sum(field.size for field in robot_fields(self.robot))
-        self._rules = rules_of(scenario, own, self.seen.perception)
+        self._sensors = SensorTable(self.robot)
+        self._rules = rules_of(scenario, self._sensors, self.seen.perception)
         self._found = make_found(
             self.view, self.seen.records, observation.size(observation.state_names), len(self.spec.subtasks)
         )

@@ -14,8 +14,9 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
+from aerial_il.core.addresses import called, numbers_at, read_at
 from aerial_il.core.kernels import kernel
-from aerial_il.suite.physics.native import called, doubles, read_at
+from aerial_il.suite.physics.native import doubles
 from aerial_il.suite.physics.world import ROW
 
 NOW = np.dtype(
@@ -109,7 +110,7 @@ def arrive_all(hooks, userdata, now, action):
     """Let every disturbance of actions change ``action`` (Da,); ``userdata``: address of the episode's memory."""
     table = hooks.arrive
     for k in range(hooks.num_arrive):
-        call_arrive(table[k, 0], now_at(table[k, 1]), doubles(userdata + 8 * table[k, 2], table[k, 3]), now, action)
+        call_arrive(table[k, 0], numbers_at(table[k, 1]), doubles(userdata + 8 * table[k, 2], table[k, 3]), now, action)
 
 
 @kernel
@@ -117,7 +118,7 @@ def advance_all(hooks, userdata, now):
     """Let every disturbance move on by a control step."""
     table = hooks.advance
     for k in range(hooks.num_advance):
-        call_advance(table[k, 0], now_at(table[k, 1]), doubles(userdata + 8 * table[k, 2], table[k, 3]), now)
+        call_advance(table[k, 0], numbers_at(table[k, 1]), doubles(userdata + 8 * table[k, 2], table[k, 3]), now)
 
 
 @kernel
@@ -128,5 +129,5 @@ def act_all(hooks, userdata, now, address):
         numbers[k] = 0.0
     effects = effects_at(address)
     for k in range(hooks.num_act):
-        call_act(table[k, 0], now_at(table[k, 1]), doubles(userdata + 8 * table[k, 2], table[k, 3]), now, effects)
+        call_act(table[k, 0], numbers_at(table[k, 1]), doubles(userdata + 8 * table[k, 2], table[k, 3]), now, effects)
     return effects

@@ -14,12 +14,12 @@ import ctypes
 from pathlib import Path
 from typing import Any
 
-import llvmlite.ir as ir
 import mujoco
 from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
+from aerial_il.core.addresses import read_at
 from aerial_il.core.kernels import kernel
 
 _FOLDER = Path(mujoco.__file__).parent
@@ -39,24 +39,6 @@ mj_get_state = types.ExternalFunction("mj_getState", _ON_STATE)
 mj_set_state = types.ExternalFunction("mj_setState", _ON_STATE)
 mju_copy = types.ExternalFunction("mju_copy", _NOTHING(_ADDRESS, _ADDRESS, _INT))  # (to, from, count of doubles)
 mju_mat2quat = types.ExternalFunction("mju_mat2Quat", _NOTHING(_ADDRESS, _ADDRESS))  # (to, from)
-
-
-def read_at(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Emit code that takes an address (integer) for what the signature returns, a record or a pointer."""
-    return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-
-def called(result: types.Type, *given: types.Type) -> Any:
-    """Return what emits a call of the C function at the first argument with the others, of the types ``given``."""
-
-    def emit(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        nothing = result == types.void
-        kinds = [context.get_value_type(kind) for kind in given]
-        function = ir.FunctionType(ir.VoidType() if nothing else context.get_value_type(result), kinds)
-        found = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-        return context.get_dummy_value() if nothing else found
-
-    return emit
 
 
 @intrinsic

@@ -13,6 +13,7 @@ from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
 
+
 @kernel
 def vehicle_state(vehicle, qpos, qvel, pos, vel):
     """Pick the vehicle's own true state out of a scene's; a fixed base, which has no joint, stands where it stands.

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import flown_by_hand
@@ -17,7 +15,7 @@ if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicySettings
 
 
-def suited[A, P: PolicySettings](path: str | None, algorithm: A, policy: P, *, by_hand: bool | None) -> tuple[A, P]:
+def suited[P: PolicySettings](path: str | None, algorithm: Any, policy: P, *, by_hand: bool | None) -> tuple[Any, P]:
     """Return settings that learn from the dataset as it was flown; those of the user's own choice are kept.
 
     Demonstrations that a person flew are relabelled (:mod:`aerial_il.data.waypoints`) and seen from the tool
@@ -27,17 +25,17 @@ def suited[A, P: PolicySettings](path: str | None, algorithm: A, policy: P, *, b
         path: of the dataset, if there is one. algorithm, policy: as they were configured.
         by_hand: whether to take it as flown by hand; None for what its provenance says.
     """
-    cloning = _cloning(algorithm)
-    if path is None or cloning is None or by_hand is False:
+    before: Waypoints | None = getattr(algorithm, "waypoints", None)  # of one that clones
+    if path is None or before is None or by_hand is False:
         return algorithm, policy
     episodes = open_dataset(path, failures=True).one_of_each()
     flown = [episode for episode in episodes if by_hand or flown_by_hand(episode.provenance)]
     if not flown or not (by_hand or all(_relabels(e) for e in flown)):
         return algorithm, policy
     said = []
-    if cloning.waypoints == Waypoints():
+    if before == BC.waypoints:
         waypoints = Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="anyone" if by_hand else "hand")
-        algorithm = _with_cloning(algorithm, replace(cloning, waypoints=waypoints))
+        algorithm = algorithm.relabelling(waypoints)
         said.append(f"no-ops left out, actions become the pose reached {LOOKAHEAD_S:g} s later")
     if not chose_view(policy):
         policy = egocentric(policy)
@@ -50,14 +48,3 @@ def suited[A, P: PolicySettings](path: str | None, algorithm: A, policy: P, *, b
 
 def _relabels(episode: Episode) -> bool:
     return episode.spec.action.level == LEVEL
-
-
-def _cloning(algorithm: Any) -> BC | None:
-    """Return the settings of cloning in ``algorithm``, if it clones at all."""
-    if isinstance(algorithm, InteractiveSettings):
-        algorithm = algorithm.training
-    return algorithm if isinstance(algorithm, BC) else None
-
-
-def _with_cloning(algorithm: Any, cloning: BC) -> Any:
-    return replace(algorithm, training=cloning) if isinstance(algorithm, InteractiveSettings) else cloning

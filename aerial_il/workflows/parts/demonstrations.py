@@ -29,8 +29,7 @@ def open_demonstrations(
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
-    selected = isinstance(algorithm, BC) and algorithm.selection.failures > 0
-    failures = selected or getattr(algorithm, "failures", False)
+    failures = getattr(algorithm, "failures", False)
     if limit is None:
         return open_dataset(path, cameras=tuple(images), failures=failures)
     if failures:

@@ -29,7 +29,13 @@ SIDE = 18
 EYES = MLP(
     chunk=1, hidden=(32,), images=("wrist_rgb",), image_features=16, obs_names=("ee_pos",), ensemble=None, crop=1.0
 )
-SHORT = BC(steps=6, batch_size=8, warmup_steps=1, log_every=2, validate_every=3, checkpoint_every=3)
+SHORT = BC(
+    steps=6,
+    batch_size=8,
+    warmup_steps=1,
+    validate_every=3,
+    cadence=replace(BC.cadence, log_every=2, checkpoint_every=3),
+)
 
 
 def pointing(episode: Episode, rng: np.random.Generator) -> Episode:

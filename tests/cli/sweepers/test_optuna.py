@@ -20,7 +20,13 @@ from aerial_il.cli.sweepers.optuna import JOURNAL, STUDY, distribution  # noqa: 
 
 SPACE = ["algorithm.lr=tag(log,interval(0.000001,0.03))", "policy.chunk=choice(5,10)"]
 WORDS = ["train", "-m", "dataset=demos", "experiment=quick", "algorithm.steps=200", "policy.hidden=[16]", *SPACE]
-WORDS += ["algorithm.log_every=20", "algorithm.validation=0", "run=search", "sweeper=optuna", "sweeper.trials=6"]
+WORDS += [
+    "algorithm.cadence.log_every=20",
+    "algorithm.validation=0",
+    "run=search",
+    "sweeper=optuna",
+    "sweeper.trials=6",
+]
 WORDS += ["sweeper.metric=loss", "sweeper.minimize=true", "sweeper.startup=2"]
 
 

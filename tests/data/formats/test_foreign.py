@@ -150,8 +150,8 @@ def test_a_demonstration_without_a_reward_failed_only_where_others_have_one(
         ({"acts": None}, "lacks actions or acts"),
         ({"obs": np.zeros((5, 3))}, "of another length"),
         ({"obs": np.full((EPISODES * STEPS, 3), np.nan)}, "not finite"),
-        ({"acts": np.zeros((EPISODES * STEPS, 1, 2, 2))}, "not rows of numbers"),
-        ({"acts": np.array(["a"] * EPISODES * STEPS)}, "not rows of numbers"),
+        ({"acts": np.zeros((EPISODES * STEPS, 1, 2, 2))}, "not vectors of numbers"),
+        ({"acts": np.array(["a"] * EPISODES * STEPS)}, "not vectors of numbers"),
     ],
 )
 def test_what_is_no_transitions_is_refused(

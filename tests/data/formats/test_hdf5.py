@@ -11,7 +11,7 @@ import pytest
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.formats.hdf5 import convert_to_hdf5
+from aerial_il.data.formats import robomimic
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
 from tests.data.recording.test_damage import episodes_equal
@@ -19,7 +19,7 @@ from tests.data.recording.test_damage import episodes_equal
 
 @pytest.fixture
 def file(folder: DatasetFolder, tmp_path: Path) -> Path:
-    return convert_to_hdf5(list(open_dataset(folder.path, failures=True)), tmp_path / "robomimic.hdf5")
+    return robomimic.write(open_dataset(folder.path, failures=True), tmp_path / "robomimic.hdf5")
 
 
 def test_nothing_is_lost(folder: DatasetFolder, file: Path) -> None:

@@ -16,10 +16,11 @@ import pytest
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.collection.collect import collect
-from aerial_il.core.errors import DemoError, UnknownNameError
+from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.formats.lerobot import convert_to_lerobot, write_states, write_with_lerobot
+from aerial_il.data.formats.lerobot import write
+from aerial_il.data.formats.parts.lerobot.writing import write_states, write_with_lerobot
 from aerial_il.policies.mlp import MLP
 from tests.data.crane import CraneBatch, CraneExpert
 
@@ -35,7 +36,7 @@ def offline(tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.fixture(scope="module")
 def derived(folder: DatasetFolder, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return convert_to_lerobot(folder.path, tmp_path_factory.mktemp("derived") / "lerobot", progress=False)
+    return write(open_dataset(folder.path), tmp_path_factory.mktemp("derived") / "lerobot")
 
 
 def test_every_value_is_kept(folder: DatasetFolder, derived: Path) -> None:
@@ -154,7 +155,7 @@ def test_cameras_become_videos(tmp_path: Path) -> None:
     env = CraneBatch(1, image_size=(64, 96), max_steps=70)
     collect(env, CraneExpert(), [0], tmp_path, progress=False)
     env.close()
-    derived = convert_to_lerobot(tmp_path, progress=False)
+    derived = write(open_dataset(tmp_path, cameras=True), tmp_path / "derived")
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
     dataset, episode = LeRobotDataset("local/crane-reach", root=derived), open_dataset(tmp_path, cameras=True)[0]
@@ -167,8 +168,6 @@ def test_cameras_become_videos(tmp_path: Path) -> None:
     video.write_bytes(video.read_bytes()[:-100])
     with pytest.raises(DemoError, match=r"file-000\.mp4: is missing or cut"):
         open_dataset(derived)
-    with pytest.raises(UnknownNameError, match="Did you mean 'scene_rgb'"):
-        convert_to_lerobot(tmp_path, cameras=["scene_rgd"], progress=False)
 
 
 def cut(name: str) -> Callable[[Path], None]:
@@ -232,11 +231,11 @@ def test_a_foreign_dataset_is_read_from_its_columns(derived: Path, tmp_path: Pat
 
 def test_a_failed_conversion_leaves_the_older_one(folder: DatasetFolder, tmp_path: Path) -> None:
     copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
-    older = convert_to_lerobot(copy.path, progress=False)
+    older = write(open_dataset(copy.path), copy.path / "derived" / "lerobot")
     victim = copy.files()[-1]
     victim.write_bytes(victim.read_bytes()[:-1])
     with pytest.raises(DemoError, match=victim.name):
-        convert_to_lerobot(copy.path, progress=False)
+        write(open_dataset(copy.path), older)
     assert len(open_dataset(older)) == len(copy.files())
     assert [p.name for p in older.parent.iterdir()] == ["lerobot"]
 
@@ -250,7 +249,7 @@ def test_what_killed_conversions_left_is_cleared_but_not_what_others_write(
         (holder / "new" / "data").mkdir(parents=True)
     handle = os.open(alive, os.O_RDONLY)
     fcntl.flock(handle, fcntl.LOCK_EX)
-    convert_to_lerobot(folder.path, out, progress=False)
+    write(open_dataset(folder.path), out)
     assert sorted(p.name for p in tmp_path.iterdir()) == [".lerobot.2.tmp", "lerobot"]
     os.close(handle)
 
@@ -262,5 +261,5 @@ def test_a_conversion_killed_while_it_replaced_another_gives_the_older_one_back(
     copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
     copy.files()[-1].write_bytes(b"damaged")
     with pytest.raises(DemoError):
-        convert_to_lerobot(copy.path, tmp_path / "lerobot", progress=False)
+        write(open_dataset(copy.path), tmp_path / "lerobot")
     assert len(open_dataset(tmp_path / "lerobot")) == len(folder.files())

@@ -11,7 +11,7 @@ import pytest
 from aerial_il.algorithms.bc import BC
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.formats.lerobot import convert_to_lerobot
+from aerial_il.data.formats import lerobot
 from aerial_il.policies.mlp import MLP
 from tests.data.crane import crane_spec
 
@@ -48,7 +48,7 @@ def checked(path: Path, uids: tuple[str, ...], folder: DatasetFolder, home: Path
 def test_after_a_delete(folder: DatasetFolder, tmp_path: Path) -> None:
     from lerobot.datasets.dataset_tools import delete_episodes
 
-    ours = convert_to_lerobot(folder.path, tmp_path / "ours", progress=False)
+    ours = lerobot.write(open_dataset(folder.path), tmp_path / "ours")
     uids = open_dataset(ours).uids
     delete_episodes(opened(ours), episode_indices=[1], output_dir=tmp_path / "less", repo_id="local/less")
     checked(tmp_path / "less", (uids[0], *uids[2:]), folder, tmp_path)
@@ -57,7 +57,7 @@ def test_after_a_delete(folder: DatasetFolder, tmp_path: Path) -> None:
 def test_after_a_split_and_a_merge_of_what_overlaps(folder: DatasetFolder, tmp_path: Path) -> None:
     from lerobot.datasets.dataset_tools import merge_datasets, split_dataset
 
-    ours = convert_to_lerobot(folder.path, tmp_path / "ours", progress=False)
+    ours = lerobot.write(open_dataset(folder.path), tmp_path / "ours")
     uids = open_dataset(ours).uids
     parts = split_dataset(opened(ours), {"first": [0, 1], "rest": list(range(2, len(uids)))}, output_dir=tmp_path)
     checked(tmp_path / "first", uids[:2], folder, tmp_path)

@@ -14,8 +14,8 @@ import pytest
 from aerial_il.cli.main import main
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.formats import lerobot_videos
-from aerial_il.data.formats.lerobot_videos import camera_fields
+from aerial_il.data.formats.parts.lerobot import reading
+from aerial_il.data.formats.parts.lerobot.videos import camera_fields
 
 STEPS, SIZE = (12, 9), (64, 96, 3)
 JOINTS = ["shoulder.pos", "elbow.pos"]
@@ -88,7 +88,7 @@ def test_task_texts_that_differ_and_stills_are_left_out_with_a_word(
 
 
 def test_pictures_that_nobody_asked_for_are_not_decoded(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lerobot_videos, "read_clip", None)
+    monkeypatch.setattr(reading, "read_clip", None)
     assert "front_rgb" not in open_dataset(foreign)[0].obs
     with pytest.raises(UnknownNameError, match="Did you mean 'front_rgb'"):
         open_dataset(foreign, cameras=["frontal_rgb"])

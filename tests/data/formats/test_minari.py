@@ -102,7 +102,7 @@ def test_spaces_that_minari_itself_wrote_and_we_do_not_read_are_named(
 @pytest.mark.parametrize(
     ("name", "values", "said"),
     [
-        ("observations", np.zeros((5, 3)), "observations of another length"),
+        ("observations", np.zeros((5, 3)), "observation of another length"),
         ("actions", np.zeros(12, int), "not vectors of numbers"),
         ("actions", h5py.ExternalLink("/etc/passwd", "/x"), "refers to a place outside itself"),
         ("rewards", None, "lacks /episode_0/rewards"),

@@ -12,12 +12,12 @@ import pytest
 from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.formats.minari_export import convert_to_minari
+from aerial_il.data.formats import minari as form
 
 
 @pytest.fixture
 def written(folder: DatasetFolder, tmp_path: Path) -> Path:
-    return convert_to_minari(list(open_dataset(folder.path, failures=True)), tmp_path / "root" / "cranes-v2")
+    return form.write(open_dataset(folder.path, failures=True), tmp_path / "root" / "cranes-v2")
 
 
 def test_it_comes_back_as_it_was_recorded(folder: DatasetFolder, written: Path) -> None:
@@ -50,11 +50,11 @@ def test_minari_itself_reads_it(folder: DatasetFolder, written: Path, monkeypatc
 def test_another_name_or_another_s_folder_is_refused(folder: DatasetFolder, written: Path, tmp_path: Path) -> None:
     episodes = list(open_dataset(folder.path))
     with pytest.raises(InvalidValueError, match=r"NAME-vN, e.g. .*flights-v0"):
-        convert_to_minari(episodes, tmp_path / "cranes")
+        form.write(episodes, tmp_path / "cranes")
     (tmp_path / "mine-v0").mkdir()
     with pytest.raises(InvalidValueError, match="holds no dataset of Minari's"):
-        convert_to_minari(episodes, tmp_path / "mine-v0")
-    convert_to_minari(episodes[:1], written)
+        form.write(episodes, tmp_path / "mine-v0")
+    form.write(episodes[:1], written)
     assert len(open_dataset(written)) == 1
     assert [path.name for path in written.parent.iterdir()] == ["cranes-v2"]
 
@@ -64,7 +64,7 @@ def test_a_specification_of_other_arrays_is_refused(written: Path) -> None:
     spec = json.loads(told["aerial_il_spec"])
     spec["observation"]["fields"][0]["shape"] = [10**9]
     for changed, says in (
-        (json.dumps(spec), "other arrays than its aerial_il_spec"),
+        (json.dumps(spec), "another shape than others or its specification"),
         ("{}", "malformed aerial_il_spec"),
     ):
         (written / "data/metadata.json").write_text(json.dumps({**told, "aerial_il_spec": changed}))

@@ -20,9 +20,9 @@ from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.recording.container import MAGIC, record_bytes
 from aerial_il.data.recording.encoding import columns
+from aerial_il.data.recording.form import Form
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recording.schema import Layout
-from aerial_il.data.recording.version2 import Version2
 from tests.data.crane import crane_spec
 from tests.data.tampering import Entries, rewrite
 
@@ -146,7 +146,7 @@ def drop(topic: str, sequence: int | None = None) -> Callable[[str, Message], Me
     return lambda t, m: None if t == topic and sequence in (None, m.sequence) else m
 
 
-@pytest.mark.parametrize("topic", ["/step", *(topic.name for topic in Version2(LAYOUT).views)])
+@pytest.mark.parametrize("topic", ["/step", *(topic.name for topic in Form(LAYOUT).views)])
 def test_missing_topics_and_messages_are_named(demo: Path, tmp_path: Path, topic: str) -> None:
     with pytest.raises(DemoError, match=f"topic {topic}"):
         read_episode(rewrite(demo, tmp_path / "without.mcap", message=drop(topic)))
@@ -198,7 +198,7 @@ SPEC = json.dumps({**crane_spec().to_dict(), "state_size": 10**12})
 @pytest.mark.parametrize(
     ("metadata", "says"),
     [
-        (edit("aerial_il.episode", schema_version="99"), "unknown schema version. expected one of 1, 2, got 99"),
+        (edit("aerial_il.episode", schema_version="99"), "unknown schema version. expected 2, got 99"),
         (edit("aerial_il.episode", spec=None), "lacks .'spec'."),
         (edit("aerial_il.episode", spec="{"), "malformed metadata"),
         (edit("aerial_il.episode", spec="[" * 100_000), "malformed metadata"),

@@ -11,13 +11,13 @@ import pytest
 from aerial_il.core.lerobot_names import IMAGES
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data import folder
-from aerial_il.data.formats import hdf5, lerobot
+from aerial_il.data.formats import lerobot, robomimic
+from aerial_il.data.formats.parts.lerobot.writing import features_of
 from aerial_il.data.provenance import Origin
 from aerial_il.data.recording import writer
 from aerial_il.data.recording.encoding import messages
-from aerial_il.data.recording.reader import FORMS
+from aerial_il.data.recording.form import Form
 from aerial_il.data.recording.schema import VERSION, Layout
-from aerial_il.data.recording.version2 import Version2
 from aerial_il.suite.scenario import Scenario
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "data_format.md").read_text(encoding="utf-8")
@@ -41,7 +41,7 @@ def spec() -> EnvSpec:
 
 
 def test_topics_and_types(spec: EnvSpec) -> None:
-    form = Version2(Layout(spec, 8, {"device": ("a",)}))
+    form = Form(Layout(spec, 8, {"device": ("a",)}))
     told, written = dict(zip(column("Topics"), column("Topics", 1), strict=True)), {}
     for topic in (form.step, *form.views, *form.cameras):
         name = re.sub(r"^/pose/.*", "/pose/BODY", re.sub(r"^/camera/.*", "/camera/FIELD", topic.name))
@@ -79,19 +79,18 @@ def test_folders() -> None:
     told = column("A dataset folder")
     for name in (*folder.KINDS, folder.SALVAGED, "models", "quarantine", "trash"):
         assert f"{name}/" in told
-    assert {folder.INDEX, folder.LOG, lerobot.DEFAULT_OUT} <= set(told)
+    assert {folder.INDEX, folder.LOG, f"derived/{lerobot.OWN_NAME}"} <= set(told)
 
 
 def test_features_of_the_lerobot_form(spec: EnvSpec) -> None:
-    made = {f"{IMAGES}NAME" if n.startswith(IMAGES) else n for n in lerobot.features_of(spec, ("wrist_rgb",))}
+    made = {f"{IMAGES}NAME" if n.startswith(IMAGES) else n for n in features_of(spec, ("wrist_rgb",))}
     assert set(column("Derived: LeRobot")) == made
 
 
 def test_private_group_of_the_hdf5_form() -> None:
-    assert set(column("Derived: HDF5")) == {*hdf5.EXTRA, "final_state"}
-    assert all(f"`{name}`" in section("Derived: HDF5") for name in (*hdf5.COLUMNS, hdf5.DIGEST))
+    assert set(column("Derived: HDF5")) == {*robomimic.EXTRA, "final_state"}
+    assert all(f"`{name}`" in section("Derived: HDF5") for name in (*robomimic.COLUMNS, robomimic.DIGEST))
 
 
 def test_versions() -> None:
     assert f"Version {VERSION} of the schema" in PAGE
-    assert max(FORMS) == str(VERSION)

@@ -14,51 +14,40 @@ Example: aerial-il convert datasets/pick format=mcap
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from aerial_il.cli.configuration.keys import MISSING, key
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core import registry
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import image_name
 
-if TYPE_CHECKING:
-    from aerial_il.data.episode import Episode
+VIEWS = {"rrd": ((".rrd",), "flights.rrd"), "mcap": ((".mcap", ""), "mcap")}  # to be looked at; not read again
+FIRST = ("lerobot", "robomimic")  # of several formats of an ending
 
-ENDINGS = {
-    "lerobot": ("",),
-    "robomimic": (".hdf5", ".h5"),
-    "d4rl": (".hdf5", ".h5"),
-    "minari": ("",),
-    "rrd": (".rrd",),
-    "mcap": (".mcap", ""),
-}
-OWN_NAME = {
-    "lerobot": "lerobot",
-    "robomimic": "robomimic.hdf5",
-    "d4rl": "d4rl.hdf5",
-    "minari": "minari/flights-v0",
-    "rrd": "flights.rrd",
-    "mcap": "mcap",
-}
+
+def _written() -> dict[str, tuple[tuple[str, ...], str]]:
+    """Return format -> endings of ``out``, and its name where none is said."""
+    forms = {name: registry.module("format", name) for name in (*FIRST, *registry.names("format"))}
+    return {name: (form.ENDINGS, form.OWN_NAME) for name, form in forms.items() if hasattr(form, "write")} | VIEWS
+
+
+FORMS = _written()
 
 
 @dataclass
 class Config:
     path: str = key(MISSING, "dataset of recordings", position=0)
     out: str | None = key(None, "where it goes; derived/ inside the dataset by default")
-    format: str | None = key(
-        None, f"{', '.join(ENDINGS)} (null: as out= ends, lerobot where it has no ending of theirs)"
-    )
+    format: str | None = key(None, f"{', '.join(FORMS)} (null: as out= ends, lerobot where it has no ending of theirs)")
     cameras: list[str] | None = key(None, "cameras to include (null: all that were recorded; []: states alone)")
     progress: bool = key(True, "show a progress bar")
 
     def __post_init__(self) -> None:
-        if self.format is not None and self.format not in ENDINGS:
-            raise InvalidValueError(f"format={self.format} is not one of {', '.join(ENDINGS)}.")
-        ending, own = Path(self.out or "").suffix, ENDINGS[self.form]
-        foreign = {known for endings in ENDINGS.values() for known in endings} - {*own, ""}
+        if self.format is not None and self.format not in FORMS:
+            raise InvalidValueError(f"format={self.format} is not one of {', '.join(FORMS)}.")
+        ending, (own, _) = Path(self.out or "").suffix, FORMS[self.form]
+        foreign = {known for endings, _ in FORMS.values() for known in endings} - {*own, ""}
         if self.out and (ending in foreign or ("" not in own and ending not in own)):
             wanted = " or ".join(own) if "" not in own else "in no ending of another format"
             raise InvalidValueError(f"out={self.out} with format={self.form}: its name must end in {wanted}.")
@@ -66,59 +55,42 @@ class Config:
     @property
     def form(self) -> str:
         """The format: as it was said, or as ``out`` ends."""
-        known = {ending: name for name, endings in reversed(ENDINGS.items()) for ending in endings if ending}
-        return self.format or known.get(Path(self.out or "").suffix, "lerobot")
+        known = {ending: name for name, (endings, _) in reversed(FORMS.items()) for ending in endings if ending}
+        return self.format or known.get(Path(self.out or "").suffix, FIRST[0])
 
 
 def run(config: Config) -> None:
     """Convert, and say where the result lies."""
-    if config.form == "lerobot":
-        _to_lerobot(config)
-    elif config.form == "rrd":
+    if config.form == "rrd":
         _to_rerun(config)
     elif config.form == "mcap":
         _to_views(config)
-    elif config.form == "minari":
-        _to_minari(config)
     else:
-        _to_hdf5(config)
+        _to_format(config)
 
 
-def _to_lerobot(config: Config) -> None:
-    from aerial_il.data.formats.lerobot import convert_to_lerobot
-
-    os.environ.setdefault("SVT_LOG", "1")  # the video encoder reports every setting otherwise
-    out = _own_place(config)
-    images: bool | tuple[str, ...] = True if config.cameras is None else tuple(map(image_name, config.cameras))
-    if not _is_current(Path(config.path), out, images):
-        convert_to_lerobot(config.path, out, cameras=images, progress=config.progress)
-    print(f"LeRobot dataset: {out}")
-
-
-def _to_hdf5(config: Config) -> None:
-    from aerial_il.data.formats.hdf5 import convert_to_hdf5
-    from aerial_il.data.formats.transitions import convert_to_d4rl
-
-    read = _episodes(config, config.cameras if config.form == "robomimic" else [])  # D4RL's are numbers alone
-    write = convert_to_hdf5 if config.form == "robomimic" else convert_to_d4rl
-    print(f"{config.form}: {write(read, _own_place(config))}")
-
-
-def _to_minari(config: Config) -> None:
-    from aerial_il.data.formats.minari_export import convert_to_minari
-    from aerial_il.suite.faces.gymnasium_ids import known_spec
-
-    out, read = _own_place(config), _episodes(config, config.cameras)
-    spec = read[0].spec
-    print(f"Minari dataset: {convert_to_minari(read, out, env_spec=known_spec(spec.robot, spec.task))}")
-
-
-def _episodes(config: Config, cameras: list[str] | None) -> list[Episode]:
+def _to_format(config: Config) -> None:
     from aerial_il.core.progress import Progress
     from aerial_il.data.dataset import open_dataset
+    from aerial_il.suite.faces.gymnasium_ids import known_spec
 
-    dataset = open_dataset(config.path, cameras=True if cameras is None else [*map(image_name, cameras)])
-    return list(Progress(dataset, desc="convert", unit="ep", disable=not config.progress))
+    out, form = _own_place(config), registry.module("format", config.form)
+    names = [] if not getattr(form, "PICTURES", True) else _fields(config)
+    dataset = open_dataset(config.path, cameras=names)
+    spec = dataset.spec
+    recorded = [field.name for field in spec.observation.of_group("image")]
+    for name in names if isinstance(names, list) else ():
+        if name not in recorded:
+            hint = "Record it with: aerial-il collect cameras=[...]"
+            raise UnknownNameError("recorded camera", name, recorded, hint)
+    if not (hasattr(form, "is_current") and form.is_current(dataset, out)):
+        episodes = Progress(dataset, desc="convert", unit="ep", disable=not config.progress)
+        form.write(episodes, out, env_spec=known_spec(spec.robot, spec.task))
+    print(f"{config.form}: {out}")
+
+
+def _fields(config: Config) -> bool | list[str]:
+    return True if config.cameras is None else [*map(image_name, config.cameras)]
 
 
 def _to_rerun(config: Config) -> None:
@@ -135,9 +107,8 @@ def _to_views(config: Config) -> None:
     from aerial_il.presentation.rerun.geometry import plain
     from aerial_il.presentation.rerun.ros2.view import write_view
 
-    cameras = True if config.cameras is None else [*map(image_name, config.cameras)]
-    out, dataset = _own_place(config), open_dataset(config.path, cameras=cameras)
-    alone = out.suffix in ENDINGS["mcap"][:1]
+    out, dataset = _own_place(config), open_dataset(config.path, cameras=_fields(config))
+    alone = out.suffix == ".mcap"
     if alone and len(dataset) > 1:
         hint = f"Name one of them, or a folder: aerial-il convert {config.path} format=mcap out={out.with_suffix('')}"
         raise InvalidValueError(f"out={out} holds one flight, and {config.path} has {len(dataset)}. {hint}")
@@ -149,23 +120,4 @@ def _to_views(config: Config) -> None:
 def _own_place(config: Config) -> Path:
     if config.out is None and Path(config.path).is_file():
         raise InvalidValueError(f"{config.path} is one file: say where its other form goes, out=NAME.")
-    return Path(config.out or Path(config.path) / "derived" / OWN_NAME[config.form])
-
-
-def _is_current(path: Path, out: Path, images: bool | tuple[str, ...]) -> bool:
-    """Whether ``out`` is whole and holds just the demonstrations and cameras that a new conversion would."""
-    from aerial_il.core.errors import DemoError
-    from aerial_il.data.dataset import open_dataset
-    from aerial_il.data.formats.lerobot import IMAGES, image_key
-    from aerial_il.data.formats.lerobot_import import check_lerobot
-
-    dataset = open_dataset(path)
-    if not out.exists():
-        return False
-    try:
-        there = {name for name in check_lerobot(out)["features"] if name.startswith(IMAGES)}
-        recorded = tuple(f.name for f in dataset.spec.observation.fields if f.is_colour)
-        wanted = recorded if isinstance(images, bool) else images
-        return there == {image_key(name) for name in wanted} and open_dataset(out).uids == dataset.uids
-    except DemoError:
-        return False
+    return Path(config.out or Path(config.path) / "derived" / FORMS[config.form][1])

@@ -164,14 +164,16 @@ def _present(
 
 
 def _rerun(file: Path, out: Path) -> None:
-    from aerial_il.data.formats import rerun_view
     from aerial_il.presentation.films.window import has_screen
+    from aerial_il.presentation.rerun import program
 
     if has_screen():
-        rerun_view.open_viewer(file)
+        program.open_window(file)
         print(f"rerun shows {file}")
     else:
-        print(f"No screen here. On a machine with one: rerun {rerun_view.convert(file, out)}")
+        out.parent.mkdir(parents=True, exist_ok=True)
+        program.run("mcap", "convert", str(file), "-o", str(out))
+        print(f"No screen here. On a machine with one: rerun {out}")
 
 
 def _still(config: Config, episode: Any, out: Path) -> None:

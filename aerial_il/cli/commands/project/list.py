@@ -68,8 +68,8 @@ def show(config: Config, found: dict[str, list[dict[str, Any]]]) -> None:
 def catalogue() -> dict[str, list[dict[str, Any]]]:
     """Return everything that is registered, as plain rows."""
     from aerial_il import algorithms, policies, robots
+    from aerial_il.control import controllers
     from aerial_il.control.actions import ActionLevel
-    from aerial_il.control.laws import Law
     from aerial_il.suite import tasks, tiers
 
     cells = tasks.cells()
@@ -84,9 +84,9 @@ def catalogue() -> dict[str, list[dict[str, Any]]]:
             if (robot, task) not in cells
         ],
         "tiers": [_tier_row(tiers.get(name)) for name in tiers.names()],
-        "tier_components": [_component_row(name, tiers.HARD) for name in tiers.COMPONENTS],
+        "tier_components": [_component_row(name, tiers.standard(name)) for name in tiers.components()],
         "action_levels": [{"name": level.label} for level in ActionLevel],
-        "controllers": [{"name": law.label, "summary": law.summary} for law in Law],
+        "controllers": [{"name": name, "summary": controllers.get(name).summary} for name in controllers.names()],
         "policies": [{"name": name} for name in policies.names()],
         "algorithms": [{"name": name} for name in algorithms.names()],
     }
@@ -132,17 +132,17 @@ def _declined_row(robot: str, task: str) -> dict[str, Any]:
 
 
 def _tier_row(tier: Any) -> dict[str, Any]:
+    wind = tier.parts.get("wind")
     return {
         "name": tier.name,
         "components": list(tier.components),
-        "gusts_percent_of_weight": round(100 * tier.wind.share, 1) if tier.wind else 0.0,
+        "gusts_percent_of_weight": round(100 * wind.share, 1) if wind else 0.0,
     }
 
 
-def _component_row(name: str, hard: Any) -> dict[str, Any]:
-    strength = getattr(hard, name)
+def _component_row(name: str, strength: Any) -> dict[str, Any]:
     return {
         "name": name,
         "what": str(type(strength).__doc__).partition("\n")[0],
-        "strength_when_added": [f"{key} {value:g}" for key, value in hard.to_dict()[name].items()],
+        "strength_when_added": [f"{key} {value:g}" for key, value in vars(strength).items()],
     }

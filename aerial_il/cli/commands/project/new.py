@@ -1,4 +1,4 @@
-"""Write a working start for a task, a robot, a policy or an algorithm of your own.
+"""Write a working start for a task, a robot, a policy, an algorithm or a study of your own.
 
 The registries find it by its name: list, help, completion and the contract tests include it at once. docs/adding.md and
 docs/writing_a_task.md explain each line.
@@ -18,7 +18,7 @@ from aerial_il.cli.configuration.keys import MISSING, check_choices, key
 from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.core.errors import InvalidValueError
 
-KINDS = ("task", "robot", "policy", "algorithm")
+KINDS = ("task", "robot", "policy", "algorithm", "study")
 PAGES = {"task": "docs/writing_a_task.md"} | {
     kind: f"docs/adding.md#{'an' if kind == 'algorithm' else 'a'}-{kind}" for kind in KINDS[1:]
 }
@@ -27,6 +27,7 @@ TRY = {
     "robot": ["evaluate", "policy=expert", "robot=NAME", "task=reach", "episodes=20", "out=runs/NAME"],
     "policy": ["train", "policy=NAME", "dataset=datasets/reach", "run=runs/NAME"],
     "algorithm": ["train", "algorithm=NAME", "policy=squashed_gaussian", "dataset=datasets/reach", "run=runs/NAME"],
+    "study": ["bench", "NAME"],
 }
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 

@@ -27,9 +27,9 @@ class Config:
 def run(config: Config) -> None:
     """Draw, and say where."""
     import aerial_il
-    from aerial_il.benchmarks.parts.reporting.figures import reward_lines
     from aerial_il.core.errors import InvalidValueError
     from aerial_il.core.files import write_atomic
+    from aerial_il.presentation.svg import reward_lines
     from aerial_il.workflows.parts.run_results import paid_along
 
     if config.dataset.path is None:

@@ -15,28 +15,7 @@ POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 FLOAT_ARRAY = "std_msgs/msg/Float64MultiArray"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
-STEP = "aerial_il_msgs/msg/Step"  # of schema version 1
 STEPS = "aerial_il_msgs/msg/Steps"
-
-STEP_DEFINITION = """\
-# One control step, exact to the bit. On /terminal the arrays of the action are empty.
-std_msgs/Header header
-uint32 step
-float64 sim_time
-# simulator state before the action
-float64[] state
-# actuator controls after the action
-float64[] ctrl
-# the action as commanded, as executed, and the expert's label for it (NaN where there is none)
-float64[] action
-float64[] executed_action
-float64[] expert_action
-bool is_intervention
-int32 phase
-float64 reward
-bool terminated
-bool truncated
-"""
 
 STEPS_DEFINITION = """\
 # Consecutive control steps, exact to the bit, column by column. A step is a row of numbers: the metadata
@@ -72,7 +51,6 @@ _DEFINITIONS = {
     TF_MESSAGE: "geometry_msgs/TransformStamped[] transforms\n",
     JOINT_STATE: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
     COMPRESSED_IMAGE: "std_msgs/Header header\nstring format\nuint8[] data\n",
-    STEP: STEP_DEFINITION,
     STEPS: STEPS_DEFINITION,
 }
 
@@ -119,16 +97,6 @@ def transforms(frame: str, children: tuple[str, ...]) -> CdrTemplate:
 def float_array(count: int) -> CdrTemplate:
     """Template of a ``Float64MultiArray`` with the slot ``data``."""
     return CdrTemplate().constant("<u4", 0).constant("<u4", 0).sequence("data", "<f8", count)
-
-
-def step(*, state_size: int, ctrl_size: int, action_size: int) -> CdrTemplate:
-    """Template of a ``Step``; its slots are the message's fields."""
-    template = CdrTemplate().header("").slot("step", "<u4").slot("sim_time", "<f8")
-    template.sequence("state", "<f8", state_size).sequence("ctrl", "<f8", ctrl_size)
-    for name in ("action", "executed_action", "expert_action"):
-        template.sequence(name, "<f8", action_size)
-    template.slot("is_intervention", "u1").slot("phase", "<i4").slot("reward", "<f8")
-    return template.slot("terminated", "u1").slot("truncated", "u1")
 
 
 def compressed_image(frame: str, image_format: str) -> CdrTemplate:

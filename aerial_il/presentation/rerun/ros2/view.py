@@ -26,7 +26,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.ros2_bag import Bag, Frame, Lens, Marker
+from aerial_il.data.formats.parts.ros2_bag import Bag, Frame, Lens, Marker
 from aerial_il.presentation.rerun.geometry import plain
 from aerial_il.presentation.rerun.motion import compile_scene, move
 from aerial_il.presentation.rerun.ros2.kinematics import WORLD, Tree, body_name, tree_of
@@ -50,7 +50,7 @@ def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
         StorageError: the file cannot be written.
     """
     model = compile_scene(episode)
-    motion, tree = move(model, episode.states), tree_of(model)
+    motion, tree = move(model, episode.states, episode.spec), tree_of(model)
     qpos, qvel = (_part(model, episode.states, part) for part in ("qpos", "qvel"))
     tracks = tracks_of(motion, tree, qpos)
     free = [body for body in np.flatnonzero(motion.moving).tolist() if model.body_parentid[body] == 0]

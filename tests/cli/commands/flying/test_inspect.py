@@ -88,9 +88,9 @@ def test_a_viewer_that_is_not_installed_is_told(
 
 def test_lerobot_folders_and_hdf5_files_show_their_signals(flights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from aerial_il.data.dataset import open_dataset
-    from aerial_il.data.formats.hdf5 import convert_to_hdf5
+    from aerial_il.data.formats import robomimic
 
-    convert_to_hdf5(list(open_dataset(flights)), "reach.hdf5")
+    robomimic.write(open_dataset(flights), Path("reach.hdf5"))
     assert main(["convert", str(flights), "progress=false"]) == 0
     capsys.readouterr()
     for source in ("reach.hdf5", str(flights / "derived" / "lerobot")):

@@ -15,7 +15,14 @@ from aerial_il.presentation.documentation.sources import ROOT
 @pytest.mark.slow
 def test_pages_alone_are_written_without_a_site(tmp_path: Path) -> None:
     assert main(["docs", f"out={tmp_path}", "site=null"]) == 0
-    for name in ("robots/README.md", "robots/quad.svg", "tasks/reach.md", "frames.svg", "architecture.svg", "results.svg"):
+    for name in (
+        "robots/README.md",
+        "robots/quad.svg",
+        "tasks/reach.md",
+        "frames.svg",
+        "architecture.svg",
+        "results.svg",
+    ):
         assert (tmp_path / name).is_file()
 
 

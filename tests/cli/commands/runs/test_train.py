@@ -88,7 +88,7 @@ def test_who_learns_from_reward_needs_no_demonstrations(tmp_path: Path, monkeypa
     assert kept["command"].startswith("aerial-il train policy=squashed_gaussian")
     assert " env=gymnasium:Pendulum-v1 max_steps=20 " in kept["command"]
     cell = ["robot=ua_quad_arm4", "task=reach", "tier=calm+wind", "action=ee_pose"]
-    assert main(["train", "algorithm=ppo", *cell, *AGENT, "algorithm.rollout=30", "run=reach"]) == 0
+    assert main(["train", "algorithm=ppo", *cell, *AGENT, "algorithm.rollout.steps=30", "run=reach"]) == 0
     assert flown_in(tmp_path / "reach") == ("ua_quad_arm4", "reach", "calm+wind")
 
 
@@ -146,7 +146,13 @@ def test_where_success_forfeits_the_dense_reward_a_line_says_so(
     home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(home)
-    short = ["algorithm=ppo", "policy=squashed_gaussian", "algorithm.steps=64", "algorithm.rollout=32", "num_envs=4"]
+    short = [
+        "algorithm=ppo",
+        "policy=squashed_gaussian",
+        "algorithm.steps=64",
+        "algorithm.rollout.steps=32",
+        "num_envs=4",
+    ]
     words = ["train", *short, "robot=z1", "task=reach", "action=velocity", QUIET]
     for run, said, warned in (
         ("dense", [], True),

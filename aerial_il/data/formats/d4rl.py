@@ -1,0 +1,62 @@
+"""D4RL's HDF5: transitions one after the other; names as :mod:`.parts.transitions` lists them.
+
+Source: J. Fu et al., "D4RL: Datasets for Deep Data-Driven Reinforcement Learning", 2020.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from aerial_il.core.bounded import MAX_UNPACKED_BYTES
+from aerial_il.data.episode import Episode
+from aerial_il.data.formats.parts.hdf5 import array, holds, opened, require_size, rows
+from aerial_il.data.formats.parts.transitions import KNOWN, source_of
+from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.source import Source, Wanted
+
+ENDINGS, OWN_NAME = (".hdf5", ".h5"), "d4rl.hdf5"
+PICTURES = False  # an observation is a vector
+
+
+def recognises(path: Path) -> bool:
+    return holds(path, "actions") and not holds(path, "data")
+
+
+def read(path: Path, wanted: Wanted) -> Source:
+    with opened(path, "cannot be read as HDF5") as file:
+        known = [name for name in KNOWN if name in file]
+        require_size(path, file, [rows(path, file, name) for name in known], MAX_UNPACKED_BYTES)
+        return source_of(path, {name: array(path, file, name) for name in known})
+
+
+def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:
+    """Write episodes of one environment as one file.
+
+    An observation is all fields of numbers one after the other; their names and sizes stand in ``metadata/fields``.
+    """
+    episodes = list(episodes)
+    observed = episodes[0].spec.observation
+    with replacing(out) as temporary, h5py.File(temporary, "w") as file:
+        for name, values in _columns(episodes, observed.state_names).items():
+            file[name] = values
+        file["metadata/fields"] = " ".join(f"{name}:{observed[name].size}" for name in observed.state_names)
+    return out
+
+
+def _columns(episodes: list[Episode], names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Return D4RL's arrays: what ended by success or failure is a terminal, all else a timeout."""
+    flat = [episode.flat_obs(names) for episode in episodes]
+    last = np.concatenate([np.arange(len(episode)) == len(episode) - 1 for episode in episodes])
+    over = np.concatenate([np.full(len(e), bool(e.terminated[-1] or e.success)) for e in episodes])
+    return {
+        "observations": np.concatenate([o[:-1] for o in flat]).astype(np.float32),
+        "next_observations": np.concatenate([o[1:] for o in flat]).astype(np.float32),
+        "actions": np.concatenate([e.labels for e in episodes]).astype(np.float32),
+        "rewards": np.concatenate([e.rewards for e in episodes]).astype(np.float32),
+        "terminals": last & over,
+        "timeouts": last & ~over,
+    }

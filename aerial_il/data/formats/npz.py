@@ -1,0 +1,22 @@
+"""Transitions as ``.npz``, as ``imitation`` and scripts keep them; names as :mod:`.parts.transitions` lists them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from aerial_il.core.bounded import read_npz
+from aerial_il.core.errors import DemoError
+from aerial_il.data.formats.parts.transitions import KNOWN, source_of
+from aerial_il.data.source import Source, Wanted
+
+
+def recognises(path: Path) -> bool:
+    return path.suffix == ".npz"
+
+
+def read(path: Path, wanted: Wanted) -> Source:
+    try:
+        arrays = read_npz(path, KNOWN)
+    except (OSError, ValueError) as error:
+        raise DemoError(path, f"cannot be read as transitions ({error}).") from error
+    return source_of(path, arrays)

@@ -1,0 +1,1 @@
+"""What the files of formats stand on, and a subpackage for a format of several files."""

@@ -1,0 +1,1 @@
+"""LeRobot v3: reading, writing, and what both share."""

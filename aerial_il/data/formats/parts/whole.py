@@ -1,0 +1,32 @@
+"""Files and folders that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from aerial_il.core.files import sync_folder
+from aerial_il.data.recording.writer import storing
+
+
+@contextmanager
+def replacing(out: Path) -> Iterator[Path]:
+    """Name a place beside ``out`` to be written to, which takes the place of ``out`` when all went well.
+
+    Raises:
+        StorageError: the disk is full or the folder not writable.
+    """
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    try:
+        with storing(out):
+            out.parent.mkdir(parents=True, exist_ok=True)
+            yield temporary
+            if temporary.is_dir():
+                shutil.rmtree(out, ignore_errors=True)
+            os.replace(temporary, out)
+            sync_folder(out.parent)
+    finally:
+        temporary.unlink(missing_ok=True) if temporary.is_file() else shutil.rmtree(temporary, ignore_errors=True)

@@ -1,0 +1,174 @@
+"""robomimic's HDF5 layout: derived from recordings without loss, and read back, also when it comes from others.
+
+``data/demo_<i>`` holds ``states``, ``actions``, ``rewards``, ``dones``, ``obs/<field>`` and ``next_obs/<field>``, which
+any reader of robomimic files knows. The group ``aerial_il`` beside them keeps what the layout has no place for, and is
+preferred on import, so that nothing is lost on the way.
+
+A foreign file, without our group, has neither an environment's bounds nor a terminal observation's state. Success is a
+last reward or ``done`` above zero; where that holds for no demonstration, nobody has said, and all were meant to be
+imitated.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from aerial_il.core.bounded import parse_json
+from aerial_il.core.errors import DemoError
+from aerial_il.core.specs import UNKNOWN, EnvSpec
+from aerial_il.data.episode import Episode
+from aerial_il.data.formats.parts.content_digest import content_digest
+from aerial_il.data.formats.parts.hdf5 import FAULTS, array, child, holds, later, numbered, opened, require_size
+from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.source import Later, Raw, Source, Wanted
+
+ENDINGS, OWN_NAME = (".hdf5", ".h5"), "robomimic.hdf5"
+PRIVATE = "aerial_il"
+COLUMNS = ("states", "actions", "rewards", "dones")
+EXTRA = (
+    ["executed_actions", "expert_actions", "is_intervention", "phase", "terminated", "truncated", "ctrl", "sim_time"]
+)  # fmt: skip
+GYM = 2  # robomimic's number for environments of Gym
+DIGEST = "digest"  # attribute of our group
+
+
+def recognises(path: Path) -> bool:
+    return holds(path, "data") and (holds(path, "data/*/actions") or not holds(path, "data/*"))
+
+
+def read(path: Path, wanted: Wanted) -> Source:
+    with opened(path, "cannot be read as HDF5") as file:
+        group = child(path, file, "data", h5py.Group)
+        demos = {name: child(path, group, name, h5py.Group) for name in numbered(group)}
+        names = {str(demo.attrs.get("uid", name)): name for name, demo in demos.items()}
+        ours = {uid for uid, name in names.items() if PRIVATE in demos[name]}
+        robot, task, control_dt_s = _named(_env_args(group))
+    return Source(
+        path=path,
+        kind="a robomimic file",
+        recorded={uid: partial(_recorded, path, name) for uid, name in names.items() if uid in ours},
+        raw={uid: partial(_raw, path, name) for uid, name in names.items() if uid not in ours},
+        robot=robot,
+        task=task,
+        control_dt_s=control_dt_s,
+    )
+
+
+def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:
+    """Write episodes of one environment as one file."""
+    with replacing(out) as temporary, h5py.File(temporary, "w") as file:
+        data, total = file.create_group("data"), 0
+        for i, episode in enumerate(episodes):
+            _write(data.create_group(f"demo_{i}"), episode)
+            total += len(episode)
+            if i == 0:
+                spec = episode.spec
+                names = {"env_name": f"{spec.robot}/{spec.task}", "type": PRIVATE, "env_kwargs": {"tier": spec.tier}}
+                data.attrs["env_args"] = json.dumps(names)
+        data.attrs["total"] = total
+    return out
+
+
+def _write(demo: h5py.Group, episode: Episode) -> None:
+    demo.attrs.update(num_samples=len(episode), model_file=episode.model_xml, uid=episode.uid)
+    dones = np.zeros(len(episode), np.int64)
+    dones[-1] = 1
+    columns = (episode.states[:-1], episode.actions, episode.rewards, dones)
+    for name, values in zip(COLUMNS, columns, strict=True):
+        demo[name] = values
+    for name, values in episode.obs.items():
+        demo[f"obs/{name}"], demo[f"next_obs/{name}"] = values[:-1], values[1:]
+    private = demo.create_group(PRIVATE)
+    private.attrs.update(success=episode.success, provenance=json.dumps(dict(episode.provenance)))
+    private.attrs["spec"] = json.dumps(episode.spec.to_dict())
+    private["final_state"] = episode.states[-1]
+    for name in EXTRA:
+        private[name] = getattr(episode, name)
+    private.attrs[DIGEST] = content_digest(episode)
+
+
+def _env_args(data: h5py.Group) -> dict[str, Any]:
+    """Return what a file says of its environment; names in it are only ever compared with lists."""
+    try:
+        said = parse_json(data.attrs.get("env_args", "{}"))
+    except FAULTS:
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+def _named(env: Mapping[str, Any]) -> tuple[str, str, float]:
+    """Return robot, task and control period (s) as ``env_args`` tell them; robosuite's say the rate."""
+    kwargs = env.get("env_kwargs") or {}
+    rate, name = kwargs.get("control_freq") if isinstance(kwargs, dict) else None, str(env.get("env_name", UNKNOWN))
+    period = 1 / rate if isinstance(rate, (int, float)) and 0 < rate < 1e6 else 1.0
+    if env.get("type") == GYM:
+        return "gymnasium", name, period
+    robots = kwargs.get("robots", UNKNOWN) if isinstance(kwargs, dict) else UNKNOWN
+    return str(robots[0] if isinstance(robots, list) and robots else robots), name, period
+
+
+def _recorded(path: Path, name: str) -> Episode:
+    with opened(path, f"holds a malformed demonstration {name!r}") as file:
+        demo = _demo(path, file, name)
+        private = child(path, demo, PRIVATE, h5py.Group)
+        kept: dict[str, Any] = {name: array(path, private, name) for name in EXTRA}
+        episode = Episode(
+            uid=str(demo.attrs["uid"]),
+            spec=EnvSpec.from_dict(parse_json(private.attrs["spec"])),
+            provenance=parse_json(private.attrs["provenance"]),
+            obs={name: _ended(path, demo, name, array(path, demo["obs"], name)) for name in demo["obs"]},
+            actions=array(path, demo, "actions"),
+            rewards=array(path, demo, "rewards"),
+            states=np.concatenate([array(path, demo, "states"), array(path, private, "final_state")[None]]),
+            success=bool(private.attrs["success"]),
+            model_xml=str(demo.attrs["model_file"]),
+            **kept,
+        )
+        if DIGEST in private.attrs and private.attrs[DIGEST] != content_digest(episode):
+            raise DemoError(path, f"was changed after it was written: the digest of {demo.name} differs.")
+        return episode
+
+
+def _raw(path: Path, name: str) -> Raw:
+    with opened(path, f"holds a malformed demonstration {name!r}") as file:
+        demo = _demo(path, file, name)
+        obs = {name: later(path, demo["obs"], name) for name in demo["obs"]}
+        ends = [array(path, demo, name, last=True) for name in ("rewards", "dones") if name in demo]
+        return Raw(
+            obs={name: _ended(path, demo, name, values) for name, values in obs.items()},
+            actions=array(path, demo, "actions").astype(float),
+            rewards=array(path, demo, "rewards") if "rewards" in demo else None,
+            states=array(path, demo, "states") if "states" in demo else None,
+            success=True if any(end.size and end.ravel()[-1] > 0 for end in ends) else None,
+            model_xml=str(demo.attrs.get("model_file", "")),
+        )
+
+
+def _demo(path: Path, file: h5py.File, name: str) -> h5py.Group:
+    """Return a demonstration all of whose datasets together can be held."""
+    demo = child(path, child(path, file, "data", h5py.Group), name, h5py.Group)
+    inner = [child(path, demo, name, h5py.Group) for name in ("obs", "next_obs", PRIVATE) if name in demo]
+    child(path, demo, "obs", h5py.Group)
+    places = [*((demo, name) for name in COLUMNS if name in demo), *((g, str(name)) for g in inner for name in g)]
+    require_size(path, demo, [child(path, *place, h5py.Dataset) for place in places])
+    return demo
+
+
+def _ended(path: Path, demo: h5py.Group, name: str, values: np.ndarray | Later) -> np.ndarray | Later:
+    """Return (T, ...) observations with the one after the last action behind them, where the file has it."""
+    if "next_obs" not in demo:
+        return values
+    last = array(path, demo["next_obs"], name, last=True)
+    if last.shape[1:] != values.shape[1:]:
+        raise DemoError(path, f"has {name} of another shape in {demo.name}/next_obs.", got=last.shape[1:])
+    if isinstance(values, Later):
+        read = values.read
+        return Later((values.shape[0] + 1, *values.shape[1:]), values.dtype, lambda: np.concatenate([read(), last]))
+    return np.concatenate([values, last])
