@@ -23,7 +23,7 @@ from aerial_il.core.fitting import fits, in_words
 from aerial_il.core.renamed import ALGORITHM_KEYS, moved
 
 _MEANING = re.compile(r"^    ((?:\w+, )*\w+): (.+(?:\n {8,}.+)*)", re.MULTILINE)
-_LISTED = {"tier": "aerial_il.suite.tiers", "controller": "aerial_il.control.laws"}  # names that stand in no files
+_LISTED = {"tier": "aerial_il.suite.tiers"}  # names that stand in no files
 
 
 @dataclass(frozen=True)

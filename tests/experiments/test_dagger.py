@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
