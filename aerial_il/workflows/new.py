@@ -60,7 +60,7 @@ def new(settings: New) -> Started:
     Raises:
         InvalidValueError: the name is taken, or a file is there already.
     """
-    from aerial_il.core.composition import options
+    from aerial_il.core.schema import options
     from aerial_il.workflows.starts import start
 
     if settings.name in options(settings.kind):

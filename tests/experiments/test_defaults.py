@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 import yaml
-
-from aerial_il.cli import commands
 from aerial_il.cli.configuration import groups
 from aerial_il.cli.configuration.build import build
+
+from aerial_il.cli import commands
 from aerial_il.control import controllers
 from experiments.controllers.study import Controllers
 from experiments.imitation import study as imitation

@@ -1,4 +1,4 @@
-"""The smallest complete task, robot, policy, algorithm and study: what ``aerial-il new`` writes, and what the pages show."""
+"""The smallest complete task, robot, policy, algorithm and study: what ``aerial-il new`` writes and the pages show."""
 
 from __future__ import annotations
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
+from aerial_il.cli.configuration import groups
+from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredBC
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP
