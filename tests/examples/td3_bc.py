@@ -6,7 +6,7 @@ The actor of ``td3`` descends, on a dataset first and then on its flights alike,
 
 and all else is as there. Observations are standardised by the demonstrations.
 
-Source: S. Fujimoto, S. Gu, "A Minimalist Approach to Offline Reinforcement Learning", 2021, equation 5; alpha is theirs.
+Source: S. Fujimoto, S. Gu, "A Minimalist Approach to Offline Reinforcement Learning", 2021, equation 5.
 """
 
 from __future__ import annotations
