@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import aerial_il
-from aerial_il.cli.main import main
 from aerial_il.core import registry
+from aerial_il.workflows.new import New, new
 from tests.contract import test_controllers, test_disturbances, test_sensors
 from tests.contract.registered import batch, single
 from tests.examples import plugged_in
@@ -25,8 +25,7 @@ ROBOT = replace(quad.ROBOT, name="carrier", sensors={**quad.ROBOT.sensors, "incl
 @contextmanager
 def written(kind: str, name: str, top: Path) -> Iterator[None]:
     """Have what is written for ``name`` installed, for a while."""
-    assert main(["new", kind, name, f"into={top}"]) == 0
-    (file,) = top.rglob(f"{name}.py")
+    (file,) = new(New(kind=kind, name=name, into=str(top))).files  # type: ignore[arg-type]
     assert f"{registry.KINDS[kind].package}.{name}" == ".".join(file.relative_to(top).with_suffix("").parts)
     (file.parent / "carrier.py").write_text(CARRIER)
     with pytest.MonkeyPatch.context() as patch, plugged_in({kind: {name: name}, "robot": {"carrier": "carrier"}}):
