@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from aerial_il.cli import commands
 from aerial_il.cli.configuration.compose import compose, planned
 from aerial_il.cli.configuration.flags import sweeps
 from aerial_il.cli.configuration.overrides import prepare
-from aerial_il.cli.typed import compose as compose_training
-from aerial_il.workflows.chosen import chosen, names
-
-from aerial_il.cli import commands
 from aerial_il.cli.sweeps.sweep import SWEEPER, parted
-from aerial_il.core.composition import keys
+from aerial_il.cli.typed import compose as compose_training
+from aerial_il.core import registry
+from aerial_il.core.composition import keys, plain
 from aerial_il.core.errors import AerialError
+from aerial_il.workflows.chosen import chosen
 from aerial_il.workflows.train import Train
 
 ROOT = Path(__file__).parents[2]
@@ -28,7 +29,15 @@ FENCED = re.compile(r"^ *```(?:sh|bash|console|)\n(.*?)^ *```", re.MULTILINE | r
 OPEN = re.compile(r"\.\.\.|…|\b(?:NAME|COMMAND|KIND|LINE)\b")  # left to the reader
 SKIPPED = ("completion", "help")  # no keys
 INSIDE = re.compile(r"`(algorithm|policy)\.([a-z_]+(?:\.[a-z_]+)*)(?:=[^`]*)?`")  # a setting named in a sentence
-EXAMPLES = ("touch_point", "touch_ball", "linear", "gull", "two_joint_hexa", "hovering")  # written by the reader first
+EXAMPLES = (
+    "touch_point",
+    "touch_ball",
+    "linear",
+    "gull",
+    "two_joint_hexa",
+    "hovering",
+    "tern",
+)  # written by the reader first
 
 
 def shown(page: Path) -> list[str]:
@@ -84,10 +93,16 @@ def test_a_command_that_does_not_compose_is_seen(words: str) -> None:
         check(f"aerial-il {words}")
 
 
+def leaves(values: Mapping[str, Any], at: str = "") -> Iterator[str]:
+    for name, value in values.items():
+        yield from leaves(value, f"{at}{name}.") if isinstance(value, Mapping) else (f"{at}{name}",)
+
+
 def settings(group: str) -> set[str]:
     """Return all keys of all choices of a group, and the groups of keys."""
-    choices = [chosen(group, name) for name in names(group)]
+    choices = [registry.get(group, name)() for name in registry.names(group)]
     found = {key.name for choice in choices for key in keys(type(choice), base=choice)}
+    found |= {name for choice in choices for name in leaves(plain(choice))}  # of what is a choice itself, as a gate is
     return found | {".".join(name.split(".")[:i]) for name in found for i in range(1, name.count(".") + 1)}
 
 
