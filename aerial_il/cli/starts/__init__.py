@@ -1,4 +1,4 @@
-"""The smallest complete task, robot, policy and algorithm: what ``aerial-il new`` writes, and what the pages show."""
+"""The smallest complete task, robot, policy, algorithm and study: what ``aerial-il new`` writes, and what the pages show."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ FILES = {  # kind -> the text of this folder, and where it belongs below a check
     "robot": {"robot.py.txt": "aerial_il/robots/$name.py"},
     "policy": {"policy.py.txt": "aerial_il/policies/$name.py"},
     "algorithm": {"algorithm.py.txt": "aerial_il/algorithms/$name.py"},
+    "study": {"study.py.txt": "experiments/$name/study.py"},
 }
 
 

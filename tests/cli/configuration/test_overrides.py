@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration import overrides
 from aerial_il.cli.configuration.compose import compose
 from aerial_il.cli.configuration.overrides import known_keys, prepare
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
