@@ -6,7 +6,7 @@ import types
 import typing
 from collections.abc import Mapping
 from dataclasses import is_dataclass
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from aerial_il.core.errors import InvalidValueError
 
@@ -36,6 +36,8 @@ def fits(value: Any, hint: Any) -> bool:
     if hint in _PLAIN:
         return isinstance(value, _PLAIN[hint]) and (hint is bool or not isinstance(value, bool))
     origin, inner = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return fits(value, inner[0])
     if origin in (Union, types.UnionType):
         return any(fits(value, each) for each in inner)
     if origin is Literal:

@@ -13,7 +13,6 @@ import pytest
 
 from aerial_il.cli import commands
 from aerial_il.cli.commands.project import bench
-from aerial_il.cli.configuration import compose, groups
 from aerial_il.cli.main import main
 from aerial_il.core import registry
 
