@@ -11,16 +11,12 @@ from typing import Any
 import pytest
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration.compose import compose, planned
-from aerial_il.cli.configuration.flags import sweeps
-from aerial_il.cli.configuration.overrides import prepare
-from aerial_il.cli.sweeps.sweep import SWEEPER, parted
-from aerial_il.cli.typed import compose as compose_training
+from aerial_il.cli.compose import compose, points
+from aerial_il.cli.words import read
 from aerial_il.core import registry
-from aerial_il.core.composition import keys, plain
+from aerial_il.core.composition import plain
 from aerial_il.core.errors import AerialError
-from aerial_il.workflows.chosen import chosen
-from aerial_il.workflows.train import Train
+from aerial_il.core.schema import keys
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted({*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("experiments/*/README.md")})
@@ -58,21 +54,9 @@ def check(line: str) -> None:
     name, *words = shlex.split(line.removesuffix("&"), comments=True)[1:]
     if name in SKIPPED or {"-h", "--help", "--version"} & {name, *words}:
         return
-    words = parted(parted(words)[1], SWEEPER)[1]
-    if name == "train":
-        settings: Any = compose_training(Train, [_one(word) for word in words if not word.startswith("-")])
-        for group in ("policy", "algorithm"):
-            chosen(group, getattr(settings, group))
-    elif sweeps(words):
-        assert planned(commands.find(name), prepare(commands.find(name), words))
-    else:
-        compose(commands.find(name), words)
-
-
-def _one(word: str) -> str:
-    """Return a word with the first of the values that a sweep would try."""
-    key, equals, value = word.partition("=")
-    return f"{key}{equals}{value if set('[{(') & set(value) else value.partition(',')[0]}"
+    command = commands.find(name)
+    typed = read(command, words)
+    assert points(command, typed.overrides) if typed.sweeps else compose(command, words)
 
 
 def lines() -> Iterator[Any]:
