@@ -10,9 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from aerial_il.core import registry
-from aerial_il.core.composition import Key, chosen, keys, options
+from aerial_il.core.composition import chosen
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.schema import Key, keys, options
 
 PACKAGE = Path(__file__).resolve().parents[1]
 SETTINGS_IN = ("algorithms", "policies", "core", "data")  # folders whose dataclasses choices are made of

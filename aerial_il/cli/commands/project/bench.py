@@ -20,9 +20,9 @@ from typing import Annotated, Any
 
 from aerial_il.cli.tables import table
 from aerial_il.core import registry
-from aerial_il.core.composition import Choice
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import write_atomic, write_json
+from aerial_il.core.schema import Choice
 from aerial_il.workflows.spelling import command_line, words_of
 
 EXPERIMENTS = "experiments"
