@@ -1,4 +1,4 @@
-"""A working start for a task, a robot, a policy, an algorithm or a study of one's own."""
+"""A working start for something of one's own: a task, a robot, a disturbance, a policy, an algorithm, …."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 from aerial_il.core.errors import InvalidValueError
 
-Kind = Literal["task", "robot", "policy", "algorithm", "study"]
+Kind = Literal["task", "robot", "disturbance", "sensor", "controller", "policy", "algorithm", "study"]
 KINDS: tuple[str, ...] = get_args(Kind)
 PAGES = {"task": "docs/writing_a_task.md"} | {
     kind: f"docs/adding.md#{'an' if kind == 'algorithm' else 'a'}-{kind}" for kind in KINDS[1:]
@@ -18,6 +18,9 @@ PAGES = {"task": "docs/writing_a_task.md"} | {
 TRY = {
     "task": ["evaluate", "policy=expert", "robot=fa_hexa_arm4", "task=NAME", "episodes=20", "out=runs/NAME"],
     "robot": ["evaluate", "policy=expert", "robot=NAME", "task=reach", "episodes=20", "out=runs/NAME"],
+    "disturbance": ["evaluate", "policy=expert", "robot=quad", "task=hover", "tier=calm+NAME", "out=runs/NAME"],
+    "sensor": ["list", "json=true"],
+    "controller": ["evaluate", "policy=expert", "robot=quad", "task=hover", "controller=NAME", "out=runs/NAME"],
     "study": ["bench", "NAME"],
     "policy": ["train", "policy=NAME", "dataset=datasets/reach", "run=runs/NAME"],
     "algorithm": ["train", "algorithm=NAME", "policy=squashed_gaussian", "dataset=datasets/reach", "run=runs/NAME"],
@@ -60,10 +63,10 @@ def new(settings: New) -> Started:
     Raises:
         InvalidValueError: the name is taken, or a file is there already.
     """
-    from aerial_il.core.schema import options
+    from aerial_il.core import registry
     from aerial_il.workflows.starts import start
 
-    if settings.name in options(settings.kind):
+    if settings.name in registry.names(settings.kind):
         raise InvalidValueError(f"A {settings.kind} named {settings.name} already exists. See: aerial-il list")
     top = Path(settings.into) if settings.into is not None else _checkout()
     files = {top / path: text for path, text in start(settings.kind, settings.name).items()}

@@ -1,4 +1,4 @@
-"""The smallest complete task, robot, policy, algorithm and study: what ``aerial-il new`` writes and the pages show."""
+"""The smallest complete example of each kind: what ``aerial-il new`` writes, and what the pages show."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ FILES = {  # kind -> the text of this folder, and where it belongs below a check
         "expert.py.txt": "aerial_il/experts/$name.py",
     },
     "robot": {"robot.py.txt": "aerial_il/robots/$name.py"},
+    "disturbance": {"disturbance.py.txt": "aerial_il/suite/disturbances/$name.py"},
+    "sensor": {"sensor.py.txt": "aerial_il/suite/sensors/$name.py"},
+    "controller": {"controller.py.txt": "aerial_il/control/controllers/$name.py"},
     "policy": {"policy.py.txt": "aerial_il/policies/$name.py"},
     "algorithm": {"algorithm.py.txt": "aerial_il/algorithms/$name.py"},
     "study": {"study.py.txt": "experiments/$name/study.py"},

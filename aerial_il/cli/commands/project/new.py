@@ -1,4 +1,4 @@
-"""Write a working start for a task, a robot, a policy, an algorithm or a study of your own.
+"""Write a working start for something of your own: a task, a robot, a disturbance, a policy, an algorithm, ….
 
 The registries find it by its name: list, help, completion and the contract tests include it at once. docs/adding.md and
 docs/writing_a_task.md explain each line.

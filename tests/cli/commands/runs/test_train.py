@@ -15,8 +15,9 @@ from aerial_il.core.errors import InvalidValueError
 
 QUIET = "progress=false"
 SMALL = ["policy.hidden=[8]", QUIET]
-AGENT = ["policy=squashed_gaussian", "algorithm.critic_hidden=[8]", "algorithm.steps=60", "num_envs=2", *SMALL]
-OFF_POLICY = [*AGENT, "algorithm.warmup=20", "algorithm.batch_size=8"]
+AGENT = ["policy=squashed_gaussian", "algorithm.steps=60", "num_envs=2", *SMALL]
+OFF_POLICY = [*AGENT, "algorithm.warmup=20", "algorithm.replay.batch_size=8", "algorithm.critics.hidden=[8]"]
+ROLLOUT = ["algorithm.rollout.steps=30", "algorithm.critic_hidden=[8]"]
 ROUNDS = ["algorithm.rounds=1", "algorithm.episodes=1", "algorithm.between_steps=2", "algorithm.training.steps=2"]
 ALONE = "algorithm.gate.decay=0.01"  # the expert's share of a round: the learner, which has learned nothing, flies
 PENDULUM = ["env=gymnasium:Pendulum-v1", "max_steps=20"]
@@ -88,7 +89,7 @@ def test_who_learns_from_reward_needs_no_demonstrations(tmp_path: Path, monkeypa
     assert kept["command"].startswith("aerial-il train policy=squashed_gaussian")
     assert " env=gymnasium:Pendulum-v1 max_steps=20 " in kept["command"]
     cell = ["robot=ua_quad_arm4", "task=reach", "tier=calm+wind", "action=ee_pose"]
-    assert main(["train", "algorithm=ppo", *cell, *AGENT, "algorithm.rollout.steps=30", "run=reach"]) == 0
+    assert main(["train", "algorithm=ppo", *cell, *AGENT, *ROLLOUT, "run=reach"]) == 0
     assert flown_in(tmp_path / "reach") == ("ua_quad_arm4", "reach", "calm+wind")
 
 

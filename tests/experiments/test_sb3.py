@@ -25,10 +25,11 @@ def test_both_sides_have_the_same_network_and_batch(name: str) -> None:
     cell = cells()[name]
     theirs, ours = cell.theirs.settings, asdict(cell.ours)
     assert tuple(cell.theirs.network["net_arch"]) == asdict(cell.policy)["hidden"]
-    assert theirs.get("batch_size", 256) == ours["batch_size"]
+    drawn = ours["rollout" if "rollout" in ours else "replay"]
+    assert theirs.get("batch_size", 256) == drawn["batch_size"]
     assert theirs.get("gamma", 0.99) == ours["gamma"]
     if "n_steps" in theirs:
-        assert theirs["n_steps"] * cell.worlds == ours["rollout"]
+        assert theirs["n_steps"] * cell.worlds == drawn["steps"]
     assert any((cell.wanted, cell.as_theirs, cell.sooner)), "a comparison without a target"
 
 

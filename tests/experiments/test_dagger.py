@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
@@ -25,6 +23,7 @@ SMALL: dict[str, Any] = {
     "policy": MLP(hidden=(16,)),
     "cloning": CLONING,
     "asking": {"dagger": DAgger(rounds=2, episodes=1, training=CLONING, between_steps=7, evaluate_every=0)},
+    "arms": ("dagger",),
     "tasks": ("reach",),
     "demos": 2,
     "draws": (0,),
@@ -75,7 +74,7 @@ def test_asking_that_is_worse_than_its_control_misses_its_target() -> None:
 
 
 def test_each_way_of_asking_has_controls_of_its_own_cost() -> None:
-    study = build(groups.read_option("bench", "dagger"))
+    study = Dagger()
     study = replace(study, arms=("dagger", "dart"), draws=(0,), tasks=("reach",))
     arms = {(arm.name, arm.control_of): arm.training for arm in study._all_arms()}
     for name in ("dagger", "dart"):

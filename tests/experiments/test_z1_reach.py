@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.sac import SAC
+from aerial_il.core.composition import build
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
@@ -19,8 +18,8 @@ from experiments.common.record import Record
 from experiments.z1_reach.holding import held, hold
 from experiments.z1_reach.study import Arm, Z1Reach
 
-HINDSIGHT = SAC(hindsight=Hindsight(goals=4))
-STUDY = Z1Reach(seeds=2, sac=HINDSIGHT, smooth=Smoothness(temporal=1.0))
+HINDSIGHT = build(SAC, {"hindsight": {"goals": 4}})
+STUDY = Z1Reach(seeds=2, sac=HINDSIGHT, smooth=replace(SAC().smoothness, temporal=1.0))
 
 
 def test_every_algorithm_is_tried_everywhere_and_smooth_where_that_alone_differs() -> None:
@@ -29,7 +28,7 @@ def test_every_algorithm_is_tried_everywhere_and_smooth_where_that_alone_differs
     for arm in (arm for arm in arms if arm.smooth):
         plain = replace(arm, smooth=False)
         assert plain in arms
-        assert replace(STUDY.learner(arm), smoothness=Smoothness()) == STUDY.learner(plain)
+        assert replace(STUDY.learner(arm), smoothness=SAC().smoothness) == STUDY.learner(plain)
         assert STUDY.learner(arm).smoothness.temporal == 1.0
 
 

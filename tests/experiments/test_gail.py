@@ -41,14 +41,16 @@ def test_a_learner_is_told_its_task_and_its_control() -> None:
     study = Gail(
         apart={"reach": {"steps": 123}},
         subsample=20,
-        suite_gail={"bounds": "demonstrations", "rollout": 64, "bc_pretrain_steps": 9},
+        suite_gail={"demonstrations": {"bounds": "demonstrations"}, "rollout": {"steps": 64}, "bc_pretrain_steps": 9},
     )
     own = study._learner(Point("reach", "gail", "constant_reward", 0))
-    assert (own.steps, own.subsample, own.bounds, own.control) == (123, 1, "demonstrations", "constant_reward")
+    shown = own.demonstrations
+    assert (own.steps, shown.subsample, shown.bounds, shown.control) == (123, 1, "demonstrations", "constant_reward")
     clone = study._learner(Point("reach", gail.CLONE, "none", 0))
     assert (clone.steps, clone.warmup, clone.bc_pretrain_steps) == (64, 64, 9), "reinforcement never moves it"
     outside = study._learner(Point("Hopper-v5", "dac", "none", 0))
-    assert (outside.subsample, outside.bounds, outside.control) == (20, "environment", "none")
+    shown = outside.demonstrations
+    assert (shown.subsample, shown.bounds, shown.control) == (20, "environment", "none")
     clone = study._learner(Point("Hopper-v5", gail.CLONE, "none", 0))
     assert clone.steps < clone.warmup, "nor here"
 

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 
-from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.npg import NPG
+from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from experiments.adroit.people import flown_by_people
@@ -27,14 +25,17 @@ needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there"
 SMALL: dict[str, Any] = {
     "data": str(DATA),
     "policy": MLP(chunk=1, ensemble=None, hidden=(8,)),
-    "dapg": DAPG(
-        steps=1_200,
-        rollout=800,
-        warmup=100,
-        execute=1,
-        cloning=BC(steps=5, batch_size=16, validation=0.0),
+    "dapg": build(
+        DAPG,
+        {
+            "steps": 1_200,
+            "warmup": 100,
+            "rollout": {"steps": 800},
+            "exploration": {"execute": 1},
+            "cloning": {"steps": 5, "batch_size": 16, "validation": 0.0},
+        },
     ),
-    "npg": NPG(rollout=800),
+    "npg": build(NPG, {"rollout": {"steps": 800}}),
     "tasks": ("door",),
     "rewards": ("environment",),
     "draws": (0,),
@@ -75,7 +76,7 @@ def test_a_clone_was_not_trained_for_itself_and_has_no_minutes(tmp_path: Path) -
 
 
 def test_the_page_names_what_sets_the_control_apart() -> None:
-    said = build(groups.read_option("bench", "adroit_rl"))._control_differs()
+    said = AdroitRl()._control_differs()
     for words in ("step size (0.05 and 0.1)", "(64 and 1024)", "(64x64 and 128x128)", "50000 steps", "begins at 0.3"):
         assert words in said
 

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -37,7 +35,7 @@ SMALL: dict[str, Any] = {
 
 
 def test_every_task_with_an_end_effector_is_flown_by_three_robots_in_three_draws() -> None:
-    study = build(groups.read_option("bench", "imitation"))
+    study = Imitation()
     flights = [flight.arm | {"draw": flight.training.source.draw} for flight in study._flights()]
     assert {f["robot"] for f in flights} == set(ROBOTS)
     cells = {(f["robot"], f["task"]) for f in flights}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,7 +11,9 @@ import pytest
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO
+from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.settings import changed
 from aerial_il.policies.mlp import MLP
 from experiments.beyond_teacher.study import ASKED, CLONE, EXPERT, BeyondTeacher, _targets, _times
 from experiments.common.practised import Continued
@@ -101,14 +102,15 @@ def test_the_page_names_robot_and_demonstrator() -> None:
 
 
 def test_a_task_can_have_settings_of_its_own() -> None:
-    study = BeyondTeacher(suited={"insert_peg": {"noise": 0.07, "execute": 5}})
+    own = {"exploration": {"noise": 0.07, "execute": 5}}
+    study = BeyondTeacher(suited={"insert_peg": own})
     practised = {task: study.trainings(task, 0)[ASKED].algorithm for task in study.tasks}
     assert practised == {
         "pick_place": study.practising,
-        "insert_peg": replace(study.practising, noise=0.07, execute=5),
+        "insert_peg": changed(study.practising, own),
     }
     with pytest.raises(UnknownNameError, match="Did you mean 'noise'"):
-        BeyondTeacher(suited={"insert_peg": {"nose": 0.07}})
+        BeyondTeacher(suited={"insert_peg": {"exploration": {"nose": 0.07}}})
 
 
 @pytest.mark.slow
@@ -117,7 +119,7 @@ def test_a_small_study_runs_and_goes_on_where_it_stopped(tmp_path: Path) -> None
     small = BeyondTeacher(
         policy=MLP(hidden=(16,)),
         cloning=cloning,
-        practising=BCPPO(steps=20_000, rollout=8_000, warmup=1_000, reward_patience=0),
+        practising=build(BCPPO, {"steps": 20_000, "rollout": {"steps": 8_000}, "warmup": 1_000, "reward_patience": 0}),
         tasks=("reach",),
         demos=2,
         draws=(0,),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from aerial_il.algorithms.ddpg import DDPG
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda import study as panda
@@ -47,7 +47,7 @@ def test_what_is_missing_or_unknown_is_answered(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.slow
 @needs_panda
 def test_a_small_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
-    learner = DDPG(steps=300, warmup=100, critic_hidden=(8,), hindsight=Hindsight(goals=4))
+    learner = build(DDPG, {"steps": 300, "warmup": 100, "critics": {"hidden": [8]}, "hindsight": {"goals": 4}})
     small = Panda(policy=SquashedGaussian(hidden=(8,)), reach={"ddpg": learner}, tasks=(REACH,), seeds=1, episodes=3)
     report = small.run(tmp_path, progress=False)
     assert [row["arm"] for row in report.tables["Arms"]] == ["ddpg"]

@@ -67,7 +67,8 @@ def test_a_missing_folder_is_said_and_skipped(tmp_path: Path) -> None:
 
 
 def test_the_trainings_that_targets_ask_for_come_first_and_unknown_classes_are_left_out() -> None:
-    study = Adroit(policies={"mlp": {"chunk": 1}, "no_such_class": {}}, seeds=2)
+    clean = ({"demos": 15, "bc": 3},)
+    study = Adroit(policies={"mlp": {"chunk": 1}, "no_such_class": {}}, clean=clean, seeds=2)
     points = study.points()
     assert {(p.task, p.demos) for p in points[:2]} == {("door", 100), ("relocate", 100)}
     assert {p.policy for p in points} == {"mlp"}

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aerial_il.benchmarks.parts.earlier.checkout import ROOT, Checkout
 
 import aerial_il
 from aerial_il.suite.batch import BatchEnvironment
@@ -87,7 +86,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "first_flights", lambda *_, **__: {"ours_s": 4.0})
+    monkeypatch.setattr(speed, "first_flight", lambda *_, **__: {"median_s": 4.0})
     report = TINY.run(tmp_path, progress=False)
     (row,) = report.tables["Speed"]
     assert [target.limit for target in report.targets] == [0.8, 3.5, 4.0, 3000, 3.0, 15.0, 1.0, 3.0]
@@ -100,45 +99,15 @@ def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.usefixtures("few")
-@pytest.mark.parametrize(("commit", "times"), [("0123456789", 1), ("0123456789+", 2), ("unknown", 2)])
-def test_a_cell_is_timed_once_at_a_commit_that_tells_what_it_holds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, commit: str, times: int
-) -> None:
+def test_a_cell_is_timed_once_with_the_same_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     timed: list[tuple[str, str]] = []
     row = {"robot": "quad", "task": "hover", "flight_us": 1.0, "python_us": 1.0, "total_us": 2.0}
     tables = {SPEED: [row], PARTS: [row], RATES: [row]}
-    monkeypatch.setattr(Speed, "_timed", lambda _, *cell: timed.append(cell[:2]) or tables)
-    monkeypatch.setattr(Checkout, "commit", commit)
-    monkeypatch.setattr(speed, "first_flights", lambda *_, **__: {"ours_s": 1.0})
+    monkeypatch.setattr(Speed, "_timed", lambda _, *cell: timed.append(cell) or tables)
+    monkeypatch.setattr(speed, "first_flight", lambda *_, **__: {"median_s": 1.0})
     quad = Speed(robots=("quad",), tasks=("hover",))
     reports = [quad.run(tmp_path, progress=False) for _ in range(2)]
-    assert len(timed) == times
+    assert timed == [("quad", "hover")]
     assert reports[0].tables == reports[1].tables
     replace(quad, repetitions=3).run(tmp_path, progress=False)
-    assert len(timed) == times + 1, "with other settings it is timed anew"
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("few")
-def test_beside_a_checkout_both_fly_in_their_own_processes(tmp_path: Path) -> None:
-    """The checkout is our own here: nothing else is sure to lie on this machine."""
-    settings = replace(TINY, processes=0, parent=str(ROOT))
-    report = settings.run(tmp_path, progress=False)
-    (beside,) = report.tables["Beside the parent"]
-    assert all(beside[f"ratio_{name}"] > 0.0 for name in ("flights", "env", "alone"))
-    assert np.isclose(beside["ceiling"], beside["physics_alone"] / beside["parent_alone"], atol=0.01)
-    (collecting,) = report.tables["Collecting beside the parent"]
-    assert collecting["collected_per_min"] > 0
-    assert {"ours_s", "parent_s"} <= set(report.tables["First flight"][0])
-    assert any("geometric mean of 1 cells" in target.what for target in report.targets)
-
-
-def test_targets_beside_the_parent_can_be_missed() -> None:
-    row = {"robot": "quad", "task": "hover", "range_flights": "", "range_alone": "", "range_collected": ""}
-    slow = [{**row, "ratio_flights": 1.0, "ratio_alone": 3.9, "ceiling": 6.0}]
-    targets = list(speed._parent_targets(slow, [{**row, "ratio_collected": 1.9}]))
-    assert [target.limit for target in targets] == [1.05, 4.0, 1.1, 2.0]
-    assert not any(target.met for target in targets)
-    assert "physics alone allows 6.0" in targets[1].what
-    manipulating = {**slow[0], "task": "pick_place"}
-    assert [t.limit for t in speed._parent_targets([manipulating], [])] == [1.35, 4.0, 1.1]
+    assert len(timed) == 2, "with other settings it is timed anew"
