@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import ClassVar
 
 from aerial_il.algorithms.online.interface import check_policy
@@ -23,7 +23,6 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 POSITIVE = {"steps", "lr", "actor_every", "alpha", "threads"}
 
 
-@dataclass(frozen=True, kw_only=True)
 class Algorithm(ABC):
     """What a workflow asks of an algorithm. Each states its settings itself; here is what names mean in all of them.
 
@@ -69,7 +68,7 @@ class Algorithm(ABC):
     threads: int
 
     def __post_init__(self) -> None:
-        stated = {field.name for field in fields(self)}
+        stated = {field.name for field in fields(self)}  # type: ignore[arg-type] - each algorithm is a dataclass
         require_positive(self, *sorted(stated & POSITIVE))
         require_not_negative(self, *(stated & {"warmup", "reward_patience"}))
         require_share(self, *(stated & {"gamma"}), below_one=True)
