@@ -6,7 +6,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from aerial_il.algorithms.online.interface import check_policy
 from aerial_il.algorithms.online.problem import Problem
@@ -63,12 +63,14 @@ class Algorithm(ABC):
     worlds: ClassVar[int] = 8
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
 
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # each algorithm is a dataclass
+
     steps: int
     cadence: Cadence
     threads: int
 
     def __post_init__(self) -> None:
-        stated = {field.name for field in fields(self)}  # type: ignore[arg-type] - each algorithm is a dataclass
+        stated = {field.name for field in fields(self)}
         require_positive(self, *sorted(stated & POSITIVE))
         require_not_negative(self, *(stated & {"warmup", "reward_patience"}))
         require_share(self, *(stated & {"gamma"}), below_one=True)
