@@ -10,7 +10,7 @@ import os
 import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
-from tests.algorithms.made import made
+from tests.algorithms.made import made, names
 from tests.algorithms.point_mass import StepResult
 
 NAMES = algorithms.names()
@@ -220,12 +220,19 @@ def killed_in_a_fork(work: Callable[[], object]) -> bool:
 def test_impossible_settings_are_refused(name: str) -> None:
     """Every number that is not negative by default must not be, in groups neither, and none may be no number at all."""
     cls = algorithms.get(name)
-    numbers = {key.name: key.default for key in keys(cls) if type(key.default) in (int, float)}
+    stated = {name: value for name, value in leaves(asdict(cls())).items() if name in names(cls)}
+    numbers = {name: value for name, value in stated.items() if type(value) in (int, float)}
     assert len(numbers) > 3
     for number in (name for name, value in numbers.items() if value >= 0):
         for wrong in (-1, float("nan")):
             with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
                 made(cls, {number: wrong})
+
+
+def leaves(settings: Mapping[str, Any], at: str = "") -> dict[str, Any]:
+    """Return nested settings by dotted names."""
+    parts = (leaves(v, f"{at}{k}.") if isinstance(v, Mapping) else {f"{at}{k}": v} for k, v in settings.items())
+    return {name: value for part in parts for name, value in part.items()}
 
 
 @each
