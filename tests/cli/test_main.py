@@ -13,7 +13,7 @@ import yaml
 
 from aerial_il.cli import commands, help, main
 from aerial_il.cli.compose import compose
-from aerial_il.core import composition
+from aerial_il.core import composition, schema
 
 SCRIPT = Path(sys.executable).with_name("aerial-il")
 
@@ -36,7 +36,7 @@ for words in (["--help"], *([name, "--help"] for name in sys.argv[1:])):
 
 
 def chooses(name: str) -> bool:
-    return any(key.takes == "choice" for key in composition.keys(commands.find(name).settings))
+    return any(key.takes == "choice" for key in schema.keys(commands.find(name).settings))
 
 
 def test_help_imports_nothing_heavy() -> None:

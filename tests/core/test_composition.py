@@ -10,8 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 import pytest
 
 from aerial_il.core import presets
-from aerial_il.core.composition import Choice, Name, build, keys, meanings, plain
+from aerial_il.core.composition import build, plain
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.schema import Choice, Name, keys, meanings
 from aerial_il.policies.act import ACT
 from aerial_il.policies.mlp import MLP
 
