@@ -1,0 +1,104 @@
+"""Every command line that a page, a notebook or a study shows composes: its keys are known, its values fit."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from aerial_il.cli.configuration.compose import compose, planned
+from aerial_il.cli.configuration.flags import sweeps
+from aerial_il.cli.configuration.overrides import prepare
+from aerial_il.cli.typed import compose as compose_training
+from aerial_il.workflows.chosen import chosen, names
+
+from aerial_il.cli import commands
+from aerial_il.cli.sweeps.sweep import SWEEPER, parted
+from aerial_il.core.composition import keys
+from aerial_il.core.errors import AerialError
+from aerial_il.workflows.train import Train
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted({*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("experiments/*/README.md")})
+NOTEBOOKS = sorted(ROOT.glob("notebooks/**/*.py"))
+FENCED = re.compile(r"^ *```(?:sh|bash|console|)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
+OPEN = re.compile(r"\.\.\.|…|\b(?:NAME|COMMAND|KIND|LINE)\b")  # left to the reader
+SKIPPED = ("completion", "help")  # no keys
+INSIDE = re.compile(r"`(algorithm|policy)\.([a-z_]+(?:\.[a-z_]+)*)(?:=[^`]*)?`")  # a setting named in a sentence
+EXAMPLES = ("touch_point", "touch_ball", "linear", "gull", "two_joint_hexa", "hovering")  # written by the reader first
+
+
+def shown(page: Path) -> list[str]:
+    """Return the command lines that a page shows, each on one line."""
+    text = page.read_text(encoding="utf-8")
+    blocks = FENCED.findall(text) if page.suffix == ".md" else re.findall(r"^# ?(.*)$", text, re.MULTILINE)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    lines = [" ".join(line.split()).removeprefix("$ ") for line in lines]
+    return [line for line in lines if line.startswith("aerial-il ")]
+
+
+def check(line: str) -> None:
+    """Compose a command line as the console script would.
+
+    Raises:
+        AerialError: an unknown key, a value that does not fit, a word too many.
+    """
+    name, *words = shlex.split(line.removesuffix("&"), comments=True)[1:]
+    if name in SKIPPED or {"-h", "--help", "--version"} & {name, *words}:
+        return
+    words = parted(parted(words)[1], SWEEPER)[1]
+    if name == "train":
+        settings: Any = compose_training(Train, [_one(word) for word in words if not word.startswith("-")])
+        for group in ("policy", "algorithm"):
+            chosen(group, getattr(settings, group))
+    elif sweeps(words):
+        assert planned(commands.find(name), prepare(commands.find(name), words))
+    else:
+        compose(commands.find(name), words)
+
+
+def _one(word: str) -> str:
+    """Return a word with the first of the values that a sweep would try."""
+    key, equals, value = word.partition("=")
+    return f"{key}{equals}{value if set('[{(') & set(value) else value.partition(',')[0]}"
+
+
+def lines() -> Iterator[Any]:
+    for page in (*PAGES, *NOTEBOOKS):
+        for line in dict.fromkeys(shown(page)):
+            if not OPEN.search(line) and not any(name in line for name in EXAMPLES):
+                yield pytest.param(line, id=f"{page.relative_to(ROOT)}: {line}")
+
+
+@pytest.mark.parametrize("line", lines())
+def test_a_command_that_is_shown_composes(line: str) -> None:
+    check(line)
+
+
+@pytest.mark.parametrize("words", ["train run=x algorithm.stepz=3", "collect robott=quad", "flyy"])
+def test_a_command_that_does_not_compose_is_seen(words: str) -> None:
+    with pytest.raises(AerialError):
+        check(f"aerial-il {words}")
+
+
+def settings(group: str) -> set[str]:
+    """Return all keys of all choices of a group, and the groups of keys."""
+    choices = [chosen(group, name) for name in names(group)]
+    found = {key.name for choice in choices for key in keys(type(choice), base=choice)}
+    return found | {".".join(name.split(".")[:i]) for name in found for i in range(1, name.count(".") + 1)}
+
+
+@pytest.mark.parametrize("group", ["algorithm", "policy"])
+def test_settings_named_in_sentences_are_there(group: str) -> None:
+    known = settings(group)
+    named = {
+        (str(page.relative_to(ROOT)), name)
+        for page in PAGES
+        if page.name != "CHANGELOG.md"
+        for kind, name in INSIDE.findall(page.read_text(encoding="utf-8"))
+        if kind == group
+    }
+    assert sorted((page, name) for page, name in named if name not in known and name != "name") == []
