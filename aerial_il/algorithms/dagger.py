@@ -24,7 +24,7 @@ online learning", AISTATS 2011, algorithm 3.1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
@@ -37,6 +37,7 @@ from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.schema import Choice
 from aerial_il.core.seeding import named_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
@@ -62,7 +63,7 @@ class DAgger(InteractiveAlgorithm):
     warm_start: bool = True
     evaluate_every: int = 1
     keep_checkpoints: int = 3
-    gate: GateSettings = CoinGate()
+    gate: Annotated[GateSettings, Choice("gate")] = CoinGate()
 
     @property
     def seeds_per_round(self) -> int:

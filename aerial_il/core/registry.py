@@ -31,7 +31,7 @@ class Kind:
     Attributes:
         package: whose modules they are; packages inside it hold what they share.
         defines: the module's attribute; empty for a class that is called as the file is, whatever its capitals:
-            ``SAC`` in ``sac.py``.
+            ``SAC`` in ``sac.py``, ``CoinGate`` in ``coin.py``.
         besides: modules of that package which are none of them.
         inside: the module that defines it lies in a folder that has its name; empty where files have the names.
         hint: where to look, said beside an unknown name.
@@ -64,6 +64,9 @@ KINDS: Mapping[str, Kind] = {
     "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),
+    "gate": Kind("aerial_il.algorithms.interactive.gates", besides=frozenset({"gate"})),
+    "launcher": Kind("aerial_il.cli.launchers"),
+    "sweeper": Kind("aerial_il.cli.sweepers"),
     "study": Kind("experiments", inside="study"),
 }
 
@@ -100,9 +103,19 @@ def get(kind: str, name: str) -> Any:
         return _defined(found, kind, wanted)
     plain = name.replace("_", "").lower()
     own = (value for value in vars(found).values() if isinstance(value, type) and value.__module__ == found.__name__)
-    if (match := next((value for value in own if value.__name__.lower() == plain), None)) is None:
+    if (match := next((value for value in own if value.__name__.lower() in (plain, f"{plain}{kind}")), None)) is None:
         raise InvalidValueError(f"{found.__name__} defines no class that is called as its file, {name}.")
     return match
+
+
+def place(kind: str, name: str) -> str | None:
+    """Return the module that defines ``name``, None where nothing is registered by it."""
+    return _modules(kind).get(name)
+
+
+def name_of(kind: str, settings: type) -> str:
+    """Return the name by which a class of a kind is registered; empty where it is not."""
+    return next((name for name, module in _modules(kind).items() if module == settings.__module__), "")
 
 
 def _defined(found: ModuleType, kind: str, attribute: str) -> Any:

@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from aerial_il.algorithms.decisions.practice import PRIOR
-from aerial_il.algorithms.rl.reinforcement import Reward
-
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.npg import NPG
+from aerial_il.algorithms.on_policy.from_clone import PRIOR
+from aerial_il.algorithms.online.rewards import Source as Reward
 from aerial_il.core.composition import build
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -87,7 +86,8 @@ class Arm:
 FROM_CLONE = build(
     DAPG,
     {
-        "steps": 2_000_000, "rollout": 20_000, "step_size": 0.1, "execute": 1, "correlation": 0.0, "noise": 0.3,
+        "steps": 2_000_000, "rollout": {"steps": 20_000}, "step_size": 0.1,
+        "exploration": {"execute": 1, "correlation": 0.0, "noise": 0.3},
         "gamma": 0.995, "gae_lambda": 0.97, "demos_weight": 0.01, "cloning": {"steps": 4_000, "validation": 0.0},
     },
 )  # fmt: skip
@@ -112,7 +112,7 @@ class AdroitRl:
     policy: PolicySettings = MLP(chunk=1, ensemble=None, hidden=(64, 64), loss="l2", blind_to=())
     dapg: DAPG = FROM_CLONE
     scratch: SquashedGaussian = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free")
-    npg: NPG = NPG(rollout=20_000)
+    npg: NPG = NPG()
     tasks: tuple[str, ...] = ("relocate", "door")
     rewards: tuple[Reward, ...] = ("environment", "sparse")
     draws: tuple[int, ...] = (0, 1, 2)
@@ -256,13 +256,14 @@ class AdroitRl:
         widths = " and ".join("x".join(map(str, algorithm.critic_hidden)) for algorithm in (npg, dapg))
         return (
             "npg differs from dapg in more than the demonstrations (npg's first): the step size "
-            f"({npg.step_size:g} and {dapg.step_size:g}), the critic's minibatches ({npg.batch_size} and "
-            f"{dapg.batch_size}) and widths ({widths}), the warm-up (none, and {dapg.warmup} steps in which the clone "
-            f"flies and only the critic learns), and the actor: a squashed Gaussian ({self.scratch.activation} layers) "
-            "on observations standardised by their running moments, whose deviation begins at "
+            f"({npg.step_size:g} and {dapg.step_size:g}), the critic's minibatches ({npg.rollout.batch_size} and "
+            f"{dapg.rollout.batch_size}) and widths ({widths}), the warm-up (none, and {dapg.warmup} steps in which "
+            "the clone flies and only the critic learns), and the actor: a squashed Gaussian "
+            f"({self.scratch.activation} layers) on observations standardised by their running moments, whose "
+            "deviation begins at "
             f"{math.exp(self.scratch.log_std):.2g} of half the range of an action, and the clone's network "
             f"({self.policy.name}) with an unsquashed Gaussian on observations standardised by the demonstrations', "
-            f"whose deviation begins at {dapg.noise:g} of that of the demonstrated actions."
+            f"whose deviation begins at {dapg.exploration.noise:g} of that of the demonstrated actions."
         )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from aerial_il import experts
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO
+from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.settings import changed
@@ -41,7 +42,7 @@ from experiments.common.success import failed_seeds, pooled_row
 
 EXPERT, CLONE, ASKED = "expert", "bc", "bc_ppo"
 MOST_OF_TIME, MOST_LOST = 75.0, 0.0  # % of the expert's time; points of success
-PRECISE: Mapping[str, Any] = {"noise": 0.1, "execute": 5, "gamma": 0.98}
+PRECISE: Mapping[str, Any] = {"exploration": {"noise": 0.1, "execute": 5}, "gamma": 0.98}
 NEVER = 1_000.0  # %, in place of the time of those that never succeed
 RESAMPLES = 2_000  # of the bootstrap
 NOTES = (
@@ -71,7 +72,7 @@ class BeyondTeacher:
 
     policy: PolicySettings = field(default_factory=MLP)
     cloning: BC = field(default_factory=BC)
-    practising: BCPPO = BCPPO(steps=10_000_000, gamma=0.99, noise=0.25)
+    practising: BCPPO = build(BCPPO, {"steps": 10_000_000, "gamma": 0.99, "exploration": {"noise": 0.25}})
     suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"insert_peg": PRECISE})
     robot: str = "fa_hexa_arm4"
     tier: str = "calm"

@@ -8,9 +8,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-
 import aerial_il
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
@@ -69,7 +68,7 @@ class Learned:
 
     arm: str
     task: Task
-    algorithm: OnlineAlgorithm
+    algorithm: Algorithm
     policy: PolicySettings
     seed: int
     worlds: int

@@ -7,16 +7,15 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from aerial_il.algorithms.decisions.practice import PractisedPolicy
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.rl.on_policy import OnPolicy
-
 from aerial_il import experts
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredBC
+from aerial_il.algorithms.on_policy.from_clone import FromClone
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.contracts import Policy
+from aerial_il.core.settings import changed
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
@@ -29,7 +28,7 @@ from experiments.common.stages import (
     train_in_rounds,
 )
 
-Practising = ExpertIteration | FilteredBC | OnlineAlgorithm
+Practising = ExpertIteration | FilteredBC | Algorithm
 
 ON_POLICY_WORLDS = 64
 WATCHED_FLIGHTS = 200
@@ -67,7 +66,7 @@ class Continued(Shown):
             which is flown first; no weight depends on it.
     """
 
-    algorithm: OnlineAlgorithm
+    algorithm: Algorithm
     beginning: Cloned | Practised
     watched: int = 0
 
@@ -83,7 +82,7 @@ class Continued(Shown):
     @property
     def worlds(self) -> int:
         """How many worlds it flies in at once."""
-        return max(self.algorithm.worlds, ON_POLICY_WORLDS if isinstance(self.algorithm, OnPolicy) else 1)
+        return max(self.algorithm.worlds, ON_POLICY_WORLDS if hasattr(self.algorithm, "rollout") else 1)
 
     @property
     def trained(self) -> PolicySettings:
@@ -96,7 +95,7 @@ class Continued(Shown):
 
     def train(self, stages: Stages, run: Path) -> Policy:
         every = math.ceil(self.algorithm.steps / self.watched) if self._is_watched else 0
-        settings: Any = replace(self.algorithm, evaluate_every=every)
+        settings: Any = changed(self.algorithm, {"cadence": {"evaluate_every": every}})
         source = self.source
         if self.prior:
             stages.policy(self.prior)
@@ -112,7 +111,7 @@ class Continued(Shown):
                 seed=source.draw,
                 progress=stages.progress,
                 evaluate=self._watch(stages),
-                **({"expert": expert} if isinstance(settings, PractisedPolicy) else {}),
+                **({"expert": expert} if isinstance(settings, FromClone) else {}),
             )
         finally:
             env.close()

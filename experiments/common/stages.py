@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from aerial_il.algorithms.interactive.settings import InteractiveSettings
-
 import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
@@ -259,7 +257,7 @@ def without_cadence(settings: Any) -> dict[str, Any]:
     return kept(plain(settings))
 
 
-def steps_of(algorithm: BC | InteractiveSettings) -> int:
+def steps_of(algorithm: BC | InteractiveAlgorithm) -> int:
     """Return the optimisation steps of all rounds: the first and the last in full, those between shorter."""
     if isinstance(algorithm, BC):
         return algorithm.steps

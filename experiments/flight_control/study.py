@@ -111,9 +111,10 @@ SEEING = SquashedGaussian(hidden=(64, 64), blind_to=("base_pos", "ee_*", "target
 ON_POLICY = build(
     PPO,
     {
-        "steps": 4_000_000, "rollout": 8_192, "epochs": 6, "batch_size": 2_048, "entropy": 0.01, "target_kl": 0.015,
-        "lr": 0.0005, "gamma": 0.99, "smoothness": {"rate_penalty": 0.05}, "critic_hidden": (128, 128),
-        "evaluate_every": 500_000, "checkpoint_every": 500_000, "keep_checkpoints": 1,
+        "steps": 4_000_000, "rollout": {"steps": 8_192, "epochs": 6, "batch_size": 2_048}, "entropy": 0.01,
+        "target_kl": 0.015, "lr": 0.0005, "gamma": 0.99, "critic_hidden": (128, 128),
+        "smoothness": {"rate_penalty": 0.05},
+        "cadence": {"evaluate_every": 500_000, "checkpoint_every": 500_000, "keep_checkpoints": 1},
     },
 )  # fmt: skip
 OFF_POLICY = build(

@@ -16,7 +16,7 @@ from experiments.from_prior.study import SUITED, FromPrior
 LARGER_TRIALS: Mapping[str, Mapping[str, Any]] = {
     "insert_peg": {
         **SUITED["insert_peg"],
-        "bc_ppo": {**SUITED["insert_peg"]["bc_ppo"], "trial": 512, "trial_every": 1_600_000},
+        "bc_ppo": {**SUITED["insert_peg"]["bc_ppo"], "trial": {"flights": 512, "every": 1_600_000}},
     }
 }
 

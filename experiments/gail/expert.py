@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import argparse
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import aerial_il
 from aerial_il.algorithms.ppo import PPO
-from aerial_il.algorithms.run.cadence import Cadence
+from aerial_il.core.composition import build
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
@@ -33,11 +32,8 @@ def main() -> None:
     parser.add_argument("--runs", default="runs/experts")
     options = parser.parse_args()
     run = Path(options.runs) / options.task
-    algorithm = PPO(
-        steps=options.steps,
-        rollout=replace(PPO.rollout, steps=4096),
-        cadence=Cadence(log_every=40_960, evaluate_every=0, checkpoint_every=204_800, keep_checkpoints=1),
-    )
+    cadence = {"log_every": 40_960, "checkpoint_every": 204_800, "keep_checkpoints": 1}
+    algorithm = build(PPO, {"steps": options.steps, "rollout": {"steps": 4096}, "cadence": cadence})
     network = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5)
     env = aerial_il.load_gymnasium(options.task, num_envs=16, processes=options.processes)
     expert = algorithm.train(None, network, env=env, run=run)

@@ -82,11 +82,10 @@ def export(study: Path, task: str, draw: int, folder: Path) -> None:
     """Write the demonstrations of one draw as plain arrays."""
     import numpy as np
 
-    from aerial_il.cli.configuration import groups
-    from aerial_il.cli.configuration.build import build
     from experiments.common.record import Record
+    from experiments.gail.study import GAIL
 
-    episodes = build(groups.read_option("bench", "gail")).demonstrations(task, draw, Record(study), progress=True)
+    episodes = GAIL().demonstrations(task, draw, Record(study), progress=True)
     names = episodes[0].spec.observation.names
     arrays = {f"obs_{i}": e.flat_obs(names).astype(np.float64) for i, e in enumerate(episodes)}
     arrays |= {f"acts_{i}": e.executed_actions.astype(np.float32) for i, e in enumerate(episodes)}

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from aerial_il.algorithms.rl.imitation import Control, Imitation
 
 import aerial_il
 from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
 from aerial_il.algorithms.dac import DAC
 from aerial_il.algorithms.gail import GAIL
+from aerial_il.algorithms.online.demonstrations import Control
 from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.sac import SAC
 from aerial_il.collection.collect import collect
@@ -107,25 +107,25 @@ TEACHER = build(
 OFF_POLICY = build(
     DAC,
     {
-        "steps": 120_000, "warmup": 10_000, "utd_ratio": 0.5, "batch_size": 128, "lr_floor": 0.0,
-        "critic_hidden": (128, 128), "bc_pretrain_steps": 5_000, "bc_weight": 30.0, "action_noise": True,
-        "checkpoint_every": 20_000, "keep_checkpoints": 1,
+        "steps": 120_000, "warmup": 10_000, "replay": {"updates_per_step": 0.5, "batch_size": 128}, "lr_floor": 0.0,
+        "critics": {"hidden": (128, 128)}, "bc_pretrain_steps": 5_000, "bc_weight": 30.0,
+        "reward": {"action_noise": True}, "cadence": {"checkpoint_every": 20_000, "keep_checkpoints": 1},
     },
 )  # fmt: skip
 ON_POLICY = build(
     GAIL,
     {
-        "steps": 500_000, "rollout": 4_096, "epochs": 4, "batch_size": 512, "lr": 0.001, "reward_updates": 8,
-        "checkpoint_every": 100_000, "keep_checkpoints": 1,
+        "steps": 500_000, "rollout": {"steps": 4_096, "epochs": 4, "batch_size": 512}, "lr": 0.001,
+        "reward": {"updates": 8}, "cadence": {"checkpoint_every": 100_000, "keep_checkpoints": 1},
     },
 )  # fmt: skip
 SUITE_POLICY: Mapping[str, Any] = {
     "relative": True, "anchor": "ee_pos", "blind_to": ("base_*", "joint_*", "ee_*"), "spread": "free", "log_std": -3.0
 }  # fmt: skip
 SUITE_GAIL: Mapping[str, Any] = {
-    "steps": 512_000, "bounds": "demonstrations", "labels": "expert", "bc_pretrain_steps": 3_000, "warmup": 76_800,
-    "action_noise": True, "rollout": 25_600, "epochs": 5, "batch_size": 512, "lr": 0.0001, "gamma": 0.97,
-    "target_kl": 0.01, "critic_hidden": (256, 256), "reward_updates": 48,
+    "steps": 512_000, "demonstrations": {"bounds": "demonstrations", "labels": "expert"}, "bc_pretrain_steps": 3_000,
+    "warmup": 76_800, "rollout": {"steps": 25_600, "epochs": 5, "batch_size": 512}, "lr": 0.0001, "gamma": 0.97,
+    "target_kl": 0.01, "critic_hidden": (256, 256), "reward": {"action_noise": True, "updates": 48},
 }  # fmt: skip
 APART: Mapping[str, Mapping[str, int]] = {
     "Hopper-v5": {"seeds": 3, "controls": 1},
@@ -341,15 +341,20 @@ class Gail:
         """Return the algorithm of a training."""
         if point.task not in self.outside:
             learner = self._fitted(changed(self.gail, self.suite_gail), point)
-            return replace(learner, steps=learner.rollout, warmup=learner.rollout) if point.method == CLONE else learner
+            return (
+                replace(learner, steps=learner.rollout.steps, warmup=learner.rollout.steps)
+                if point.method == CLONE
+                else learner
+            )
         if point.method in ("gail", LIKE):
-            return self._fitted(replace(self.gail, subsample=self.subsample), point)
-        learner = self._fitted(replace(self.dac, subsample=self.subsample), point)
+            return self._fitted(changed(self.gail, {"demonstrations": {"subsample": self.subsample}}), point)
+        learner = self._fitted(changed(self.dac, {"demonstrations": {"subsample": self.subsample}}), point)
         return replace(learner, steps=self.num_envs) if point.method == CLONE else learner
 
-    def _fitted[Learner: Imitation](self, learner: Learner, point: Point) -> Learner:
+    def _fitted[Learner: (DAC, GAIL)](self, learner: Learner, point: Point) -> Learner:
         """Return ``learner`` with the length and the control of one training."""
-        return replace(learner, steps=self._of(point.task, "steps", learner.steps), control=point.control)
+        steps = self._of(point.task, "steps", learner.steps)
+        return changed(learner, {"steps": steps, "demonstrations": {"control": point.control}})
 
     def _policy(self, point: Point) -> SquashedGaussian:
         if point.task not in self.outside:

@@ -58,12 +58,12 @@ SHARED: Mapping[str, Any] = {"gamma": 0.95, "lr": 0.001, "lr_floor": 0.05, "hind
 ON_REACH: Mapping[str, Any] = {
     **SHARED, "steps": 20_000, "warmup": 1_000, "replay": {"updates_per_step": 1.0},
     "critics": {"tau": 0.02, "hidden": (128, 128)},
-    "cadence": {"reward_patience": 0, "checkpoint_every": 5_000, "keep_checkpoints": 1},
+    "reward_patience": 0, "cadence": {"checkpoint_every": 5_000, "keep_checkpoints": 1},
 }  # fmt: skip
 ON_PUSH: Mapping[str, Any] = {
     **SHARED, "steps": 1_000_000, "warmup": 5_000, "replay": {"updates_per_step": 0.25},
     "critics": {"tau": 0.02, "hidden": (256, 256)},
-    "cadence": {"reward_patience": 0, "checkpoint_every": 50_000, "keep_checkpoints": 1},
+    "reward_patience": 0, "cadence": {"checkpoint_every": 50_000, "keep_checkpoints": 1},
 }  # fmt: skip
 
 

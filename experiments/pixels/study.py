@@ -16,6 +16,7 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import require_rendering
+from aerial_il.core.specs import camera_name
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings
@@ -93,7 +94,7 @@ class Pixels:
     def _trainings(self) -> Iterator[Cloned]:
         """Yield what is trained, draw by draw: each policy and its blind control."""
         policies = {SEEING: self.policy, BLIND: replace(self.policy, images=())}
-        cameras = tuple(name.removesuffix("_rgb") for name in self.policy.images)
+        cameras = tuple(map(camera_name, self.policy.images))
         for draw, task, (sight, policy) in product(self.draws, self.tasks, policies.items()):
             source = Source(
                 robot=self.robot,

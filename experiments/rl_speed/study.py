@@ -10,21 +10,21 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.rl.off_policy import OffPolicy
 
 import aerial_il
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.settings import changed
 from aerial_il.data.dataset import Dataset
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.mlp import MLP
@@ -42,10 +42,9 @@ SECTIONS = {
     REPLAY: [Place("aerial_il.algorithms.online.replay_buffer"), Place("aerial_il.algorithms.off_policy.hindsight")],
     ACTING: [
         Place("aerial_il.algorithms.online.collector"),
-        Place("aerial_il.algorithms.rl.off_policy", "collect_step"),
         Place("aerial_il.algorithms.off_policy.experience_replay", "step"),
-        Place("aerial_il.algorithms.rl.on_policy", "collect_rollout"),
-        Place("aerial_il.algorithms.decisions.rollout", "collect_decisions"),
+        Place("aerial_il.algorithms.on_policy.steps"),
+        Place("aerial_il.algorithms.on_policy.decisions"),
         Place("aerial_il.algorithms.off_policy.proposals"),
     ],
     SAVING: [
@@ -144,21 +143,19 @@ class RlSpeed:
         BC(steps=FEW, warmup_steps=0).train(demos, MLP(), run=clone, progress=False)
         return Shown(demos, clone, expert)
 
-    def settings(self, name: str, clone: Path) -> OnlineAlgorithm:
+    def settings(self, name: str, clone: Path) -> Algorithm:
         """Return an algorithm as it ships, but for how long it trains and for what it begins with."""
         usual: Any = algorithms.get(name)()
-        stretch = max(self.steps, getattr(usual, "rollout", 0))
+        stretch = max(self.steps, usual.rollout.steps if hasattr(usual, "rollout") else 0)
         wanted = {
             "steps": 2 * stretch,
-            "warmup": stretch // 2 if isinstance(usual, OffPolicy) else 1,
+            "warmup": stretch // 2 if hasattr(usual, "replay") else 1,
             "offline_steps": FEW,
             "bc_pretrain_steps": FEW,
             "prior": str(clone) if _takes_any_prior(usual) else None,
-            "log_every": stretch,
-            "evaluate_every": stretch,
-            "checkpoint_every": 0,
+            "cadence": {"log_every": stretch, "evaluate_every": stretch, "checkpoint_every": 0},
         }
-        return replace(usual, **{key: value for key, value in wanted.items() if hasattr(usual, key)})
+        return changed(usual, {key: value for key, value in wanted.items() if hasattr(usual, key)})
 
     def _timed(self, name: str, shown: Shown, run: Path) -> Row:
         """Train once; return the steps per second of the second stretch, and the seconds of each section."""
@@ -199,7 +196,7 @@ class RlSpeed:
         return {
             "algorithm": name,
             "worlds": usual.worlds,
-            "updates": getattr(usual, "utd_ratio", None),
+            "updates": usual.replay.updates_per_step if hasattr(usual, "replay") else None,
             "steps_per_s": round(float(np.median(rates))),
             "slowest": round(float(rates.min())),
             "fastest": round(float(rates.max())),
@@ -209,7 +206,7 @@ class RlSpeed:
 
 def online_algorithms() -> list[str]:
     """Return the names of all algorithms that fly while they learn, by reward or imitation."""
-    return [name for name in algorithms.names() if issubclass(algorithms.get(name), OnlineAlgorithm)]
+    return [name for name in algorithms.names() if issubclass(algorithms.get(name), Algorithm)]
 
 
 def _shares(rows: Sequence[Row]) -> str:
@@ -227,6 +224,6 @@ def _takes_any_prior(settings: Any) -> bool:
     return settings.demonstrated and any(field.name == "prior" for field in fields(settings))
 
 
-def _policy_of(settings: OnlineAlgorithm) -> PolicySettings:
+def _policy_of(settings: Algorithm) -> PolicySettings:
     """Return what it trains: the first kind that suits it."""
     return next(kind for kind in KINDS if isinstance(kind, settings.trains))

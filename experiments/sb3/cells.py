@@ -14,11 +14,11 @@ from functools import partial
 from typing import Any
 
 import gymnasium
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 
 import aerial_il
 from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.dqn import DQN
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.ppo import PPO
 from aerial_il.algorithms.sac import SAC
 from aerial_il.core.composition import build
@@ -90,7 +90,7 @@ class Cell:
     """
 
     task: str
-    ours: OnlineAlgorithm
+    ours: Algorithm
     policy: PolicySettings
     theirs: Theirs
     worlds: int = 1
@@ -128,9 +128,13 @@ def cells() -> dict[str, Cell]:
     return {
         "dqn_cartpole": Cell(
             "CartPole-v1",
-            DQN(
-                steps=50_000, lr=1e-3, lr_floor=0.0, batch_size=64, buffer_size=100_000, warmup=1_000, utd_ratio=0.5,
-                update_every=256, target_every=1, tau=0.01, huber=100.0, exploration=0.16, epsilon=0.04, **CLASSIC,
+            build(
+                DQN,
+                {
+                    "steps": 50_000, "lr": 1e-3, "lr_floor": 0.0, "warmup": 1_000, "update_every": 256,
+                    "replay": {"batch_size": 64, "capacity": 100_000, "updates_per_step": 0.5}, "target_every": 1,
+                    "tau": 0.01, "huber": 100.0, "exploration": 0.16, "epsilon": 0.04, "cadence": CLASSIC,
+                },
             ),
             Categorical(hidden=(256, 256), activation="relu"),
             Theirs(
@@ -147,10 +151,13 @@ def cells() -> dict[str, Cell]:
         ),
         "dqn_mountain_car": Cell(
             "MountainCar-v0",
-            DQN(
-                steps=120_000, lr=4e-3, batch_size=128, buffer_size=10_000, warmup=1_000, gamma=0.98, utd_ratio=0.5,
-                update_every=16, target_every=300, exploration=0.2, epsilon=0.07, lr_floor=0.0, longest_hold=30,
-                reward_patience=0, **CLASSIC,
+            build(
+                DQN,
+                {
+                    "steps": 120_000, "lr": 4e-3, "lr_floor": 0.0, "warmup": 1_000, "gamma": 0.98, "update_every": 16,
+                    "replay": {"batch_size": 128, "capacity": 10_000, "updates_per_step": 0.5}, "target_every": 300,
+                    "exploration": 0.2, "epsilon": 0.07, "longest_hold": 30, "reward_patience": 0, "cadence": CLASSIC,
+                },
             ),
             Categorical(hidden=(256, 256), activation="relu"),
             Theirs(
@@ -171,7 +178,7 @@ def cells() -> dict[str, Cell]:
                 DDPG,
                 {
                     "steps": 100_000, "warmup": 1_000, "noise": 0.913, "noise_correlation": 0.9985,
-                    "critics": {"hidden": (256, 256)}, "cadence": {"reward_patience": 0, **CLASSIC},
+                    "critics": {"hidden": (256, 256)}, "reward_patience": 0, "cadence": CLASSIC,
                 },
             ),
             SquashedGaussian(hidden=(256, 256)),
@@ -181,8 +188,12 @@ def cells() -> dict[str, Cell]:
         ),
         "ppo_cartpole": Cell(
             "CartPole-v1",
-            PPO(
-                steps=100_000, rollout=256, batch_size=256, gae_lambda=0.8, gamma=0.98, epochs=20, lr=1e-3, **CLASSIC,
+            build(
+                PPO,
+                {
+                    "steps": 100_000, "rollout": {"steps": 256, "batch_size": 256, "epochs": 20}, "gae_lambda": 0.8,
+                    "gamma": 0.98, "lr": 1e-3, "cadence": CLASSIC,
+                },
             ),
             Categorical(hidden=(64, 64), activation="tanh"),
             Theirs(
@@ -199,9 +210,12 @@ def cells() -> dict[str, Cell]:
         ),
         "ppo_reach": Cell(
             "fa_hexa_arm4:reach",
-            PPO(
-                steps=1_000_000, rollout=8_192, batch_size=512, gamma=0.98, epochs=10, lr=3e-4, log_every=8_192,
-                checkpoint_every=0,
+            build(
+                PPO,
+                {
+                    "steps": 1_000_000, "rollout": {"steps": 8_192, "batch_size": 512, "epochs": 10}, "gamma": 0.98,
+                    "lr": 3e-4, "cadence": {"log_every": 8_192, "checkpoint_every": 0},
+                },
             ),
             SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5),
             Theirs(
@@ -229,10 +243,14 @@ def cells() -> dict[str, Cell]:
         ),
         "ppo_half_cheetah": Cell(
             "HalfCheetah-v5",
-            PPO(
-                steps=1_000_000, rollout=512, batch_size=64, gamma=0.98, lr=2.0633e-05, entropy=0.000401762, clip=0.1,
-                epochs=20, gae_lambda=0.92, clip_norm=0.8, critic_hidden=(256, 256), log_every=8_192,
-                checkpoint_every=100_000, keep_checkpoints=1,
+            build(
+                PPO,
+                {
+                    "steps": 1_000_000, "rollout": {"steps": 512, "batch_size": 64, "epochs": 20}, "gamma": 0.98,
+                    "lr": 2.0633e-05, "entropy": 0.000401762, "clip": 0.1, "gae_lambda": 0.92, "clip_norm": 0.8,
+                    "critic_hidden": (256, 256),
+                    "cadence": {"log_every": 8_192, "checkpoint_every": 100_000, "keep_checkpoints": 1},
+                },
             ),
             SquashedGaussian(hidden=(256, 256), activation="relu", spread="free", log_std=-2.0),
             Theirs(

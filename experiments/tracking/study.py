@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -239,8 +239,8 @@ def _angle(tool_mat: np.ndarray, rot6d: np.ndarray) -> np.ndarray:
 
 
 def _air(tier: str) -> str:
-    wind = tiers.get(tier).to_dict().get("wind")
-    air = f"wind whose gusts change the drag by up to {100.0 * wind['share']:g} % of weight" if wind else "still air"
+    wind: Any = tiers.get(tier).parts.get("wind")
+    air = f"wind whose gusts change the drag by up to {100.0 * wind.share:g} % of weight" if wind else "still air"
     return f"{tier.capitalize()}: {air}."
 
 

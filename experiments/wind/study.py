@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -94,7 +94,8 @@ class Wind:
 
 
 def _air(robot: str, tier: str) -> Air:
-    return air_about(robots.get(robot).vehicle, tiers.get(tier).to_dict()["wind"]["share"])
+    wind: Any = tiers.get(tier).parts["wind"]
+    return air_about(robots.get(robot).vehicle, wind.share)
 
 
 def _force_row(robot: str, tier: str, air: Air, wind: np.ndarray) -> Row:

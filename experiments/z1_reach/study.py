@@ -19,7 +19,6 @@ import numpy as np
 
 import aerial_il
 from aerial_il.algorithms.ddpg import DDPG
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.sac import SAC
 from aerial_il.algorithms.td3 import TD3
@@ -119,7 +118,7 @@ class Z1Reach:
     sac: SAC = build(SAC, LEARNING)
     td3: TD3 = build(TD3, LEARNING)
     ddpg: DDPG = build(DDPG, LEARNING)
-    smooth: Smoothness = Smoothness(temporal=0.1, spatial=0.05, rate_penalty=0.01)
+    smooth: Smoothness = Smoothness(temporal=0.1, spatial=0.05, radius=0.05, rate_penalty=0.01, jerk_penalty=0.0)
     algorithms: tuple[str, ...] = ALGORITHMS
     actions: tuple[str, ...] = ("velocity", "ee_pose")
     rewards: tuple[Reward, ...] = ("sparse", "dense")
@@ -172,8 +171,8 @@ class Z1Reach:
         """Return the algorithm of an arm."""
         settings = getattr(self, arm.algorithm)
         if arm.reward == "dense":
-            settings = replace(settings, hindsight=Hindsight())
-        return replace(settings, smoothness=self.smooth if arm.smooth else Smoothness())
+            settings = replace(settings, hindsight=SAC().hindsight)
+        return replace(settings, smoothness=self.smooth if arm.smooth else SAC().smoothness)
 
     def environment(self, arm: Arm, num_envs: int, *, horizon: int | None = None) -> Any:
         """Return worlds of an arm, over a fixed ``horizon`` or to be judged in."""

@@ -25,9 +25,9 @@ from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm as Flying
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
-from aerial_il.core.composition import keys
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
+from aerial_il.core.schema import keys
 from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.network import PolicySettings

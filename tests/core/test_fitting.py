@@ -56,6 +56,6 @@ def test_the_setting_is_named() -> None:
 
 def test_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "result=[[1]]"]) == 2
-    assert "as report asks for" in capsys.readouterr().err
+    assert "result=([1],) is not a list such as [a,b]" in capsys.readouterr().err
     assert main(["train", "dataset=nowhere", "run=x", "algorithm.patience=[2]"]) == 2
     assert "patience=[2] is not a whole number" in capsys.readouterr().err

@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from aerial_il.cli import commands
 from aerial_il.cli.configuration.compose import compose, planned
 from aerial_il.cli.configuration.flags import sweeps
 from aerial_il.cli.configuration.overrides import prepare
-from aerial_il.cli.sweeps.sweep import SWEEPER, parted
 from aerial_il.cli.typed import compose as compose_training
+from aerial_il.workflows.chosen import chosen
+
+from aerial_il.cli import commands
+from aerial_il.cli.sweeps.sweep import SWEEPER, parted
 from aerial_il.core import registry
 from aerial_il.core.composition import keys, plain
 from aerial_il.core.errors import AerialError
-from aerial_il.workflows.chosen import chosen
 from aerial_il.workflows.train import Train
 
 ROOT = Path(__file__).parents[2]

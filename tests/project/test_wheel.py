@@ -22,9 +22,9 @@ assert "aerial_il" in EnvConfig.get_known_choices()
 CONFIGURATION = """
 import aerial_il
 from pathlib import Path
-from aerial_il.cli.configuration import groups
+from aerial_il.core import presets
 package = Path(aerial_il.__file__).parent
-assert "site-packages" in package.parts and groups.conf_dir() == package / "conf", groups.conf_dir()
+assert "site-packages" in package.parts and presets.folder() == package / "conf", presets.folder()
 assert (package / "py.typed").is_file()
 """
 

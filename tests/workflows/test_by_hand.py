@@ -41,14 +41,14 @@ def test_a_run_says_what_it_does_about_flights_by_hand(
 ) -> None:
     monkeypatch.chdir(home)
     assert main(["train", "dataset=hands", *SMALL, "run=suited"]) == 0
-    told = capsys.readouterr().out
+    told = capsys.readouterr().err
     assert "Flown by hand (human:driver)" in told
     assert "dataset.by_hand=false" in told
     found = yaml.safe_load((home / "suited" / "config.yaml").read_text())
     assert found["settings"]["waypoints"] == {"lookahead_s": LOOKAHEAD_S, "flown_by": "hand"}
     assert found["policy"]["relative"] is True
     assert main(["train", "dataset=hands", "dataset.by_hand=false", *SMALL, "run=recorded"]) == 0
-    assert "by hand" not in capsys.readouterr().out
+    assert "by hand" not in capsys.readouterr().err
     found = yaml.safe_load((home / "recorded" / "config.yaml").read_text())
     assert found["settings"]["waypoints"]["lookahead_s"] == 0
     assert found["policy"]["relative"] is False

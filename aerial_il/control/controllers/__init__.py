@@ -5,13 +5,13 @@ One vocabulary for environments, configurations and studies. ``docs/controllers.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from aerial_il.control.controllers.law import Law
-from aerial_il.control.steering import signature
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.kernels import address_of
+
+if TYPE_CHECKING:  # names are listed without importing a compiler
+    from aerial_il.control.controllers.law import Law
 
 
 def names() -> tuple[str, ...]:
@@ -43,4 +43,7 @@ def kernel_of(name: str) -> Any:
 
 def address(name: str, own: Any) -> int:
     """Return the address of a law's kernel for its numbers ``own`` (1,)."""
+    from aerial_il.control.steering import signature
+    from aerial_il.core.kernels import address_of
+
     return address_of(kernel_of(name), signature(own))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.suite.disturbances.disturbance import Disturbance
-from aerial_il.suite.physics import hooks
+
+if TYPE_CHECKING:  # names are listed without importing a compiler
+    from aerial_il.suite.disturbances.disturbance import Disturbance
 
 
 def names() -> tuple[str, ...]:
@@ -36,6 +37,8 @@ def kernels(name: str) -> dict[str, Any]:
     Raises:
         InvalidValueError: one of them is a plain Python function.
     """
+    from aerial_il.suite.physics import hooks
+
     module = registry.module("disturbance", name)
     found = {hook: getattr(module, hook) for hook in hooks.NAMES if hasattr(module, hook)}
     if plain := [hook for hook, function in found.items() if not hasattr(function, "py_func")]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.specs import Field
-from aerial_il.robots.robot import Robot
-from aerial_il.suite.sensors.sensor import Sensor
+
+if TYPE_CHECKING:  # names are listed without importing a compiler
+    from aerial_il.core.specs import Field
+    from aerial_il.robots.robot import Robot
+    from aerial_il.suite.sensors.sensor import Sensor
 
 
 def names() -> tuple[str, ...]:

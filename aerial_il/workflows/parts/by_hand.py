@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.algorithms.bc import BC
@@ -14,12 +15,14 @@ from aerial_il.policies.parts.egocentric import chose_view, egocentric
 if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicySettings
 
+log = logging.getLogger(__name__)
+
 
 def suited[P: PolicySettings](path: str | None, algorithm: Any, policy: P, *, by_hand: bool | None) -> tuple[Any, P]:
     """Return settings that learn from the dataset as it was flown; those of the user's own choice are kept.
 
     Demonstrations that a person flew are relabelled (:mod:`aerial_il.data.waypoints`) and seen from the tool
-    (:mod:`aerial_il.policies.parts.egocentric`); what was changed is printed.
+    (:mod:`aerial_il.policies.parts.egocentric`); what was changed is logged.
 
     Args:
         path: of the dataset, if there is one. algorithm, policy: as they were configured.
@@ -42,7 +45,7 @@ def suited[P: PolicySettings](path: str | None, algorithm: Any, policy: P, *, by
         said.append("the policy sees from the tool, blind to the robot's own pose")
     if said:
         who = ", ".join(sorted({str(e.provenance.get("policy", "unknown")) for e in flown}))
-        print(f"Flown by hand ({who}): {'; '.join(said)}. As recorded: dataset.by_hand=false", flush=True)
+        log.info("Flown by hand (%s): %s. As recorded: dataset.by_hand=false", who, "; ".join(said))
     return algorithm, policy
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from aerial_il.core.contracts import BatchEnv
@@ -16,15 +16,22 @@ VIDEOS = "videos"
 PAGE = "report.html"
 
 
-def save(result: EvaluationResult, out: str | os.PathLike[str], *, env: BatchEnv, videos: int) -> None:
-    """Write evaluation.json, films of ``videos`` successes and failures each, and the page; say where they lie."""
-    folder = Path(out)
-    print(f"Result: {result.save(folder)}")
+@dataclass(frozen=True)
+class Written:
+    """What an evaluation left in its folder: numbers, a page, and what is to be said of the films."""
+
+    file: Path
+    page: Path
+    note: str
+
+
+def save(result: EvaluationResult, folder: Path, *, env: BatchEnv, videos: int) -> Written:
+    """Write evaluation.json, films of ``videos`` successes and failures each, and the page."""
+    file = result.save(folder)
     footage = film(env, result, folder / VIDEOS, successes=videos, failures=videos) if videos else Footage()
-    if footage.note:
-        print(footage.note)
     command = str(result.provenance.get("command", ""))
-    print(f"Report: {write_report(folder / PAGE, result, footage=footage, command=command)}")
+    page = write_report(folder / PAGE, result, footage=footage, command=command)
+    return Written(Path(file), Path(page), footage.note)
 
 
 def footage_of(folder: Path, result: EvaluationResult) -> Footage:

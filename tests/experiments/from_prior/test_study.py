@@ -9,25 +9,27 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
 
+from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredBC
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.settings import changed
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP
+from experiments.common import practised
 from experiments.common.demonstrations import Source
 from experiments.common.practised import Continued, Practised
 from experiments.common.record import digest
 from experiments.common.stages import Cloned
-from experiments.from_prior import practice_notes, practised
+from experiments.from_prior import practice_notes
 from experiments.from_prior import study as from_prior
 from experiments.from_prior.study import BEGINNING, CLONE, SHOWN_MORE, FromPrior
+from experiments.from_prior_big_four.study import FromPriorBigFour
 
 ITERATED = "expert_iteration"
 CLONING = BC(steps=10, batch_size=16)
@@ -110,7 +112,7 @@ def test_a_method_that_adds_nothing_to_a_policy_that_reaches_the_target_does_not
 
 
 def test_the_heavy_vehicle_is_asked_for_success_in_both_tiers_of_more_than_filtered_cloning() -> None:
-    study = build(groups.read_option("bench", "from_prior_big_four"))
+    study = FromPriorBigFour()
     assert (study.robot, study.practised_in["insert_peg"]) == ("big_four_z1", "gusts")
     for arm, percent, harder, met in (
         ("expert_iteration", 80.0, 80.0, True),
@@ -124,20 +126,18 @@ def test_the_heavy_vehicle_is_asked_for_success_in_both_tiers_of_more_than_filte
 
 
 def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
-    study = build(groups.read_option("bench", "from_prior"))
-    paid_for_success = {"reward", "reward_patience", "bounds", "steps"}  # what is not their own default
-    own = {"ibrl": {"warmup"}, "rlpd": set[str](), "ppo": {"rollout", "batch_size", "epochs"}}
+    study = FromPrior()
+    paid_for_success = {"reward", "reward_patience", "demonstrations", "steps"}  # what is not their own default
+    own = {"ibrl": {"warmup"}, "rlpd": set[str](), "ppo": {"rollout"}}
     for name, algorithm in study.practising.items():
-        shipped = build(groups.read_option("algorithm", name))
+        shipped = algorithms.get(name)()
         changed = {s.name for s in fields(shipped) if getattr(shipped, s.name) != getattr(algorithm, s.name)}
         assert changed <= (paid_for_success | own[name] if name in own else set()), name
         assert getattr(algorithm, "reward", "sparse") == "sparse"
 
 
 def test_the_shipped_study_has_every_arm_in_the_order_of_its_page() -> None:
-    study, usual = build(groups.read_option("bench", "from_prior")), FromPrior()
-    assert dict(study.practising) == dict(usual.practising)
-    assert list(study._named()) == list(usual._named()) == list(usual.practising)
+    assert list(FromPrior()._named()) == list(FromPrior().practising)
 
 
 def test_what_is_shown_nothing_is_trained_once_however_many_demonstrations_others_have() -> None:
@@ -211,7 +211,7 @@ def test_figures_show_each_task_in_the_tier_it_practises_in_and_what_is_wanted_t
 
 
 def test_a_page_names_robot_demonstrator_and_seeds_and_only_the_arms_that_are_on_it() -> None:
-    study: Any = build(groups.read_option("bench", "from_prior_big_four"))
+    study: Any = FromPriorBigFour()
     said = "\n".join(study._notes(list(study._all_arms())))
     assert said.startswith("Robot: big_four_z1, demonstrated by its scripted expert with a noise of 0.3")
     assert "insert_peg in gusts, 40 times" in said
@@ -232,7 +232,11 @@ def test_settings_can_be_tried_on_seeds_that_judge_nothing() -> None:
 
 
 def test_a_task_can_have_settings_of_its_own() -> None:
-    changes = {"dapg": {"noise": 0.1}, "expert_iteration": {"training": {"steps": 5}}, "beginning": {"steps": 3}}
+    changes = {
+        "dapg": {"exploration": {"noise": 0.1}},
+        "expert_iteration": {"training": {"steps": 5}},
+        "beginning": {"steps": 3},
+    }
     study = FromPrior(
         starts={"reach": (2,), "hover": (2,)},
         arms=("dapg", "residual", "expert_iteration"),
@@ -241,7 +245,7 @@ def test_a_task_can_have_settings_of_its_own() -> None:
     )
     arms = {(a.name, a.training.source.task): a.training for a in study._all_arms()}
     usual: Any = study.practising
-    assert arms["dapg", "hover"].algorithm == replace(usual["dapg"], noise=0.1)
+    assert arms["dapg", "hover"].algorithm == changed(usual["dapg"], changes["dapg"])
     rounds = usual["expert_iteration"]
     assert arms[ITERATED, "hover"].algorithm == replace(rounds, training=replace(rounds.training, steps=5))
     assert all(arms[name, "reach"].algorithm == usual[name] for name in study.arms)
@@ -284,7 +288,9 @@ def test_a_task_that_is_none_is_refused_wherever_it_is_named(name: str, value: A
         FromPrior(**{name: {"pick_plaice": value}})
 
 
-@pytest.mark.parametrize(("changes", "wanted"), [({"dapg": {"nose": 0.1}}, "noise"), ({"dagp": {}}, "dapg")])
+@pytest.mark.parametrize(
+    ("changes", "wanted"), [({"dapg": {"exploration": {"nose": 0.1}}}, "noise"), ({"dagp": {}}, "dapg")]
+)
 def test_unknown_names_in_a_tasks_own_settings_are_answered_with_the_nearest(changes: Any, wanted: str) -> None:
     with pytest.raises(UnknownNameError, match=f"Did you mean '{wanted}'"):
         FromPrior(suited={"hover": changes})
@@ -347,7 +353,7 @@ def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(
     arms = {
         n: replace(a, **{k: v for k, v in small.items() if hasattr(a, k)})
         for n, a in usual.items()
-        if isinstance(a, OnlineAlgorithm)
+        if isinstance(a, Algorithm)
     }
     small_study = {**SMALL, "practising": arms, "only_from": {}, "watched": 2}
     report = FromPrior(**small_study).run(tmp_path, progress=False)

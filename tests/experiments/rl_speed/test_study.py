@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from aerial_il.algorithms.rl.off_policy import OffPolicy
 
 from aerial_il import algorithms
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -23,14 +22,14 @@ def test_every_algorithm_that_flies_while_it_learns_is_timed() -> None:
 @pytest.mark.parametrize("name", online_algorithms())
 def test_only_the_length_is_changed_of_what_ships(name: str, tmp_path: Path) -> None:
     settings = RlSpeed(steps=100).settings(name, tmp_path)
-    changed = {"steps", "warmup", "offline_steps", "bc_pretrain_steps", "prior", "log_every", "evaluate_every"}
-    usual = {
-        key: getattr(algorithms.get(name)(), key) for key in {*changed, "checkpoint_every"} if hasattr(settings, key)
-    }
+    changed = ("steps", "warmup", "offline_steps", "bc_pretrain_steps", "prior", "cadence")
+    usual = {key: getattr(algorithms.get(name)(), key) for key in changed if hasattr(settings, key)}
     assert replace(settings, **usual) == algorithms.get(name)()
-    assert settings.steps == 2 * settings.evaluate_every >= 2 * getattr(settings, "rollout", 0)
-    if isinstance(settings, OffPolicy):
-        assert settings.warmup < settings.evaluate_every, "what is measured learns all the time"
+    stretch = settings.cadence.evaluate_every
+    assert settings.steps == 2 * stretch
+    assert not hasattr(settings, "rollout") or stretch >= settings.rollout.steps
+    if hasattr(settings, "replay"):
+        assert settings.warmup < stretch, "what is measured learns all the time"
 
 
 @pytest.mark.parametrize(("name", "parts"), [("a2c", ("simulation", "acting", "learning")), ("dqn", ("replay",))])

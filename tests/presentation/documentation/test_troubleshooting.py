@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from aerial_il.cli.commands.project import doctor
+from aerial_il.workflows import doctor
 
 ROOT = Path(__file__).resolve().parents[3]
 SOUND: dict[str, Any] = {

@@ -13,20 +13,17 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from aerial_il.cli.configuration import groups, spelling
-from aerial_il.cli.configuration.keys import group, key, output
-from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.cli.tables import table
 from aerial_il.core import registry
-from aerial_il.core.composition import build
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import write_atomic, write_json
+from aerial_il.core.schema import Choice
+from aerial_il.workflows.spelling import command_line, words_of
 
 EXPERIMENTS = "experiments"
 
@@ -37,40 +34,51 @@ class ClaimError(AerialError):
     status = 1
 
 
-@dataclass
-class Config:
-    bench: dict[str, Any] | None = group("which study (null: all, one after the other)", position=0)
-    out: str = output("runs/benchmarks", "folder for report.json and figures, one below it for each study")
-    save: bool = key(False, f"also write the study's page in {EXPERIMENTS}/")
-    again: bool = key(False, "forget what is finished, and do all anew")
-    quick: bool = key(False, "fly a small version of the headline claims, and say which hold")
-    json: bool = key(False, "print one JSON object (also: --json)")
-    progress: bool = key(True, "show progress bars")
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What is measured.
+
+    Attributes:
+        bench: which study (null: all, one after the other).
+        out: folder for report.json and figures, one below it for each study.
+        save: also write the study's page in experiments/.
+        again: forget what is finished, and do all anew.
+        quick: fly a small version of the headline claims, and say which hold.
+        json: print one JSON object (also: --json).
+        progress: show progress bars.
+    """
+
+    bench: Annotated[Any, Choice("study")] | None = None
+    out: str = "runs/benchmarks"
+    save: bool = False
+    again: bool = False
+    quick: bool = False
+    json: bool = False
+    progress: bool = True
 
 
-def check_checkout() -> None:
-    """Refuse to go on where there are no studies.
+SETTINGS, BARE, OUTPUT = Bench, ("bench",), "out"
+
+
+def run(settings: Bench) -> None:
+    """Measure, keep the report, print it.
 
     Raises:
-        InvalidValueError: this is an installed package.
+        InvalidValueError: this is an installed package, which has no studies. ClaimError: a claim does not hold.
     """
     if not registry.names("study"):
         raise InvalidValueError(
             "Studies are run from a checkout, which an installed package is not: clone the repository, run make setup "
             "there, and call .venv/bin/aerial-il bench NAME."
         )
-
-
-def run(config: Config) -> None:
-    """Measure, keep the report, print it."""
-    names = registry.names("study") if config.bench is None else (config.bench["name"],)
-    if config.quick:
-        _check_claims(names, config)
+    studies = [settings.bench] if settings.bench else [registry.get("study", n)() for n in registry.names("study")]
+    if settings.quick:
+        _check_claims(tuple(study.name for study in studies), settings)
         return
-    reports = [_measure(config.bench or groups.read_option("bench", name), config) for name in names]
-    if config.json:
+    reports = [_measure(study, settings) for study in studies]
+    if settings.json:
         found = [report.to_dict() for report in reports]
-        print(json.dumps(found[0] if config.bench is not None else found, indent=2))
+        print(json.dumps(found[0] if settings.bench else found, indent=2))
     else:
         print("\n\n".join(map(as_text, reports)))
 
@@ -82,34 +90,31 @@ def as_text(report: Any) -> str:
     return "\n\n".join([f"{report.study.name}: {report.study.question}", *targets, *tables, *report.notes])
 
 
-def rerun(settings: Mapping[str, Any]) -> str:
+def rerun(study: Any) -> str:
     """Return what measures it again: the study and the settings that differ from its own."""
-    name = settings["name"]
-    changed = spelling.changed("bench", groups.read_option("bench", name), settings)
-    return command_line(["bench", name, *changed, "save=true"])
+    _, *changed = words_of(Bench(bench=study))
+    return command_line(["bench", study.name, *changed, "save=true"])
 
 
-def _measure(settings: Mapping[str, Any], config: Config) -> Any:
-    usual = registry.get("study", settings["name"])()
-    study = build(type(usual), {k: v for k, v in settings.items() if k != "name"}, base=usual, at="bench.")
-    folder = Path(config.out) / study.name
-    if config.again:
+def _measure(study: Any, settings: Bench) -> Any:
+    folder = Path(settings.out) / study.name
+    if settings.again:
         shutil.rmtree(folder, ignore_errors=True)
-    report = study.run(folder, progress=config.progress)
+    report = study.run(folder, progress=settings.progress)
     write_json(folder / "report.json", report.to_dict())
     for name, svg in report.figures.items():
         write_atomic(folder / name, svg)
-    if config.save:  # nothing of the package imports studies
-        import_module(f"{EXPERIMENTS}.common.page").save_study(report, Path(EXPERIMENTS), command=rerun(settings))
+    if settings.save:  # nothing of the package imports studies
+        import_module(f"{EXPERIMENTS}.common.page").save_study(report, Path(EXPERIMENTS), command=rerun(study))
     return report
 
 
-def _check_claims(names: tuple[str, ...], config: Config) -> None:
+def _check_claims(names: tuple[str, ...], settings: Bench) -> None:
     claims = import_module(f"{EXPERIMENTS}.common.claims")
-    folder = Path(config.out) / "quick"
-    if config.again:
+    folder = Path(settings.out) / "quick"
+    if settings.again:
         shutil.rmtree(folder, ignore_errors=True)
-    rows = claims.checked(names, folder, progress=config.progress)
-    print(json.dumps(rows, indent=2) if config.json else table(rows))
+    rows = claims.checked(names, folder, progress=settings.progress)
+    print(json.dumps(rows, indent=2) if settings.json else table(rows))
     if broken := [row["claim"] for row in rows if row["verdict"] == claims.BROKEN]:
         raise ClaimError(f"{len(broken)} of {len(rows)} claims do not hold: {'; '.join(broken)}.")

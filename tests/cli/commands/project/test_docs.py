@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.commands.project import docs
+from aerial_il.cli.commands.project.docs import show
 from aerial_il.cli.main import main
 from aerial_il.presentation.documentation import layers, results
 from aerial_il.presentation.documentation.sources import ROOT
+from aerial_il.workflows import docs
 
 
 @pytest.mark.slow
@@ -40,7 +41,7 @@ def test_the_figure_of_results_is_that_of_the_records() -> None:
 
 @pytest.mark.parametrize("word", docs.NOWHERE)
 def test_nothing_is_no_folder(word: str) -> None:
-    assert docs.Config(out=word, site=word) == docs.Config(out=None, site=None)
+    assert docs.Docs(out=word, site=word) == docs.Docs(out=None, site=None)
 
 
 def test_without_a_screen_it_says_how_to_look(
@@ -48,5 +49,5 @@ def test_without_a_screen_it_says_how_to_look(
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    docs.show(tmp_path / "index.html")
+    show(tmp_path / "index.html")
     assert f"python -m http.server -b 127.0.0.1 -d {tmp_path} 8080" in capsys.readouterr().out
