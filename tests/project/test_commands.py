@@ -9,18 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from aerial_il.cli.configuration.compose import compose, planned
-from aerial_il.cli.configuration.flags import sweeps
-from aerial_il.cli.configuration.overrides import prepare
-from aerial_il.cli.typed import compose as compose_training
-from aerial_il.workflows.chosen import chosen
 
-from aerial_il.cli import commands
-from aerial_il.cli.sweeps.sweep import SWEEPER, parted
+from aerial_il.cli.main import main
 from aerial_il.core import registry
-from aerial_il.core.composition import keys, plain
-from aerial_il.core.errors import AerialError
-from aerial_il.workflows.train import Train
+from aerial_il.core.composition import plain
+from aerial_il.core.schema import keys
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted({*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("experiments/*/README.md")})
@@ -49,30 +42,12 @@ def shown(page: Path) -> list[str]:
     return [line for line in lines if line.startswith("aerial-il ")]
 
 
-def check(line: str) -> None:
-    """Compose a command line as the console script would.
-
-    Raises:
-        AerialError: an unknown key, a value that does not fit, a word too many.
-    """
+def status(line: str) -> int:
+    """Return the exit status of a command line that only shows the settings that it leads to."""
     name, *words = shlex.split(line.removesuffix("&"), comments=True)[1:]
     if name in SKIPPED or {"-h", "--help", "--version"} & {name, *words}:
-        return
-    words = parted(parted(words)[1], SWEEPER)[1]
-    if name == "train":
-        settings: Any = compose_training(Train, [_one(word) for word in words if not word.startswith("-")])
-        for group in ("policy", "algorithm"):
-            chosen(group, getattr(settings, group))
-    elif sweeps(words):
-        assert planned(commands.find(name), prepare(commands.find(name), words))
-    else:
-        compose(commands.find(name), words)
-
-
-def _one(word: str) -> str:
-    """Return a word with the first of the values that a sweep would try."""
-    key, equals, value = word.partition("=")
-    return f"{key}{equals}{value if set('[{(') & set(value) else value.partition(',')[0]}"
+        return 0
+    return main([name, *(word for word in words if not word.startswith("sweeper")), "--cfg", "job"])
 
 
 def lines() -> Iterator[Any]:
@@ -83,14 +58,13 @@ def lines() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("line", lines())
-def test_a_command_that_is_shown_composes(line: str) -> None:
-    check(line)
+def test_a_command_that_is_shown_composes(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status(line) == 0, capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", ["train run=x algorithm.stepz=3", "collect robott=quad", "flyy"])
 def test_a_command_that_does_not_compose_is_seen(words: str) -> None:
-    with pytest.raises(AerialError):
-        check(f"aerial-il {words}")
+    assert status(f"aerial-il {words}") == 2
 
 
 def leaves(values: Mapping[str, Any], at: str = "") -> Iterator[str]:
