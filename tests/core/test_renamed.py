@@ -1,9 +1,9 @@
-"""An old name leads to a new one, never to itself or to another old one."""
+"""An old key leads to a new one, never to itself or to another old one."""
 
 from __future__ import annotations
 
-from aerial_il.core.renamed import ALGORITHM_KEYS
+from aerial_il.core.renamed import MOVED
 
 
-def test_no_name_leads_to_itself_or_to_another_old_one() -> None:
-    assert not set(ALGORITHM_KEYS) & set(ALGORITHM_KEYS.values())
+def test_no_key_leads_to_itself_or_to_another_old_one() -> None:
+    assert not set(MOVED) & {new for places in MOVED.values() for new in places}
