@@ -17,7 +17,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from aerial_il.core import presets, registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.renamed import ALGORITHM_KEYS, moved
+from aerial_il.core.renamed import moved
 
 _MEANING = re.compile(r"^    ((?:\w+, )*\w+): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 _ANOTHER = re.compile(r"(?<=[.;]) ((?:\w+, )*\w+): ")
@@ -111,15 +111,12 @@ def _parted(names: str, text: str, known: set[str]) -> dict[str, str]:
 
 def unknown_key(name: str, known: Iterable[str], hint: str = "") -> InvalidValueError | UnknownNameError:
     """Return the error for a key that there is not among all that are ``known``; an old one leads to its new name."""
-    head, _, last = name.rpartition(".")
-    beside, renamed = f"{head}." if head else "", ALGORITHM_KEYS.get(last, last)
-    every = list(known)
-    inside = [each.removeprefix(beside) for each in every if each.startswith(beside)]
-    new = moved(renamed, inside) or (renamed if renamed in inside else None)
-    if new is not None and head:
-        return InvalidValueError(f"{name} is called {head}.{new} now. {hint}".rstrip())
-    near = [beside + each.partition(".")[0] for each in inside] or [each.partition(".")[0] for each in every]
-    return UnknownNameError("key", name, dict.fromkeys(near), hint)
+    every, (head, dot, _) = list(known), name.rpartition(".")
+    if (new := moved(name, every)) is not None and head:
+        return InvalidValueError(f"{name} is called {new} now. {hint}".rstrip())
+    beside = f"{head}{dot}"
+    near = [beside + each.removeprefix(beside).partition(".")[0] for each in every if each.startswith(beside)]
+    return UnknownNameError("key", name, dict.fromkeys(near or [each.partition(".")[0] for each in every]), hint)
 
 
 def shown(default: Any, kind: str = "") -> str:

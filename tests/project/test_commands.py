@@ -9,17 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from aerial_il.cli.configuration.compose import compose, planned
-from aerial_il.cli.configuration.flags import sweeps
-from aerial_il.cli.configuration.overrides import prepare
-from aerial_il.cli.typed import compose as compose_training
-from aerial_il.workflows.chosen import chosen, names
 
 from aerial_il.cli import commands
-from aerial_il.cli.sweeps.sweep import SWEEPER, parted
-from aerial_il.core.composition import keys
+from aerial_il.cli.compose import points, settings_of, space
+from aerial_il.cli.known import known
+from aerial_il.cli.words import SWEEPER, read
 from aerial_il.core.errors import AerialError
-from aerial_il.workflows.train import Train
+from aerial_il.core.schema import options
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted({*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("experiments/*/README.md")})
@@ -28,7 +24,15 @@ FENCED = re.compile(r"^ *```(?:sh|bash|console|)\n(.*?)^ *```", re.MULTILINE | r
 OPEN = re.compile(r"\.\.\.|…|\b(?:NAME|COMMAND|KIND|LINE)\b")  # left to the reader
 SKIPPED = ("completion", "help")  # no keys
 INSIDE = re.compile(r"`(algorithm|policy)\.([a-z_]+(?:\.[a-z_]+)*)(?:=[^`]*)?`")  # a setting named in a sentence
-EXAMPLES = ("touch_point", "touch_ball", "linear", "gull", "two_joint_hexa", "hovering")  # written by the reader first
+EXAMPLES = (
+    "touch_point",
+    "touch_ball",
+    "linear",
+    "gull",
+    "two_joint_hexa",
+    "hovering",
+    "tern",
+)  # written by the reader first
 
 
 def shown(page: Path) -> list[str]:
@@ -49,21 +53,14 @@ def check(line: str) -> None:
     name, *words = shlex.split(line.removesuffix("&"), comments=True)[1:]
     if name in SKIPPED or {"-h", "--help", "--version"} & {name, *words}:
         return
-    words = parted(parted(words)[1], SWEEPER)[1]
-    if name == "train":
-        settings: Any = compose_training(Train, [_one(word) for word in words if not word.startswith("-")])
-        for group in ("policy", "algorithm"):
-            chosen(group, getattr(settings, group))
-    elif sweeps(words):
-        assert planned(commands.find(name), prepare(commands.find(name), words))
+    command = commands.find(name)
+    said = read(command, words)
+    if said.apart[SWEEPER]:
+        assert space(command, said.overrides)
+    elif said.sweeps:
+        assert all(settings_of(command, point) for point, _ in points(command, said.overrides))
     else:
-        compose(commands.find(name), words)
-
-
-def _one(word: str) -> str:
-    """Return a word with the first of the values that a sweep would try."""
-    key, equals, value = word.partition("=")
-    return f"{key}{equals}{value if set('[{(') & set(value) else value.partition(',')[0]}"
+        settings_of(command, said.overrides)
 
 
 def lines() -> Iterator[Any]:
@@ -73,7 +70,7 @@ def lines() -> Iterator[Any]:
                 yield pytest.param(line, id=f"{page.relative_to(ROOT)}: {line}")
 
 
-@pytest.mark.parametrize("line", lines())
+@pytest.mark.parametrize("line", [*lines()])
 def test_a_command_that_is_shown_composes(line: str) -> None:
     check(line)
 
@@ -86,14 +83,15 @@ def test_a_command_that_does_not_compose_is_seen(words: str) -> None:
 
 def settings(group: str) -> set[str]:
     """Return all keys of all choices of a group, and the groups of keys."""
-    choices = [chosen(group, name) for name in names(group)]
-    found = {key.name for choice in choices for key in keys(type(choice), base=choice)}
+    train, gates = commands.find("train").settings, {f"{group}.gate": list(options("gate"))}
+    every = known(train, {group: list(options(group)), **(gates if group == "algorithm" else {})})
+    found = {name.removeprefix(f"{group}.") for name in every if name.startswith(f"{group}.")}
     return found | {".".join(name.split(".")[:i]) for name in found for i in range(1, name.count(".") + 1)}
 
 
 @pytest.mark.parametrize("group", ["algorithm", "policy"])
 def test_settings_named_in_sentences_are_there(group: str) -> None:
-    known = settings(group)
+    there = settings(group)
     named = {
         (str(page.relative_to(ROOT)), name)
         for page in PAGES
@@ -101,4 +99,4 @@ def test_settings_named_in_sentences_are_there(group: str) -> None:
         for kind, name in INSIDE.findall(page.read_text(encoding="utf-8"))
         if kind == group
     }
-    assert sorted((page, name) for page, name in named if name not in known and name != "name") == []
+    assert sorted((page, name) for page, name in named if name not in there and name != "name") == []
