@@ -32,7 +32,7 @@ EXAMPLES = (
     "two_joint_hexa",
     "hovering",
     "tern",
-)  # written by the reader first
+)  # the reader writes them
 
 
 def shown(page: Path) -> list[str]:
