@@ -9,7 +9,6 @@ from typing import Any, Literal
 import pytest
 
 from aerial_il.cli.main import main
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.composition import fits
 
 
