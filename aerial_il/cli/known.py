@@ -73,8 +73,9 @@ def of_choice(kind: str, name: str) -> list[Key]:
 
 def not_there(kind: str, name: str) -> UnknownNameError:
     """Return the error for a choice that there is not; a run in place of a policy class is told what may be meant."""
-    meant = FROM_A_RUN.format(name) if kind == "policy" and "/" in name else ""
-    return UnknownNameError(kind, name, options(kind), meant)
+    known = options(kind)
+    meant = FROM_A_RUN.format(name) if kind == "policy" and "/" in name else "" if known else registry.KINDS[kind].hint
+    return UnknownNameError(kind, name, known, meant)
 
 
 def _state(kind: str, name: str) -> list[int | str]:
