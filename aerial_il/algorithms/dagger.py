@@ -35,9 +35,9 @@ from aerial_il.algorithms.interactive.mixture import Mixture, newcomer_of
 from aerial_il.algorithms.interactive.problem import Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.core.composition import Choice
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.schema import Choice
 from aerial_il.core.seeding import named_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 

@@ -127,6 +127,7 @@ class Demonstrated(Generator):
         super().__init__(rng)
         windows = cut_windows(demos, prior.interface.layout, prior.config)
         obs, actions, valid = TrainingSet(windows, prior.interface).gather(np.arange(len(windows)))
+        assert isinstance(obs, Tensor), "a prior that sees images is refused before"
         whole = valid[:, : actor.execute].all(1)
         self._obs, self._drawn = obs[whole].flatten(1), actor.drawn_of(actions[whole])
 

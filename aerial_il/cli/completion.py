@@ -5,8 +5,8 @@ from __future__ import annotations
 from aerial_il.cli import commands, words
 from aerial_il.cli.known import known, of_choice
 from aerial_il.core import presets
-from aerial_il.core.composition import Key, options
 from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.schema import Key, options
 
 ACTION = "action"
 CELL = {"robot": "task", "task": "robot"}  # what each must fit

@@ -10,8 +10,9 @@ from typing import Any
 
 from aerial_il.cli import commands, words
 from aerial_il.cli.commands import Command
-from aerial_il.core.composition import build, keys, plain
+from aerial_il.core.composition import build, plain
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.schema import keys
 from aerial_il.workflows.spelling import literal
 
 
@@ -56,22 +57,20 @@ def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
     from omegaconf.errors import OmegaConfBaseException
 
     given = list(overrides)
-    parsed = _parsed(given)
     ConfigStore.instance().store(name=settings.__name__, node=_node(settings))
     GlobalHydra.instance().clear()
     found = dict[str, Any]()
     try:
         with initialize_config_module(commands.__name__, version_base="1.3"):
             cfg = hydra_compose(settings.__name__, [f"++{word}" for word in given])
-        for each in parsed:
-            value = OmegaConf.select(cfg, each.key_or_group)
-            content = OmegaConf.to_container(value, resolve=True) if OmegaConf.is_config(value) else value
-            *path, last = each.key_or_group.split(".")
-            place = found
-            for name in path:
-                place = place.setdefault(name, {})
-            place[last] = content
+        for name in (word.partition("=")[0] for word in given):
+            value, place = OmegaConf.select(cfg, name), found
+            *path, last = name.split(".")
+            for step in path:
+                place = place.setdefault(step, {})
+            place[last] = OmegaConf.to_container(value, resolve=True) if OmegaConf.is_config(value) else value
     except (HydraException, OmegaConfBaseException, AttributeError, TypeError) as error:
+        _parsed(given)  # names the word that cannot be read
         raise InvalidValueError(f"{' '.join(given)} does not go together: {_first_line(error)}") from error
     return found
 

@@ -10,7 +10,7 @@ from aerial_il.cli import commands
 from aerial_il.cli.commands import Command
 from aerial_il.cli.known import known, of_choice
 from aerial_il.core import presets, registry
-from aerial_il.core.composition import Key, options
+from aerial_il.core.schema import Key, options
 
 _ORDER = (
     "demo", "list", "view", "collect", "train", "evaluate", "report", "compare", "replay", "validate", "recover",

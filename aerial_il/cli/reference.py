@@ -8,8 +8,8 @@ from aerial_il.cli import commands
 from aerial_il.cli.commands import Command
 from aerial_il.cli.help import meaning_of, ordered_names
 from aerial_il.cli.known import of_choice
-from aerial_il.core import composition
-from aerial_il.core.composition import Key
+from aerial_il.core import schema
+from aerial_il.core.schema import Key
 
 KINDS = ("policy", "algorithm", "gate", "launcher", "sweeper")
 EXAMPLE = re.compile(r"^Example: (.*)$", re.MULTILINE)
@@ -34,7 +34,7 @@ def pages() -> dict[str, str]:
 def _page(command: Command) -> str:
     examples = "\n".join(EXAMPLE.findall(command.doc))
     text = EXAMPLE.sub("", command.doc).strip()
-    keys = _keys(list(composition.keys(command.settings)))
+    keys = _keys(list(schema.keys(command.settings)))
     parts = [
         f"# aerial-il {command.name}",
         _prose(text),
@@ -60,7 +60,7 @@ def _choices_page() -> str:
 
 
 def _choices(kind: str) -> str:
-    each = [f"### {kind}={name}\n\n{_keys(of_choice(kind, name))}" for name in composition.options(kind)]
+    each = [f"### {kind}={name}\n\n{_keys(of_choice(kind, name))}" for name in schema.options(kind)]
     return "\n\n".join([f"## {kind}", *each])
 
 

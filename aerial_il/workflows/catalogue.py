@@ -1,4 +1,4 @@
-"""What there is: robots, tasks, cells, tiers, action levels, controllers, policies, algorithms; and their gallery."""
+"""What there is: robots, tasks, cells, tiers, sensors, levels, controllers, policies, algorithms; and their gallery."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def catalogue() -> Catalogue:
     from aerial_il import algorithms, policies, robots
     from aerial_il.control import controllers
     from aerial_il.control.actions import ActionLevel
-    from aerial_il.suite import tasks, tiers
+    from aerial_il.suite import sensors, tasks, tiers
 
     cells = tasks.cells()
     return {
@@ -83,6 +83,7 @@ def catalogue() -> Catalogue:
         ],
         "tiers": [_tier_row(tiers.get(name)) for name in tiers.names()],
         "tier_components": [_component_row(name, tiers.standard(name)) for name in tiers.components()],
+        "sensors": [_sensor_row(name) for name in sensors.names()],
         "action_levels": [{"name": level.label} for level in ActionLevel],
         "controllers": [{"name": name, "summary": controllers.get(name).summary} for name in controllers.names()],
         "policies": [{"name": name} for name in policies.names()],
@@ -98,8 +99,18 @@ def _robot_row(robot: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]
         "rotors": robot.num_rotors,
         "joints": robot.num_joints,
         "mass_kg": round(float(robot.vehicle.mass), 2),
+        "cameras": [camera.name for camera in robot.mounted_cameras],
         "tasks": [task for name, task in cells if name == robot.name],
     }
+
+
+def _sensor_row(name: str) -> dict[str, Any]:
+    from aerial_il import robots
+    from aerial_il.suite import sensors
+
+    shown = ((each, fields) for robot in robots.names() for each, _, fields in sensors.of(robots.get(robot)))
+    found = next((fields for each, fields in shown if each == name), ())
+    return {"name": name, "fields": [f"{f.name}: {f.meaning}{f' ({f.unit})' if f.unit else ''}" for f in found]}
 
 
 def _task_row(task: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:

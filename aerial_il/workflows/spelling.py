@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from aerial_il.core import composition, presets, registry
+from aerial_il.core import composition, presets, registry, schema
 
 _PLAIN = re.compile(r"(?!(?:true|false|null|inf|nan)$)[a-z_/][a-z0-9_/.\-]*", re.ASCII | re.IGNORECASE)
 _QUOTED = re.compile(r"'(?:\\.|[^'\\])*'|\"(?:\\.|[^\"\\])*\"", re.DOTALL)
@@ -33,7 +33,7 @@ def words_of(settings: Any, *, without: Collection[str] = ()) -> list[str]:
         settings: a dataclass. without: keys that are left unsaid.
     """
     found = list[str]()
-    for key in composition.keys(type(settings)):
+    for key in schema.keys(type(settings)):
         if "." in key.name or key.name in without or key.takes == "preset":
             continue
         value = getattr(settings, key.name)
@@ -41,7 +41,7 @@ def words_of(settings: Any, *, without: Collection[str] = ()) -> list[str]:
             found += _choosing(key.name, key.kind, composition.chosen(key.kind, value), key.default)
         elif is_dataclass(value) and not isinstance(value, type):
             found += _group(key.name, value)
-        elif composition.shown(value) != key.default:
+        elif schema.shown(value) != key.default:
             found.append(path(key.name, value) if isinstance(value, str) else f"{key.name}={typed(value)}")
     return found
 

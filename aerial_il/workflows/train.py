@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -99,14 +99,6 @@ class Train:
     def __post_init__(self) -> None:
         at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0, port=0)
 
-    @property
-    def reference(self) -> EnvironmentReference:
-        """The environment that was named."""
-        from aerial_il.workflows.parts.environments import EnvironmentReference, given
-
-        own = {name: getattr(self, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}
-        return EnvironmentReference(options=given(success=self.success, max_steps=self.max_steps), **own)
-
 
 def train(settings: Train) -> ChunkPolicy:
     """Train as ``settings`` say, and return the policy.
@@ -116,16 +108,35 @@ def train(settings: Train) -> ChunkPolicy:
     """
     from aerial_il.algorithms.run.trackers import track_with
     from aerial_il.workflows.parts.by_hand import suited
+    from aerial_il.workflows.parts.environments import EnvironmentReference, given
+    from aerial_il.workflows.parts.rollout_evaluator import RolloutEvaluator
+    from aerial_il.workflows.parts.training_resources import training_resources
 
-    policy, algorithm = chosen("policy", settings.policy, at="policy."), _algorithm(settings)
-    algorithm, policy = suited(settings.dataset.path, algorithm, policy, by_hand=settings.dataset.by_hand)
-    episodes = _demonstrations(settings, algorithm, policy)
-    with (
-        track_with(list(settings.tracker)),
-        _command_kept(settings),
-        _rollouts(settings, algorithm) as evaluate,
-        _resources(settings, algorithm, policy) as handed,
-    ):
+    dataset, threads = settings.dataset, settings.threads
+    policy = chosen("policy", settings.policy, at="policy.")
+    algorithm = chosen("algorithm", settings.algorithm, at="algorithm.")
+    if settings.evaluate_every is not None:
+        algorithm = _evaluated(algorithm, settings.evaluate_every)
+    if dataset.path is None and algorithm.demonstrated:
+        hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
+        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
+    if dataset.path is not None:
+        algorithm, policy = suited(dataset.path, algorithm, policy, by_hand=dataset.by_hand)
+    own = {name: getattr(settings, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}
+    where = EnvironmentReference(options=given(success=settings.success, max_steps=settings.max_steps), **own)
+    episodes = _demonstrations(dataset, policy.images, where, failures=getattr(algorithm, "failures", False))
+    rollouts = (settings.evaluate_episodes, settings.evaluate_seed, settings.evaluate_tier)
+    evaluating = (
+        RolloutEvaluator(*rollouts, threads=threads, env=settings.env).open()
+        if algorithm.evaluate_every
+        else nullcontext()
+    )
+    resources = training_resources(
+        algorithm, dataset.path, reference=where, images=policy.images, expert=settings.expert,
+        tier=settings.flight_tier, num_envs=settings.num_envs, threads=threads, port=settings.port,
+    )  # fmt: skip
+    kept = _command_kept(settings.run, dataset, lambda: command(settings))
+    with track_with(list(settings.tracker)), kept, evaluating as evaluate, resources as handed:
         return algorithm.train(
             episodes, policy, run=settings.run, seed=settings.seed, evaluate=evaluate,
             resume=settings.resume, progress=settings.progress, **handed,
@@ -139,70 +150,36 @@ def command(settings: Train) -> str:
     return command_line(["train", *words_of(settings, without=("resume", "progress", "tracker"))])
 
 
-def _algorithm(settings: Train) -> Any:
-    """Return the algorithm, with the rollouts on the way that were asked for."""
-    algorithm, often = chosen("algorithm", settings.algorithm, at="algorithm."), settings.evaluate_every
-    if often is None:
-        return algorithm
-    own = {"evaluate_every": often}
-    given = own if "evaluate_every" in type(algorithm).__dataclass_fields__ else {"cadence": own}
-    return build(type(algorithm), given, base=algorithm)
+def _evaluated(algorithm: Any, every: int) -> Any:
+    """Return the algorithm with rollouts on the way, as often as was asked for."""
+    own = {"evaluate_every": every}
+    changes = own if "evaluate_every" in type(algorithm).__dataclass_fields__ else {"cadence": own}
+    return build(type(algorithm), changes, base=algorithm)
 
 
-def _demonstrations(settings: Train, algorithm: Any, policy: Any) -> Iterable[Episode] | None:
+def _demonstrations(
+    dataset: Dataset, images: Sequence[str], where: EnvironmentReference, *, failures: bool
+) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
     from aerial_il.workflows.parts import demonstrations
 
-    path, reference = settings.dataset.path, settings.reference
-    if path is not None:
-        if said := [*reference.options, *(["horizon"] if reference.horizon else [])]:
-            raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
-        demonstrations.check_origin(path, reference.expected)
-        demonstrations.warn_of_changes(path)
-        return demonstrations.open_demonstrations(
-            path, limit=settings.dataset.episodes, images=policy.images, algorithm=algorithm
-        )
-    if algorithm.demonstrated:
-        hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
-        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
-    return None
-
-
-def _rollouts(settings: Train, algorithm: Any) -> AbstractContextManager[Any]:
-    """Return what flies the policy on the way, or None where nobody asked for it."""
-    if not algorithm.evaluate_every:
-        return nullcontext()
-    from aerial_il.workflows.parts.rollout_evaluator import RolloutEvaluator
-
-    count, seed, tier = settings.evaluate_episodes, settings.evaluate_seed, settings.evaluate_tier
-    return RolloutEvaluator(count, seed, tier, threads=settings.threads, env=settings.env).open()
-
-
-def _resources(settings: Train, algorithm: Any, policy: Any) -> AbstractContextManager[dict[str, Any]]:
-    """Return what an algorithm that flies while it learns is handed."""
-    from aerial_il.workflows.parts.training_resources import training_resources
-
-    return training_resources(
-        algorithm,
-        settings.dataset.path,
-        reference=settings.reference,
-        images=policy.images,
-        expert=settings.expert,
-        tier=settings.flight_tier,
-        num_envs=settings.num_envs,
-        threads=settings.threads,
-        port=settings.port,
-    )
+    if (path := dataset.path) is None:
+        return None
+    if said := [*where.options, *(["horizon"] if where.horizon else [])]:
+        raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
+    demonstrations.check_origin(path, where.expected)
+    demonstrations.warn_of_changes(path)
+    return demonstrations.open_demonstrations(path, limit=dataset.episodes, images=images, failures=failures)
 
 
 @contextmanager
-def _command_kept(settings: Train) -> Iterator[None]:
+def _command_kept(run: str, dataset: Dataset, said: Callable[[], str]) -> Iterator[None]:
     """Keep in the run's folder what leads to it, once the training has ended or been stopped: then the run is ours."""
     from aerial_il.core.files import write_json
 
     def keep() -> None:
-        dataset = {"path": settings.dataset.path, "episodes": settings.dataset.episodes}
-        write_json(Path(settings.run) / COMMAND, {"command": command(settings), "dataset": dataset})
+        learned_from = {"path": dataset.path, "episodes": dataset.episodes}
+        write_json(Path(run) / COMMAND, {"command": said(), "dataset": learned_from})
 
     try:
         yield

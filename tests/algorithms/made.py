@@ -8,8 +8,9 @@ from functools import cache
 from typing import Any
 
 from aerial_il import algorithms
-from aerial_il.core.composition import build, keys
+from aerial_il.core.composition import build
 from aerial_il.core.renamed import moved
+from aerial_il.core.schema import keys
 
 
 def made(cls: type[Any], values: Mapping[str, Any], base: Any = None) -> Any:

@@ -12,14 +12,14 @@ import pytest
 
 import aerial_il
 from aerial_il.cli import commands, completion
-from aerial_il.core import composition
+from aerial_il.core import schema
 
 
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
         (["aerial-il", "trai"], ["train"]),
-        (["aerial-il", "train", "policy="], [f"policy={name}" for name in composition.options("policy")]),
+        (["aerial-il", "train", "policy="], [f"policy={name}" for name in schema.options("policy")]),
         (["aerial-il", "train", "policy.hid"], ["policy.hidden="]),
         (["aerial-il", "evaluate", "robot=ua"], ["robot=ua_quad_arm4"]),
         (["aerial-il", "list", "json="], ["json=true", "json=false"]),

@@ -10,7 +10,7 @@ import os
 import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -219,19 +219,20 @@ def killed_in_a_fork(work: Callable[[], object]) -> bool:
 def test_impossible_settings_are_refused(name: str) -> None:
     """Every number that is not negative by default must not be, in groups neither, and none may be no number at all."""
     cls = algorithms.get(name)
-    stated = {name: value for name, value in leaves(asdict(cls())).items() if name in names(cls)}
-    numbers = {name: value for name, value in stated.items() if type(value) in (int, float)}
+    values = {key: value for key, value in values_of(cls()) if key in names(cls)}  # those of a choice depend on it
+    numbers = {key: value for key, value in values.items() if type(value) in (int, float) and value >= 0}
     assert len(numbers) > 3
-    for number in (name for name, value in numbers.items() if value >= 0):
+    for number in numbers:
         for wrong in (-1, float("nan")):
             with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
                 made(cls, {number: wrong})
 
 
-def leaves(settings: Mapping[str, Any], at: str = "") -> dict[str, Any]:
-    """Return nested settings by dotted names."""
-    parts = (leaves(v, f"{at}{k}.") if isinstance(v, Mapping) else {f"{at}{k}": v} for k, v in settings.items())
-    return {name: value for part in parts for name, value in part.items()}
+def values_of(settings: Any, at: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted name and the value of each setting, in groups too."""
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        yield from values_of(value, f"{at}{field.name}.") if is_dataclass(value) else [(f"{at}{field.name}", value)]
 
 
 @each

@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields
 import pytest
 
 from aerial_il.core import registry
-from aerial_il.core.composition import keys
+from aerial_il.core.schema import keys
 
 ALL = [(kind, name) for kind in ("algorithm", "policy") for name in registry.names(kind)]
 each = pytest.mark.parametrize(("kind", "name"), ALL)

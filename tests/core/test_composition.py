@@ -10,8 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 import pytest
 
 from aerial_il.core import presets
-from aerial_il.core.composition import Choice, Name, build, keys, meanings, plain
+from aerial_il.core.composition import build, plain
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.schema import Choice, Name, keys, meanings
 from aerial_il.policies.act import ACT
 from aerial_il.policies.mlp import MLP
 
@@ -87,7 +88,7 @@ def test_a_value_becomes_what_its_hint_wants(given: dict[str, Any], name: str, v
         ({"seed": "abc"}, "seed='abc' is not a whole number"),
         ({"seed": True}, "seed=True is not a whole number"),
         ({"kind": "wide"}, "kind='wide' is not one of short, long"),
-        ({"pair": [1]}, r"pair=\(1,\) is not a list"),
+        ({"pair": [1]}, r"pair=\[1\] is not a list"),
         ({"place": 3}, "place=3: it is a group; set one of its keys, place.path, place.count"),
         ({"place": {"cont": 3}}, "Unknown key 'place.cont'. Did you mean 'place.count'"),
         ({"robot": "qad"}, "Unknown robot 'qad'. Did you mean 'quad'"),

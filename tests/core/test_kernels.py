@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -87,3 +88,15 @@ def test_an_entry_is_the_kernel_for_the_types_it_was_made_for() -> None:
     assert found[0] == 10.5
     with pytest.raises(TypeError):
         entry(_Pair(np.arange(3, dtype=np.float32), 4.0), found)
+
+
+def test_a_kernel_of_another_package_is_stale_with_the_files_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "one.py").write_text("def read(found):\n    found[0] = 1.0\n")
+    found: dict[str, Callable[..., Any]] = {}
+    exec(compile((tmp_path / "one.py").read_text(), str(tmp_path / "one.py"), "exec"), found)
+    stamps = []
+    for text in ("HELP = 1\n", "HELP = 2\n"):
+        (tmp_path / "beside.py").write_text(text)
+        kernels._folder_sources.cache_clear()
+        stamps.append(kernels._sources_of(found["read"]))
+    assert stamps[0] != stamps[1]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
 import pytest
 
 import aerial_il
-from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.sac import SAC
 from aerial_il.cli.main import main
 
 PACKAGE = str(Path(aerial_il.__file__).parent)
@@ -37,62 +38,53 @@ def carries(value: object, depth: int = DEPTH) -> bool:
 
 
 def way(call: Callable[[], object]) -> tuple[set[tuple[str, str]], set[str]]:
-    """Return the functions, and their files, through which a value comes to the algorithm's ``train``.
+    """Return the functions, and their files, that are given the value before the algorithm's ``train`` is entered.
 
-    These are the ones that call each other down to it, and those that were given the value and handed it back, as it
-    is or made into something else. Who only looks at it, as a check of its range does, is not on its way.
+    What the algorithm itself does to check its settings is left out.
     """
     functions, done = set[tuple[str, str]](), list[bool]()
 
-    def place(frame: FrameType) -> tuple[str, str] | None:
+    def note(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        ours = code.co_filename.startswith(PACKAGE) and not code.co_name.startswith("<")
-        return (code.co_filename, code.co_qualname) if ours else None
+        ours = code.co_filename.startswith(PACKAGE) and not code.co_filename.startswith(f"{PACKAGE}/algorithms/")
+        if event != "call" or done or not ours or code.co_name.startswith("<"):
+            return
+        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount + 2]
+        if any(carries(frame.f_locals[name]) for name in names if name in frame.f_locals):
+            functions.add((code.co_filename, code.co_qualname))
 
-    def note(frame: FrameType, event: str, result: object) -> None:
-        if event == "return" and not done and (found := place(frame)) and carries(result):
-            names = frame.f_code.co_varnames[: frame.f_code.co_argcount + frame.f_code.co_kwonlyargcount + 2]
-            if any(carries(frame.f_locals[name]) for name in names if name in frame.f_locals):
-                functions.add(found)
-
-    def reached(self: BC, *_: object, **__: object) -> None:
+    def reached(self: SAC, *_: object, **__: object) -> None:
         assert self.lr == LR
-        frame: FrameType | None = sys._getframe()
-        while (frame := frame.f_back) is not None:
-            functions.update(filter(None, [place(frame)]))
         done.append(True)
+        raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(BC, "train", reached)
+        patch.setattr(SAC, "train", reached)
         sys.setprofile(note)
         try:
-            call()
+            with suppress(KeyboardInterrupt):
+                call()
         finally:
             sys.setprofile(None)
     assert done
     return functions, {file for file, _ in functions}
 
 
-@pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    folder = tmp_path_factory.mktemp("way")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        flown = {"env": "gymnasium:Pendulum-v1", "policy": "random", "success": "survived", "max_steps": 3}
-        aerial_il.collect(out="demos", episodes=2, num_envs=1, progress=False, **flown)
-        main(["train", "dataset=demos", "run=once", "algorithm.steps=1", "policy.hidden=[4]", "policy.chunk=1",
-              "policy.anchor=null", "progress=false"])  # fmt: skip
-        yield folder
+POLICY, ENV = "squashed_gaussian", "gymnasium:Pendulum-v1"
 
 
-def test_from_the_command_line(home: Path) -> None:
-    functions, files = way(lambda: main(["train", "dataset=demos", "run=typed", f"algorithm.lr={LR}"]))
+def test_from_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    typed = ["train", "algorithm=sac", f"algorithm.lr={LR}", f"policy={POLICY}", f"env={ENV}", "run=typed"]
+    functions, files = way(lambda: main(typed))
     assert len(functions) <= 18, sorted(functions)
     assert len(files) <= 9, sorted(files)
 
 
-@pytest.mark.parametrize("algorithm", [{"lr": LR}, BC(lr=LR)], ids=["mapping", "settings"])
-def test_from_python(algorithm: object, home: Path) -> None:
-    functions, files = way(lambda: aerial_il.train("demos", run="called", algorithm=algorithm))
+@pytest.mark.parametrize("algorithm", [{"name": "sac", "lr": LR}, SAC(lr=LR)], ids=["mapping", "settings"])
+def test_from_python(algorithm: object, tmp_path: Path) -> None:
+    functions, files = way(
+        lambda: aerial_il.train(run=tmp_path / "called", algorithm=algorithm, policy=POLICY, env=ENV)
+    )
     assert len(functions) <= 10, sorted(functions)
     assert len(files) <= 7, sorted(files)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from aerial_il.cli import commands
-from aerial_il.core import composition
+from aerial_il.core import schema
 from tests.safety.conftest import CLONE, ENV, QUIET
 from tests.safety.hostile import Sound
 
@@ -25,7 +25,7 @@ FLOWN = ["episodes=1", "threads=1", QUIET]
 def keys() -> Iterator[tuple[str, str]]:
     """Yield command and key wherever a place that may be somebody else's is typed."""
     for name in commands.names():
-        for key in composition.keys(commands.find(name).settings):
+        for key in schema.keys(commands.find(name).settings):
             opens = key.takes in ("place", "text", "texts", "mapping") and "." not in key.name
             named = key.kind or key.options or key.name in PLAIN
             if opens and not named and name not in CLOSED and (name, key.name) not in WRITTEN:

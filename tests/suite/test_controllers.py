@@ -52,5 +52,5 @@ def test_the_specification_says_who_flies_and_policies_do_not_care() -> None:
 
 
 def test_an_unknown_controller_is_answered_with_the_valid_ones() -> None:
-    with pytest.raises(UnknownNameError, match="Valid: geometric_observer, geometric, pid, lqr"):
+    with pytest.raises(UnknownNameError, match="Valid: geometric, geometric_observer, lqr, pid"):
         aerial_il.load(*CELL, controller="mpc")

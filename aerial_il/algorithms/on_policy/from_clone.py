@@ -12,7 +12,7 @@ import math
 import os
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
@@ -74,7 +74,6 @@ class Start(NamedTuple):
         )
 
 
-@dataclass(frozen=True, kw_only=True)
 class FromClone(Algorithm):
     """Opens the run of a learner that goes on from a clone; :meth:`go_on` is the algorithm.
 

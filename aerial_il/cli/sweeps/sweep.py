@@ -14,8 +14,7 @@ from aerial_il.cli.sweeps.job import Job
 from aerial_il.core.composition import chosen
 from aerial_il.core.errors import AerialError, InvalidValueError
 
-LAUNCHER, SWEEPER = "launcher", "sweeper"
-DEFAULTS = {LAUNCHER: "serial", SWEEPER: "optuna"}
+DEFAULTS = {"launcher": "serial", "sweeper": "optuna"}
 _REASONS = 3  # named in an error; the table has all
 
 
@@ -29,13 +28,6 @@ class JobsFailedError(AerialError):
     def __init__(self, message: str, status: int) -> None:
         super().__init__(message)
         self.status = status
-
-
-def parted(words: Sequence[str], kind: str) -> tuple[dict[str, str], list[str]]:
-    """Part ``launcher=NAME`` and ``launcher.KEY=VALUE``, or those of the sweeper, from the words of a command."""
-    mine = [word for word in words if word.partition("=")[0].partition(".")[0] == kind]
-    choice = {key: value for key, _, value in (word.partition("=") for word in mine)}
-    return choice, [word for word in words if word not in mine]
 
 
 def chosen_of(kind: str, words: Mapping[str, str]) -> Any:

@@ -6,8 +6,6 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
-from aerial_il.algorithms.bc import BC
-from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
@@ -16,7 +14,7 @@ log = logging.getLogger(__name__)
 
 
 def open_demonstrations(
-    path: str, *, limit: int | None, images: Sequence[str] = (), algorithm: Algorithm | BC | None = None
+    path: str, *, limit: int | None, images: Sequence[str] = (), failures: bool = False
 ) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
 
@@ -24,12 +22,11 @@ def open_demonstrations(
 
     Args:
         path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
-        algorithm: that learns from them, which may ask for failed flights too.
+        failures: whether failed flights are learned from too.
 
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
-    failures = getattr(algorithm, "failures", False)
     if limit is None:
         return open_dataset(path, cameras=tuple(images), failures=failures)
     if failures:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from aerial_il.core.composition import Choice, Name
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.schema import Choice, Name
 
 Robot = Annotated[str, Name("robot")]
 Task = Annotated[str, Name("task")]

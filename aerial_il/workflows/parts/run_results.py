@@ -52,7 +52,7 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
     limit = recorded.get("episodes") if path == recorded.get("path") else None
     divided = algorithm.divide(
-        demonstrations.open_demonstrations(path, limit=limit, images=policy.images, algorithm=algorithm),
+        demonstrations.open_demonstrations(path, limit=limit, images=policy.images, failures=algorithm.failures),
         policy,
         seed=run.seed,
     )

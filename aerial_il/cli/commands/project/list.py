@@ -1,4 +1,4 @@
-"""Show what there is: robots, tasks, cells, tiers, action levels, controllers, policies, algorithms.
+"""Show what there is: robots, tasks, cells, tiers, sensors, action levels, controllers, policies, algorithms.
 
 A cell is a robot with a task that it can do; where it cannot, declined=true says why. Tiers are shown with the
 components that they may be made of. The gallery shows all cells, with a film of an expert's flight each.
