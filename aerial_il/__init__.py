@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from aerial_il.suite.outside.batch import OutsideBatch
     from aerial_il.suite.outside.processes import SharedBatch
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 choose_backend()  # MuJoCo reads MUJOCO_GL when it is first imported
 gymnasium_ids.register_when_imported()

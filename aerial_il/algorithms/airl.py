@@ -17,7 +17,6 @@ equations 4 and 5.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -27,44 +26,27 @@ from torch import Tensor, nn
 from aerial_il.algorithms.adversarial.discriminator import Discriminator
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
 from aerial_il.algorithms.adversarial.settings import LearnedReward
-from aerial_il.algorithms.gail import check_imitation, imitate, imitation_problem
+from aerial_il.algorithms.gail import GAIL
 from aerial_il.algorithms.on_policy.settings import Rollout
-from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Problem
 from aerial_il.algorithms.online.replay_buffer import Batch
-from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_choice
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, log_density, unsquashed
 
 RewardOn = Literal["state", "state_action"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class AIRL(Algorithm):
-    """Adversarial inverse reinforcement learning (Fu et al. 2018).
+class AIRL(GAIL):
+    """Adversarial inverse reinforcement learning (Fu et al. 2018): :class:`GAIL` with another discriminator.
 
     Attributes:
-        bc_pretrain_steps: minibatches of behavioural cloning before the first flight.
-        warmup: environment steps in which the clone acts as it is, and critic and discriminator alone learn.
-        lr: learning rate at the start; it falls linearly to zero.
-        entropy: weight of the entropy.
-        reward: updates are the discriminator's steps for each rollout.
         reward_on: what g sees, ``state`` or ``state_action``.
-        reward_batch: transitions in the discriminator's minibatch, half of them demonstrated.
-        buffer_size: newest transitions of the agent that it is given.
     """
 
     name: ClassVar[str] = "airl"
-    rewarded: ClassVar[bool] = False
-    demonstrated: ClassVar[bool] = True
 
     steps: int = 300_000
     bc_pretrain_steps: int = 0
@@ -104,17 +86,11 @@ class AIRL(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_imitation(self)
         require_choice(self, "reward_on", RewardOn)
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return imitation_problem(self, dataset, policy, env, seed)
-
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
+    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
         shape = self.reward.shape(running_norm=True, actions=self.reward_on == "state_action")
-        reward_net = ShapedReward(*run.sizes, shape, lr=self.reward.lr, gamma=self.gamma, actor=agent.actor)
-        return imitate(run, self, agent, reward_net)
+        return ShapedReward(*sizes, shape, lr=self.reward.lr, gamma=self.gamma, actor=actor)
 
 
 class ShapedReward(RewardNet):

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from aerial_il.algorithms.online.problem import Problem, check_steps, whole_turn
 from aerial_il.algorithms.online.problems import from_demonstrations
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.ppo import ProximalActorCritic, ProximalSettings, check_proximal
+from aerial_il.algorithms.ppo import ProximalActorCritic, check_proximal
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.core.contracts import BatchEnv
@@ -106,144 +106,68 @@ class GAIL(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_imitation(self)
+        check_proximal(self)
+        require_positive(self, "reward_batch", "buffer_size")
+        require_not_negative(self, "bc_pretrain_steps")
+        if self.reward.updates != int(self.reward.updates):
+            raise InvalidValueError(f"reward.updates is {self.reward.updates}; for each rollout it is a whole number.")
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return imitation_problem(self, dataset, policy, env, seed)
+        if not begins_cloned(self):
+            rollout = whole_turns(self.rollout.steps, env.num_envs)  # for the last rollout no learning rate is left
+            check_steps(self, "rollout.steps", rollout)
+            check_steps(self, "warmup", (self.warmup // rollout + 1) * rollout)
+        return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
-        reward_net = RewardNet(*run.sizes, self.reward.shape(running_norm=True), lr=self.reward.lr)
-        return imitate(run, self, agent, reward_net)
+        reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
+        absorbing, imitates = self.demonstrations.absorbing, self.demonstrations.control != "constant_reward"
+        expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=absorbing)
+        buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
+        if begins_cloned(self) and not run.folder.resumed:
+            agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
 
+        def rewarded(rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
+            buffer.add(rows_of_rollout(rollout, absorbing=absorbing))
+            for _ in range(imitates * int(self.reward.updates)):
+                half = self.reward_batch // 2
+                demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.reward.action_noise)
+                penalty = self.reward.gradient_penalty
+                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=penalty)
+                reward_net.descend(loss)
+                run.log(logged)
+            rewards, end_values = self._rewards(rollout, reward_net, reward_norm)
+            run.log({"reward/mean": float(rewards.mean())})
+            return rewards, end_values
 
-class ImitationSettings(ProximalSettings, Protocol):
-    """What imitation reads of an algorithm's settings; :class:`AIRL` is one with another reward."""
+        flights = StepFlights(run, agent.actor, obs_norm=False)
+        parts: dict[str, Any] = {"reward_net": reward_net, "reward_norm": reward_norm}
+        parts |= {"expert_buffer": expert_buffer, "replay_buffer": buffer}
+        warmup = self.warmup + 1 - whole_turns(self.rollout.steps, run.collector.n)  # the rollout that ends it teaches
+        given = {"warmup": warmup, "rewarded": rewarded, "parts": parts}
+        learn_on_policy(run, self, flights, agent, agent.actor, **given)
+        reward_net.save(run.folder.path)
+        return run.finish()
 
-    name: ClassVar[str]
-    rewarded: ClassVar[bool]
+    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
+        """Return a new discriminator for observations and actions of these ``sizes``."""
+        return RewardNet(*sizes, self.reward.shape(running_norm=True), lr=self.reward.lr)
 
-    @property
-    def steps(self) -> int: ...
-    @property
-    def bc_pretrain_steps(self) -> int: ...
-    @property
-    def warmup(self) -> int: ...
-    @property
-    def gamma(self) -> float: ...
-    @property
-    def gae_lambda(self) -> float: ...
-    @property
-    def reward(self) -> LearnedReward: ...
-    @property
-    def reward_batch(self) -> int: ...
-    @property
-    def buffer_size(self) -> int: ...
-    @property
-    def demonstrations(self) -> Demonstrations: ...
-
-
-def check_imitation(settings: ImitationSettings) -> None:
-    """Raise :class:`InvalidValueError` where a setting is impossible."""
-    check_proximal(settings)
-    require_positive(settings, "reward_batch", "buffer_size")
-    require_not_negative(settings, "bc_pretrain_steps")
-    if settings.reward.updates != int(settings.reward.updates):
-        raise InvalidValueError(f"reward.updates is {settings.reward.updates}; for each rollout it is a whole number.")
-
-
-def imitation_problem(
-    settings: ImitationSettings, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int
-) -> Problem:
-    """Return a problem of demonstrations; see :meth:`Algorithm.problem`."""
-    if not begins_cloned(settings):
-        rollout = whole_turns(settings.rollout.steps, env.num_envs)  # for the last rollout no learning rate is left
-        check_steps(settings, "rollout.steps", rollout)
-        check_steps(settings, "warmup", (settings.warmup // rollout + 1) * rollout)
-    return from_demonstrations(settings, dataset, policy, env, seed)
-
-
-def imitate(
-    run: OnlineRun,
-    settings: ImitationSettings,
-    agent: ProximalActorCritic[SquashedGaussianNetwork],
-    reward_net: RewardNet,
-) -> ChunkPolicy:
-    """Let an agent learn from the reward that a discriminator gives it, and save that reward with the run."""
-    expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=settings.demonstrations.absorbing)
-    buffer = ReplayBuffer(settings.buffer_size, *run.sizes, run.rng("minibatches"))
-    if begins_cloned(settings) and not run.folder.resumed:
-        agent.bc_pretrain(expert_buffer, settings.bc_pretrain_steps)
-    found = DiscriminatedReward(run, settings, agent.actor, reward_net, (expert_buffer, buffer))
-    flights = StepFlights(run, agent.actor, obs_norm=False)
-    learns_from = settings.warmup + 1 - whole_turns(settings.rollout.steps, run.collector.n)  # the rollout that ends it
-    learn_on_policy(
-        run,
-        settings,
-        flights,
-        agent,
-        agent.actor,
-        warmup=learns_from,
-        rewarded=found.rewards,
-        parts={
-            "reward_net": reward_net,
-            "reward_norm": found.norm,
-            "expert_buffer": expert_buffer,
-            "replay_buffer": buffer,
-        },
-    )
-    reward_net.save(run.folder.path)
-    return run.finish()
-
-
-class DiscriminatedReward:
-    """A discriminator that learns to tell each rollout from the demonstrations, and rewards it by its answer.
-
-    Args:
-        actor: who flies. reward_net: the discriminator. buffers: of demonstrations, and of the newest flights.
-    """
-
-    def __init__(
-        self,
-        run: OnlineRun,
-        settings: ImitationSettings,
-        actor: SquashedGaussianNetwork,
-        reward_net: RewardNet,
-        buffers: tuple[ReplayBuffer, ReplayBuffer],
-    ) -> None:
-        self._run, self._settings, self._actor, self._reward_net = run, settings, actor, reward_net
-        self._expert_buffer, self._buffer = buffers
-        self.norm, self._imitates = RunningMoments(1), settings.demonstrations.control != "constant_reward"
-
-    def rewards(self, rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
+    def _rewards(
+        self, rollout: Steps, reward_net: RewardNet, reward_norm: RunningMoments
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return standardised rewards (T, n), and the value after each step (T, n) where it is terminal."""
-        self._buffer.add(rows_of_rollout(rollout, absorbing=self._settings.demonstrations.absorbing))
-        if self._imitates:
-            self._learn()
-            rewards, end_values = self._judged(rollout)
-        else:
-            rewards, end_values = np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
-        self._run.log({"reward/mean": float(rewards.mean())})
-        return rewards, end_values
-
-    def _learn(self) -> None:
-        chosen, half = self._settings.reward, self._settings.reward_batch // 2
-        for _ in range(int(chosen.updates)):
-            demos = sample_demos(self._expert_buffer, half, self._actor, action_noise=chosen.action_noise)
-            flown = self._buffer.sample(half)
-            loss, logged = discriminator_loss(self._reward_net, demos, flown, penalty=chosen.gradient_penalty)
-            self._reward_net.descend(loss)
-            self._run.log(logged)
-
-    def _judged(self, rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
+        if self.demonstrations.control == "constant_reward":
+            return np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
         obs = tensor(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
-        rewards = self._reward_net.reward(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
-        self.norm.add(rewards[:, None])
-        centre, deviation = self.norm.mean[0], self.norm.deviation[0]
+        rewards = reward_net.reward(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
+        reward_norm.add(rewards[:, None])
+        centre, deviation = reward_norm.mean[0], reward_norm.deviation[0]
         end_values = np.zeros_like(rewards)
-        if self._settings.demonstrations.absorbing and (ends := rollout.flat("terminal")).any():
-            for_ever = self._reward_net.after(rollout.flat("next_obs")[ends])
-            end_values[ends] = (for_ever - centre) / deviation / (1.0 - self._settings.gamma)
+        if self.demonstrations.absorbing and (ends := rollout.flat("terminal")).any():
+            for_ever = reward_net.after(rollout.flat("next_obs")[ends])
+            end_values[ends] = (for_ever - centre) / deviation / (1.0 - self.gamma)
         shape = rollout.rewards.shape
         return ((rewards - centre) / deviation).reshape(shape), end_values.reshape(shape)
 

@@ -8,7 +8,7 @@ changes. In flight, and in what the critics learn,
 the better action is taken: learning starts from the value of the prior, and leaves it where a higher one is estimated.
 Better is the actor's own action whose value exceeds the prior's, on average over the ensemble, by ``caution`` standard
 deviations of that difference over the critics; the source compares the minimum of two critics, which is near to no
-caution, and with little caution a prior was lost here (``docs/reinforcement_trials.md``). The actor ascends the mean of
+caution, and with little caution a prior of 67 % fell here to 6.5 %. The actor ascends the mean of
 the critics, as in TD3 with noise on its actions and on the target's, and is held near the prior's action b: it descends
 
     ``-mean Q(s, mu(s)) + prior_weight * mean |Q| * |mu(s) - b|^2 / Da``,
@@ -154,7 +154,7 @@ class IBRL(Algorithm):
         return run.finish()
 
 
-class ProposedAgent(Agent):
+class ProposedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and an ensemble of critics, with slowly following target networks of both.
 
     Its observations carry the prior's proposal, (B, Do + Da + 1 + 1), see

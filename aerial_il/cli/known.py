@@ -12,7 +12,6 @@ from pathlib import Path
 from aerial_il.core import registry
 from aerial_il.core.composition import chosen
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.core.files import write_atomic
 from aerial_il.core.schema import Key, keys, options
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -61,6 +60,8 @@ def of_choice(kind: str, name: str) -> list[Key]:
             return [Key(**{**each, "options": tuple(each["options"])}) for each in content["keys"]]
     except (OSError, ValueError, LookupError, TypeError):
         pass
+    from aerial_il.core.files import write_atomic
+
     settings = chosen(kind, name)
     found = list(keys(type(settings), base=settings))
     try:
@@ -73,8 +74,9 @@ def of_choice(kind: str, name: str) -> list[Key]:
 
 def not_there(kind: str, name: str) -> UnknownNameError:
     """Return the error for a choice that there is not; a run in place of a policy class is told what may be meant."""
-    meant = FROM_A_RUN.format(name) if kind == "policy" and "/" in name else ""
-    return UnknownNameError(kind, name, options(kind), meant)
+    known = options(kind)
+    meant = FROM_A_RUN.format(name) if kind == "policy" and "/" in name else "" if known else registry.KINDS[kind].hint
+    return UnknownNameError(kind, name, known, meant)
 
 
 def _state(kind: str, name: str) -> list[int | str]:

@@ -67,7 +67,12 @@ KINDS: Mapping[str, Kind] = {
     "gate": Kind("aerial_il.algorithms.interactive.gates", besides=frozenset({"gate"})),
     "launcher": Kind("aerial_il.cli.launchers"),
     "sweeper": Kind("aerial_il.cli.sweepers"),
-    "study": Kind("experiments", inside="study"),
+    "study": Kind(
+        "experiments",
+        inside="study",
+        hint="Studies are run from a checkout, which an installed package is not: clone the repository, run make setup "
+        "there, and call .venv/bin/aerial-il bench NAME.",
+    ),
 }
 
 

@@ -10,7 +10,7 @@ import os
 import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,12 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
-from aerial_il.core.schema import keys
 from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
-from tests.algorithms.made import made
+from tests.algorithms.made import made, names
 from tests.algorithms.point_mass import StepResult
 
 NAMES = algorithms.names()
@@ -220,12 +219,20 @@ def killed_in_a_fork(work: Callable[[], object]) -> bool:
 def test_impossible_settings_are_refused(name: str) -> None:
     """Every number that is not negative by default must not be, in groups neither, and none may be no number at all."""
     cls = algorithms.get(name)
-    numbers = {key.name: key.default for key in keys(cls) if type(key.default) in (int, float)}
+    values = {key: value for key, value in values_of(cls()) if key in names(cls)}  # those of a choice depend on it
+    numbers = {key: value for key, value in values.items() if type(value) in (int, float) and value >= 0}
     assert len(numbers) > 3
-    for number in (name for name, value in numbers.items() if value >= 0):
+    for number in numbers:
         for wrong in (-1, float("nan")):
             with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
                 made(cls, {number: wrong})
+
+
+def values_of(settings: Any, at: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted name and the value of each setting, in groups too."""
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        yield from values_of(value, f"{at}{field.name}.") if is_dataclass(value) else [(f"{at}{field.name}", value)]
 
 
 @each

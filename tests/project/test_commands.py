@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
-from aerial_il.cli.configuration.compose import compose, planned
-from aerial_il.cli.configuration.flags import sweeps
-from aerial_il.cli.configuration.overrides import prepare
-from aerial_il.cli.typed import compose as compose_training
-from aerial_il.workflows.chosen import chosen, names
 
 from aerial_il.cli import commands
-from aerial_il.cli.sweeps.sweep import SWEEPER, parted
-from aerial_il.core.composition import keys
+from aerial_il.cli.compose import compose, points
+from aerial_il.cli.words import read
+from aerial_il.core import registry
+from aerial_il.core.composition import plain
 from aerial_il.core.errors import AerialError
-from aerial_il.workflows.train import Train
+from aerial_il.core.schema import keys
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted({*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("experiments/*/README.md")})
@@ -28,7 +25,15 @@ FENCED = re.compile(r"^ *```(?:sh|bash|console|)\n(.*?)^ *```", re.MULTILINE | r
 OPEN = re.compile(r"\.\.\.|…|\b(?:NAME|COMMAND|KIND|LINE)\b")  # left to the reader
 SKIPPED = ("completion", "help")  # no keys
 INSIDE = re.compile(r"`(algorithm|policy)\.([a-z_]+(?:\.[a-z_]+)*)(?:=[^`]*)?`")  # a setting named in a sentence
-EXAMPLES = ("touch_point", "touch_ball", "linear", "gull", "two_joint_hexa", "hovering")  # written by the reader first
+EXAMPLES = (
+    "touch_point",
+    "touch_ball",
+    "linear",
+    "gull",
+    "two_joint_hexa",
+    "hovering",
+    "tern",
+)  # written by the reader first
 
 
 def shown(page: Path) -> list[str]:
@@ -49,21 +54,9 @@ def check(line: str) -> None:
     name, *words = shlex.split(line.removesuffix("&"), comments=True)[1:]
     if name in SKIPPED or {"-h", "--help", "--version"} & {name, *words}:
         return
-    words = parted(parted(words)[1], SWEEPER)[1]
-    if name == "train":
-        settings: Any = compose_training(Train, [_one(word) for word in words if not word.startswith("-")])
-        for group in ("policy", "algorithm"):
-            chosen(group, getattr(settings, group))
-    elif sweeps(words):
-        assert planned(commands.find(name), prepare(commands.find(name), words))
-    else:
-        compose(commands.find(name), words)
-
-
-def _one(word: str) -> str:
-    """Return a word with the first of the values that a sweep would try."""
-    key, equals, value = word.partition("=")
-    return f"{key}{equals}{value if set('[{(') & set(value) else value.partition(',')[0]}"
+    command = commands.find(name)
+    typed = read(command, words)
+    assert points(command, typed.overrides) if typed.sweeps else compose(command, words)
 
 
 def lines() -> Iterator[Any]:
@@ -84,10 +77,16 @@ def test_a_command_that_does_not_compose_is_seen(words: str) -> None:
         check(f"aerial-il {words}")
 
 
+def leaves(values: Mapping[str, Any], at: str = "") -> Iterator[str]:
+    for name, value in values.items():
+        yield from leaves(value, f"{at}{name}.") if isinstance(value, Mapping) else (f"{at}{name}",)
+
+
 def settings(group: str) -> set[str]:
     """Return all keys of all choices of a group, and the groups of keys."""
-    choices = [chosen(group, name) for name in names(group)]
+    choices = [registry.get(group, name)() for name in registry.names(group)]
     found = {key.name for choice in choices for key in keys(type(choice), base=choice)}
+    found |= {name for choice in choices for name in leaves(plain(choice))}  # of what is a choice itself, as a gate is
     return found | {".".join(name.split(".")[:i]) for name in found for i in range(1, name.count(".") + 1)}
 
 

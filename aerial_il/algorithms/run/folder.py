@@ -189,8 +189,8 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
         before, now = _flat(_settings(path), cadence), _flat(parse_yaml(CONFIG, text), cadence)
         if old := [key for key in before if _has_moved(key, now)]:
             raise InvalidValueError(
-                f"{path} was begun by an earlier version, which called settings otherwise ({', '.join(old)}). Its policy "
-                "can be flown; to train on, take that version, choose another run=NAME, or begin again: resume=false."
+                f"{path} was begun by an earlier version, which called settings otherwise ({', '.join(old)}). Its "
+                "policy can be flown; to train on, choose another run=NAME, or begin again with resume=false."
             )
         if differing := differences(before, now, dataset=_dataset(path)):
             changes = "; ".join(differing)

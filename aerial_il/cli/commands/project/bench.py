@@ -67,10 +67,7 @@ def run(settings: Bench) -> None:
         InvalidValueError: this is an installed package, which has no studies. ClaimError: a claim does not hold.
     """
     if not registry.names("study"):
-        raise InvalidValueError(
-            "Studies are run from a checkout, which an installed package is not: clone the repository, run make setup "
-            "there, and call .venv/bin/aerial-il bench NAME."
-        )
+        raise InvalidValueError(registry.KINDS["study"].hint)
     studies = [settings.bench] if settings.bench else [registry.get("study", n)() for n in registry.names("study")]
     if settings.quick:
         _check_claims(tuple(study.name for study in studies), settings)
