@@ -104,7 +104,7 @@ class AWAC(Algorithm):
         return learn_offline_first(run, self, agent, agent.update)
 
 
-class AdvantageWeightedAgent(Agent):
+class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and two critics with slowly following target networks.
 
     Args:

@@ -101,7 +101,7 @@ class DDPG(Algorithm):
         return run.finish()
 
 
-class DeterministicAgent(Agent):
+class DeterministicAgent(Agent[SquashedGaussianNetwork]):
     """Actor and critic, with slowly following target networks of both.
 
     Args:

@@ -127,7 +127,7 @@ class DQN(Algorithm):
         return run.finish()
 
 
-class DeepQAgent(Agent):
+class DeepQAgent(Agent[CategoricalNetwork]):
     """The values of all actions, and their target network.
 
     Args:

@@ -154,7 +154,7 @@ class IBRL(Algorithm):
         return run.finish()
 
 
-class ProposedAgent(Agent):
+class ProposedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and an ensemble of critics, with slowly following target networks of both.
 
     Its observations carry the prior's proposal, (B, Do + Da + 1 + 1), see

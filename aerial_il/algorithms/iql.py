@@ -109,7 +109,7 @@ class IQL(Algorithm):
         return learn_offline_first(run, self, agent, agent.update)
 
 
-class ImplicitAgent(Agent):
+class ImplicitAgent(Agent[SquashedGaussianNetwork]):
     """Actor, a state-value critic, and two action-value critics with slowly following target networks.
 
     Args:

@@ -124,7 +124,7 @@ class RLPD(Algorithm):
         return run.finish()
 
 
-class EnsembleActorCritic(Agent):
+class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
     """Actor, an ensemble of critics, slowly following target networks and the temperature alpha.
 
     Args:

@@ -95,16 +95,23 @@ class SAC(Algorithm):
 class SoftSettings(Protocol):
     """What the agent reads of an algorithm's settings; :class:`DAC` and :class:`SQIL` train it too."""
 
-    gamma: float
-    lr: float
-    alpha: float
-    entropy: float
-    actor_every: int
-    critics: Critics
-    replay: Replay
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def lr(self) -> float: ...
+    @property
+    def alpha(self) -> float: ...
+    @property
+    def entropy(self) -> float: ...
+    @property
+    def actor_every(self) -> int: ...
+    @property
+    def critics(self) -> Critics: ...
+    @property
+    def replay(self) -> Replay: ...
 
 
-class SoftActorCritic(Agent):
+class SoftActorCritic(Agent[SquashedGaussianNetwork]):
     """Actor, critics, slowly following target networks and the temperature alpha.
 
     Args:

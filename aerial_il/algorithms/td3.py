@@ -106,7 +106,7 @@ class TD3(Algorithm):
         return run.finish()
 
 
-class TwinDelayedAgent(Agent):
+class TwinDelayedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and two critics, with slowly following target networks of all of them.
 
     Args:

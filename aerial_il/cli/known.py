@@ -12,7 +12,6 @@ from pathlib import Path
 from aerial_il.core import registry
 from aerial_il.core.composition import chosen
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.core.files import write_atomic
 from aerial_il.core.schema import Key, keys, options
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -61,6 +60,8 @@ def of_choice(kind: str, name: str) -> list[Key]:
             return [Key(**{**each, "options": tuple(each["options"])}) for each in content["keys"]]
     except (OSError, ValueError, LookupError, TypeError):
         pass
+    from aerial_il.core.files import write_atomic
+
     settings = chosen(kind, name)
     found = list(keys(type(settings), base=settings))
     try:

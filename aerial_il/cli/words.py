@@ -23,7 +23,7 @@ SWEEP, SHOW = ("-m", "--multirun"), "--cfg"
 FLAGS = (*SWEEP, SHOW, "--help")
 LAUNCHER, SWEEPER = "launcher", "sweeper"
 _NAME = re.compile(r"[\w.]+", re.ASCII)
-_NAMES = re.compile(r"[A-Za-z_][\w/.-]*(,[A-Za-z_][\w/.-]*)*", re.ASCII)
+_NAMES = re.compile(r"[A-Za-z_][\w/.-]*(,[A-Za-z_][\w/.-]*)*|(glob|choice)\(.*\)", re.ASCII)
 _FUNCTION = re.compile(r"(choice|range|glob|interval|shuffle|sort|tag)\(")
 _GLOB, _CHOICE = re.compile(r"glob\((.*)\)"), re.compile(r"choice\((.*)\)")
 
@@ -57,6 +57,8 @@ def read(command: Command, words: list[str]) -> Typed:
         first = name.partition(".")[0]
         if word.startswith("--") and word[2:] in own:
             pairs.append((word[2:], "true"))
+        elif word.startswith("~"):  # takes an entry out of a mapping
+            pairs.append((word[1:].partition("=")[0], "null"))
         elif word.startswith("-"):
             flags.append(_flag(command, word))
         elif flags[-1:] == [SHOW] and word == "job":
@@ -71,7 +73,7 @@ def read(command: Command, words: list[str]) -> Typed:
     if any("\0" in value for _, value in pairs):
         raise InvalidValueError("A value has a null character, which no name and no path can have.")
     sweeps = not set(SWEEP).isdisjoint(flags)
-    there = known(command.settings, _choices(command, (each for each in pairs if _may_choose(each[1])), sweeps))
+    there = known(command.settings, _choices(command, (each for each in pairs if _NAMES.fullmatch(each[1])), sweeps))
     overrides = tuple(_override(_find(command, name, there), name, value, sweeps) for name, value in pairs)
     return Typed(overrides, sweeps, SHOW in flags, apart)
 
@@ -129,10 +131,6 @@ def _list(values: list[str]) -> str:
     return "[" + ",".join(literal(value) for value in values) + "]"
 
 
-def _may_choose(value: str) -> bool:
-    return bool(_NAMES.fullmatch(value) or _GLOB.fullmatch(value) or _CHOICE.fullmatch(value))
-
-
 def _choices(command: Command, pairs: Iterable[tuple[str, str]], sweeps: bool) -> dict[str, list[str]]:
     """Return key -> the names that are said there, several in a sweep."""
     found = dict[str, list[str]]()
@@ -169,7 +167,7 @@ def _override(key: Key, name: str, value: str, sweeps: bool) -> str:
         return f"{name}.name={_chosen(key, value, sweeps)}"
     if key.takes == "preset":
         return f"{name}={_chosen(key, value, sweeps)}"
-    if key.takes == "place" and value[:1] != "{":
+    if key.takes == "place":
         few = presets.names(name)
         return f"{name}.{'name' if all(part in few for part in parts(value)) else 'path'}={quoted(value)}"
     if key.takes == "text":

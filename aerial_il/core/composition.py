@@ -77,8 +77,10 @@ def chosen(kind: str, value: Any, before: Any = None, at: str = "") -> Any:
         before: what a mapping without a name changes: settings, or the name of some. at: as of :func:`build`.
     """
     value = {"name": value} if isinstance(value, str) else value
-    if not isinstance(value, Mapping):
+    if is_dataclass(value) and not isinstance(value, type):
         return value
+    if not isinstance(value, Mapping):
+        raise UnknownNameError(kind, value, options(kind))
     changes, name = {key: each for key, each in value.items() if key != "name"}, value.get("name", before)
     if is_dataclass(name) and not isinstance(name, type):
         return build(type(name), changes, base=name, at=at)
@@ -150,9 +152,9 @@ def _value(hint: Any, value: Any, before: Any, at: str) -> Any:
     if isinstance(before, Mapping) and isinstance(value, Mapping):
         return _merged(hint, value, before, at)
     if isinstance(value, list) or not fits(value, hint):
-        value = _coerced(value, bare(hint))
+        given, value = value, _coerced(value, bare(hint))
         if not fits(value, hint):
-            raise InvalidValueError(f"{at}={repr(value)[:80]} is not {in_words(hint)}.")
+            raise InvalidValueError(f"{at}={repr(given)[:80]} is not {in_words(hint)}.")
     if value is not None and (named := marked(hint, Name)) is not None:
         named.check(value)
     return value

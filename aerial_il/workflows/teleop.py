@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import getpass
-import ssl
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -16,6 +14,8 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.parts.names import Controller, MaybeRobot, MaybeTask, Tier, at_least
 
 if TYPE_CHECKING:
+    import ssl
+
     from aerial_il.core.contracts import Policy
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.teleop.input.hardware import Driver
@@ -106,6 +106,8 @@ class Kept:
 
 def teleop(settings: Teleop) -> Kept | None:
     """Fly until interrupted; return what is kept then, None where the session ended otherwise."""
+    import asyncio
+
     from aerial_il.core import presets
     from aerial_il.core.rendering import require_rendering
     from aerial_il.teleop.devices import bindings_of, drivers_of

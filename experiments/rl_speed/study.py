@@ -192,7 +192,7 @@ class RlSpeed:
     def _row(self, name: str, found: Sequence[Row]) -> Row:
         rates = np.array([row["steps_per_s"] for row in found])
         seconds = {section: sum(row["seconds"][section] for row in found) for section in SHOWN}
-        usual = algorithms.get(name)()
+        usual: Any = algorithms.get(name)()
         return {
             "algorithm": name,
             "worlds": usual.worlds,

@@ -62,7 +62,7 @@ def test_help_imports_nothing_heavy() -> None:
         (["collect", "out=x", f"seed={2**63}"], "is too large: the maximum is"),
         (["collect", "out=x", "episodes=1000000000"], "episodes=1000000000 is too large"),
         (["collect", "out=x", "num_envs=1000000000"], "num_envs=1000000000 is too large"),
-        (["collect", "out=x", "image_size=[10]"], "image_size=(10,) is not a list such as [a,b]"),
+        (["collect", "out=x", "image_size=[10]"], "image_size=[10] is not a list such as [a,b]"),
         (["train", "--info", "dataset=x"], "Unknown option '--info'"),
         (
             ["evaluate", "--config-dir=mine", "policy=x"],
@@ -137,7 +137,7 @@ def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(
     monkeypatch.chdir(tmp_path)
     assert main.main(["train", "-m", "dataset=nowhere", "run=sweep", "seed=0,1"]) == main.BAD_USAGE
     assert "2 of 2 jobs failed. seed=0, seed=1: nowhere" in capfd.readouterr().err
-    assert sorted(p.name for p in (tmp_path / "sweep").iterdir()) == ["seed=0", "seed=1"]
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_the_settings_are_printed_and_lead_back(capsys: pytest.CaptureFixture[st
     typed = ["dataset=few", "run=x", "algorithm=hg_dagger", "policy=act_paper", "algorithm.training.steps=7"]
     assert main.main(["train", *typed, "--cfg", "job"]) == main.OK
     printed = yaml.safe_load(capsys.readouterr().out)
-    assert printed["algorithm"]["gate"] == {"name": "human"}
+    assert printed["algorithm"]["gate"]["name"] == "human"
     assert composition.build(command.settings, printed) == compose(command, typed)
 
 

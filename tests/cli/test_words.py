@@ -7,7 +7,7 @@ import pytest
 from aerial_il.cli import commands
 from aerial_il.cli import words as typed
 from aerial_il.cli.commands import Command
-from aerial_il.cli.compose import compose, points
+from aerial_il.cli.compose import compose, points, settings_of
 from aerial_il.cli.known import known
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
@@ -60,7 +60,6 @@ def test_a_sign_before_a_key_adds_nothing(sign: str) -> None:
     ("word", "new"),
     [
         ("algorithm.utd_ratio=2", "algorithm.replay.updates_per_step"),
-        ("algorithm.updates=2", "algorithm.replay.updates_per_step"),
         ("algorithm.prior.path=x", None),
         ("policy.utd_ratio=2", None),
     ],
@@ -137,7 +136,7 @@ def test_an_evaluated_policy_is_always_a_path() -> None:
 
 
 def test_bare_words_fill_keys_and_json_is_a_flag() -> None:
-    assert prepare(commands.find("compare"), ["x", "y", "--json"]) == ["a=x", "b=y", "json=true"]
+    assert prepare(commands.find("compare"), ["x", "y", "--json"]) == ["json=true", "a=x", "b=y"]
     with pytest.raises(InvalidValueError, match="'z' is not KEY=VALUE"):
         prepare(commands.find("compare"), ["x", "y", "z"])
 
@@ -150,7 +149,7 @@ def test_a_sweep_gives_each_job_a_folder_of_its_own() -> None:
         "top/seed=0,policy=mlp,dataset=all",
     ]
     assert len(found) == 8
-    settings = compose(TRAIN, [*found[0][0], "seed=3"])
+    settings = settings_of(TRAIN, [*found[0][0], "seed=3"])
     assert (settings.run, settings.seed, settings.dataset.episodes) == ("top/seed=0,policy=mlp,dataset=few", 3, 25)
     with pytest.raises(InvalidValueError, match="run cannot be swept"):
         points(TRAIN, prepare(TRAIN, ["-m", "run=a,b"]))

@@ -88,7 +88,7 @@ def test_a_value_becomes_what_its_hint_wants(given: dict[str, Any], name: str, v
         ({"seed": "abc"}, "seed='abc' is not a whole number"),
         ({"seed": True}, "seed=True is not a whole number"),
         ({"kind": "wide"}, "kind='wide' is not one of short, long"),
-        ({"pair": [1]}, r"pair=\(1,\) is not a list"),
+        ({"pair": [1]}, r"pair=\[1\] is not a list"),
         ({"place": 3}, "place=3: it is a group; set one of its keys, place.path, place.count"),
         ({"place": {"cont": 3}}, "Unknown key 'place.cont'. Did you mean 'place.count'"),
         ({"robot": "qad"}, "Unknown robot 'qad'. Did you mean 'quad'"),

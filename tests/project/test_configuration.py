@@ -7,9 +7,10 @@ from itertools import zip_longest
 import pytest
 
 from aerial_il.cli import commands
-from aerial_il.cli.compose import compose
+from aerial_il.cli.compose import compose, settings_of
 from aerial_il.cli.known import known, of_choice
-from aerial_il.cli.sweeps.sweep import LAUNCHER, SWEEPER, chosen_of, parted
+from aerial_il.cli.sweeps.sweep import chosen_of
+from aerial_il.cli.words import LAUNCHER, SWEEPER, read
 from aerial_il.core import presets, registry, schema
 from aerial_il.core.composition import build, chosen, plain
 from aerial_il.core.schema import Key, keys, options
@@ -90,11 +91,10 @@ def test_the_examples_of_a_command_are_valid(name: str) -> None:
     command = commands.find(name)
     for line in command.doc.splitlines():
         if line.startswith(f"Example: aerial-il {name}"):
-            launched, words = parted(line.split()[3:], LAUNCHER)
-            searched, words = parted(words, SWEEPER)
-            compose(command, words)
-            chosen_of(LAUNCHER, launched)
-            chosen_of(SWEEPER, searched)
+            said = read(command, line.split()[3:])
+            settings_of(command, said.overrides)
+            chosen_of(LAUNCHER, said.apart[LAUNCHER])
+            chosen_of(SWEEPER, said.apart[SWEEPER])
 
 
 def test_what_is_remembered_of_a_choice_is_what_it_has() -> None:

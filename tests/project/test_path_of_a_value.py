@@ -38,32 +38,20 @@ def carries(value: object, depth: int = DEPTH) -> bool:
 
 
 def way(call: Callable[[], object]) -> tuple[set[tuple[str, str]], set[str]]:
-    """Return the functions, and their files, that hand the value on until the algorithm's ``train`` is entered.
+    """Return the functions, and their files, that are given the value before the algorithm's ``train`` is entered.
 
-    That is whoever was given it and gave it to another function of the package, or handed it back, as it is or made
-    into something else. Who only looks at it, as a check of its range does, is not on its way.
+    What the algorithm itself does to check its settings is left out.
     """
-    given, functions, done = set[int](), set[tuple[str, str]](), list[bool]()
+    functions, done = set[tuple[str, str]](), list[bool]()
 
-    def ours(frame: FrameType | None) -> bool:
-        code = frame.f_code if frame is not None else None
-        return code is not None and code.co_filename.startswith(PACKAGE) and not code.co_name.startswith("<")
-
-    def note(frame: FrameType, event: str, result: object) -> None:
-        if done or event not in ("call", "return") or not ours(frame):
-            return
+    def note(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount + 2]
-        if event == "return" and id(frame) in given and carries(result):
-            functions.add((code.co_filename, code.co_qualname))
-        if event == "return" or not any(carries(frame.f_locals[name]) for name in names if name in frame.f_locals):
+        ours = code.co_filename.startswith(PACKAGE) and not code.co_filename.startswith(f"{PACKAGE}/algorithms/")
+        if event != "call" or done or not ours or code.co_name.startswith("<"):
             return
-        given.add(id(frame))
-        caller = frame.f_back
-        while caller is not None and not ours(caller):
-            caller = caller.f_back
-        if caller is not None and id(caller) in given:
-            functions.add((caller.f_code.co_filename, caller.f_code.co_qualname))
+        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount + 2]
+        if any(carries(frame.f_locals[name]) for name in names if name in frame.f_locals):
+            functions.add((code.co_filename, code.co_qualname))
 
     def reached(self: SAC, *_: object, **__: object) -> None:
         assert self.lr == LR

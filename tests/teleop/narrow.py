@@ -1,4 +1,4 @@
-"""The narrow link of the benchmarks."""
+"""The narrow link of the study of teleoperation."""
 
 from __future__ import annotations
 

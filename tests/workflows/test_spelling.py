@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from aerial_il.cli import commands
-from aerial_il.cli.compose import compose
+from aerial_il.cli.compose import compose, points
 from aerial_il.cli.main import main
 from aerial_il.cli.words import is_sweep, literals, read
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -158,8 +158,9 @@ def test_a_sweep_by_a_function_stays_one() -> None:
 def test_a_sweep_over_paths_runs_each_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["train", "-m", "dataset=数据,b=c,'d,e'", "run=out/数=据"]) == 2  # none of them is there
-    made = sorted(p.name for p in (tmp_path / "out" / "数=据").iterdir())
-    assert made == ["dataset.path=b=c", "dataset.path=d,e", "dataset.path=数据"]
+    said = read(TRAIN, ["-m", "dataset=数据,b=c,'d,e'", "run=out/数=据"]).overrides
+    made = [str(Path(folder).relative_to("out/数=据")) for _, folder in points(TRAIN, said)]
+    assert made == ["dataset.path=数据", "dataset.path=b=c", "dataset.path=d,e"]
 
 
 @pytest.mark.parametrize("name", ["a=b", "sweep/seed=0", "ü=x"])

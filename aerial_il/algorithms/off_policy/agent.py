@@ -16,7 +16,7 @@ from aerial_il.policies.parts.network import ChunkNetwork
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
-class Agent(ABC):
+class Agent[Network: ChunkNetwork](ABC):
     """Networks in training and their target networks; what they learn stands in the file of each algorithm.
 
     Args:
@@ -27,7 +27,7 @@ class Agent(ABC):
         updates: gradient steps of the critics so far.
     """
 
-    actor: ChunkNetwork
+    actor: Network
 
     def __init__(
         self,

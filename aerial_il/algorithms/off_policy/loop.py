@@ -67,12 +67,12 @@ def learn_off_policy(
         run.log(update(True))
     while run.goes_on():
         warming_up = run.collector.steps < settings.warmup
-        waiting = warming_up and pilot is not None
-        flights.step(pilot if waiting else agent)
+        waiting = pilot if warming_up else None
+        flights.step(waiting or agent)
         if not warming_up:
             flights.finish_warmup()
         agent.set_lr(lr_at(settings, run.left))
-        if not waiting:
+        if waiting is None:
             if prepare:
                 prepare()
             for _ in range(run.updates_due(settings.replay.updates_per_step, every)):

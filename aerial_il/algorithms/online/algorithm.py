@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from typing import ClassVar
+from dataclasses import fields
+from typing import Any, ClassVar
 
 from aerial_il.algorithms.online.interface import check_policy
 from aerial_il.algorithms.online.problem import Problem
@@ -23,7 +23,6 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 POSITIVE = {"steps", "lr", "actor_every", "alpha", "threads"}
 
 
-@dataclass(frozen=True, kw_only=True)
 class Algorithm(ABC):
     """What a workflow asks of an algorithm. Each states its settings itself; here is what names mean in all of them.
 
@@ -63,6 +62,8 @@ class Algorithm(ABC):
     demonstrated: ClassVar[bool] = False
     worlds: ClassVar[int] = 8
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # each algorithm is a dataclass
 
     steps: int
     cadence: Cadence

@@ -13,12 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from aerial_il.cli.commands import find
 from aerial_il.cli.launchers import processes, serial
 from aerial_il.cli.main import main
 from aerial_il.cli.sweeps import job as jobs_of
 from aerial_il.cli.sweeps.board import Board
 from aerial_il.cli.sweeps.job import Job
-from aerial_il.cli.sweeps.sweep import LAUNCHER, chosen_of, parted
+from aerial_il.cli.sweeps.sweep import chosen_of
+from aerial_il.cli.words import LAUNCHER, read
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 HOVER = ("robot=quad", "task=hover", "progress=false", "num_envs=2")
@@ -138,9 +140,10 @@ def open_files() -> list[str]:
 
 
 def test_words_choose_a_launcher() -> None:
-    told, rest = parted(["-m", "launcher=processes", "launcher.jobs=3", "seed=0,1"], LAUNCHER)
-    assert rest == ["-m", "seed=0,1"]
-    assert chosen_of(LAUNCHER, told) == processes.Processes(jobs=3)
+    typed = ["-m", "launcher=processes", "launcher.jobs=3", "seed=0,1", "run=x"]
+    said = read(find("train"), typed)
+    assert said.overrides == ("seed=0,1", "run=x")
+    assert chosen_of(LAUNCHER, said.apart[LAUNCHER]) == processes.Processes(jobs=3)
     assert chosen_of(LAUNCHER, {}) == serial.Serial()
     with pytest.raises(UnknownNameError, match="Did you mean 'processes'"):
         chosen_of(LAUNCHER, {"launcher": "process"})
