@@ -342,8 +342,8 @@ class FlightControl:
         """Yield what the best learner is asked for on each task, in the gusts that it has learned in."""
         for task in TASKS:
             found = [r for r in rows if (r["task"], r["tier"]) == (task, OWN_TIER) and r["flown_by"] in self.learners]
-            best = max(found, key=lambda row: row["percent"])
-            yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
+            if best := max(found, key=lambda row: row["percent"], default=None):
+                yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
 
 
 def success_row_of(task: str, tier: str, name: str, found: list[EvaluationResult], training_s: Sequence[float]) -> Row:
