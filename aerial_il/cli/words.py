@@ -57,6 +57,8 @@ def read(command: Command, words: list[str]) -> Typed:
         first = name.partition(".")[0]
         if word.startswith("--") and word[2:] in own:
             pairs.append((word[2:], "true"))
+        elif word.startswith("~"):  # takes an entry out of a mapping
+            pairs.append((word[1:].partition("=")[0], "null"))
         elif word.startswith("-"):
             flags.append(_flag(command, word))
         elif flags[-1:] == [SHOW] and word == "job":

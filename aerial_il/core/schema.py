@@ -111,15 +111,12 @@ def _parted(names: str, text: str, known: set[str]) -> dict[str, str]:
 
 def unknown_key(name: str, known: Iterable[str], hint: str = "") -> InvalidValueError | UnknownNameError:
     """Return the error for a key that there is not among all that are ``known``; an old one leads to its new name."""
-    head, _, last = name.rpartition(".")
-    beside = f"{head}." if head else ""
-    every = list(known)
-    inside = [each.removeprefix(beside) for each in every if each.startswith(beside)]
-    new = moved(last, inside)
-    if new is not None and head:
-        return InvalidValueError(f"{name} is called {head}.{new} now. {hint}".rstrip())
-    near = [beside + each.partition(".")[0] for each in inside] or [each.partition(".")[0] for each in every]
-    return UnknownNameError("key", name, dict.fromkeys(near), hint)
+    every, (head, dot, _) = list(known), name.rpartition(".")
+    if (new := moved(name, every)) is not None and head:
+        return InvalidValueError(f"{name} is called {new} now. {hint}".rstrip())
+    beside = f"{head}{dot}"
+    near = [beside + each.removeprefix(beside).partition(".")[0] for each in every if each.startswith(beside)]
+    return UnknownNameError("key", name, dict.fromkeys(near or [each.partition(".")[0] for each in every]), hint)
 
 
 def shown(default: Any, kind: str = "") -> str:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 import torch
@@ -27,6 +27,7 @@ from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.learner import Learner
 from aerial_il.algorithms.supervised.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.collection.collect import collect
+from aerial_il.core import registry
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.seeding import torch_rng
@@ -95,7 +96,7 @@ class Policies:
         acting, learning, details = [], [], []
         with torch_threads(self.threads), torch_rng(self.seed, "policies"):
             for name in bar(self.policies or policies.names(), self.name, progress):
-                config = policies.get(name)()
+                config: PolicySettings = registry.get("policy", name)()
                 policy, training, interface = _prepared(config, demos)
                 times = self._act_times(policy, demos)
                 acting.append({"policy": name, **_acting_row(policy.network, times)})
@@ -141,9 +142,9 @@ class Policies:
     ) -> dict[str, Arm]:
         order = Shuffle(len(training), self.batch_size, seed=self.seed)
         windows = OneByOne(demos, interface, config)
-        everything = torch.utils.data.TensorDataset(*training.gather(np.arange(len(training))))
+        everything = torch.utils.data.TensorDataset(*cast(Minibatch, training.gather(np.arange(len(training)))))
         feeds: dict[str, Iterator[Minibatch]] = {
-            "own": (training.gather(order[step]) for step in count()),
+            "own": (cast(Minibatch, training.gather(order[step])) for step in count()),
             "loader": self._loaded(windows, 0),
             "ready": self._loaded(everything, 0),
         }

@@ -60,7 +60,6 @@ def test_a_sign_before_a_key_adds_nothing(sign: str) -> None:
     ("word", "new"),
     [
         ("algorithm.utd_ratio=2", "algorithm.replay.updates_per_step"),
-        ("algorithm.updates=2", "algorithm.replay.updates_per_step"),
         ("algorithm.prior.path=x", None),
         ("policy.utd_ratio=2", None),
     ],

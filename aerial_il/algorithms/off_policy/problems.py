@@ -114,11 +114,11 @@ def from_demonstrations(
         InvalidValueError: see :func:`problems.from_demonstrations`; or hindsight finds no goal that it could exchange.
     """
     goals, scheme = settings.hindsight.goals, relabelled_scheme(settings)
-    found = problems.from_demonstrations(settings, dataset, policy, env, seed, scheme=scheme, paid=goals == 0)
-    if not goals or found.demos is None:
-        return found
-    goal = goal_columns(env, found.interface.layout)
-    return replace(found, demos=rewarded_by(goal, found.demos, tolerance=settings.hindsight.tolerance))
+    problem = problems.from_demonstrations(settings, dataset, policy, env, seed, scheme=scheme, paid=goals == 0)
+    if not goals or problem.demos is None:
+        return problem
+    goal = goal_columns(env, problem.interface.layout)
+    return replace(problem, demos=rewarded_by(goal, problem.demos, tolerance=settings.hindsight.tolerance))
 
 
 def relabelled_scheme(settings: Relabelled) -> RewardScheme:

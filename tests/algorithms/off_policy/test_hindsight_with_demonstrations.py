@@ -112,6 +112,6 @@ def test_stopped_in_the_middle_of_its_episodes_it_ends_with_the_same_bytes(tmp_p
 
 @each
 def test_it_is_refused_where_no_goal_is_told(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidValueError, match=r"tells no goal.*hindsight\.goals=0"):
+    with pytest.raises(InvalidValueError, match=r"exposes no goal.*hindsight\.goals=0"):
         train(short(name), tmp_path / "run", Drift(8))
     assert not (tmp_path / "run").exists()

@@ -21,7 +21,6 @@ from typing import Annotated, Any
 from aerial_il.cli.tables import table
 from aerial_il.core import registry
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.core.files import write_atomic, write_json
 from aerial_il.core.schema import Choice
 from aerial_il.workflows.spelling import command_line, words_of
 
@@ -94,6 +93,8 @@ def rerun(study: Any) -> str:
 
 
 def _measure(study: Any, settings: Bench) -> Any:
+    from aerial_il.core.files import write_atomic, write_json
+
     folder = Path(settings.out) / study.name
     if settings.again:
         shutil.rmtree(folder, ignore_errors=True)
