@@ -129,11 +129,11 @@ async def test_a_leader_arm_moves_joints_while_keys_move_the_base(tmp_path: Path
 
 
 def joint(flight: Flown) -> float:
-    return float(flight.env.observe()["joint_pos"][0][1])
+    return float(flight.cockpit.obs["joint_pos"][0][1])
 
 
 def base(flight: Flown) -> float:
-    return float(flight.env.observe()["base_pos"][0][2])
+    return float(flight.cockpit.obs["base_pos"][0][2])
 
 
 def test_every_level_without_joints_refuses_a_leader_arm() -> None:
@@ -156,15 +156,15 @@ async def test_a_phones_poses_over_the_pages_socket_move_the_tool(tmp_path: Path
         page.held, page.pressed = ["phone:clutch"], ["phone:clutch"]
         await asyncio.sleep(0.3)
         assert status().speed == 0.0, "closing the clutch moves nothing"
-        before = flight.env.observe()["ee_pos"][0].copy()
+        before = flight.cockpit.obs["ee_pos"][0].copy()
         for step in range(20):
             page.extra = {"pose": {"position": [0.4, 1.0 + 0.005 * step, 0.2], "orientation": upright}}
             await asyncio.sleep(0.03)
-        await until(lambda: flight.env.observe()["ee_pos"][0][2] - before[2] == pytest.approx(0.095, abs=0.03))
+        await until(lambda: flight.cockpit.obs["ee_pos"][0][2] - before[2] == pytest.approx(0.095, abs=0.03))
         page.held = []
         page.extra = {"pose": {"position": [0.4, 0.5, 0.2], "orientation": upright}}
         await asyncio.sleep(0.3)
-        assert flight.env.observe()["ee_pos"][0][2] - before[2] > 0.06, "an open clutch brings nothing back"
+        assert flight.cockpit.obs["ee_pos"][0][2] - before[2] > 0.06, "an open clutch brings nothing back"
         page.hush()
 
 

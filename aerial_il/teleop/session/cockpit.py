@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.core.contracts import Policy
+from aerial_il.core.contracts import Observation, Policy
 from aerial_il.core.errors import (
     AerialError,
     NonFiniteActionError,
@@ -73,6 +73,11 @@ class Cockpit:
     def bindings(self) -> Bindings:
         """What the device's controls mean."""
         return self._helm.bindings
+
+    @property
+    def obs(self) -> Observation:
+        """What the world shows after the last tick, ``name -> (1, D)``."""
+        return self._helm.obs
 
     def tick(self, frame: DeviceFrame) -> None:
         """Do what this tick asks for: the person's events first, then a step of the flight where time passes."""

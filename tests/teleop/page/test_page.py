@@ -38,7 +38,7 @@ async def hold_until(tab: Tab, key: str, seen: Callable[[], object]) -> None:
 
 
 def tool(flight: Flown) -> np.ndarray:
-    return flight.env.observe()["ee_pos"][0].copy()
+    return flight.cockpit.obs["ee_pos"][0].copy()
 
 
 def went(flight: Flown, metres: float = 0.1) -> Callable[[], bool]:
@@ -172,10 +172,10 @@ async def test_a_phone_turned_in_the_hand_turns_the_tool(tmp_path: Path) -> None
         x, y = await middle(tab, "#phone-clutch")
         await tab.touch("touchStart", x, y)
         await asyncio.sleep(0.5)
-        start = heading(flight.env.observe()["base_rot6d"][0])
+        start = heading(flight.cockpit.obs["base_rot6d"][0])
         await tab.call("DeviceOrientation.setDeviceOrientationOverride", alpha=45, beta=30, gamma=0)
         wanted = start + math.radians(35)
-        await until(lambda: abs(heading(flight.env.observe()["base_rot6d"][0]) - wanted) < 0.15)
+        await until(lambda: abs(heading(flight.cockpit.obs["base_rot6d"][0]) - wanted) < 0.15)
         await tab.touch("touchEnd")
 
 
