@@ -71,10 +71,14 @@ async def flown(
 
 
 @asynccontextmanager
-async def browsed(out: Path, **settings: Any) -> AsyncIterator[tuple[Flown, Tab]]:
+async def browsed(
+    out: Path, window: tuple[int, int] = (1280, 720), *, phone: bool = False, **settings: Any
+) -> AsyncIterator[tuple[Flown, Tab]]:
     """Fly as :func:`flown` does, with the page open in a browser, and require that no script of it failed."""
     async with flown(out, **settings) as flight, browser() as opened:
-        tab = await opened(flight.server.url)
+        tab = await opened("about:blank")  # the page asks for its window's size when it is read
+        await tab.look(width=window[0], height=window[1], phone=phone)
+        await tab.call("Page.navigate", url=flight.server.url)
         await tab.until(READY)
         yield flight, tab
         assert not tab.errors

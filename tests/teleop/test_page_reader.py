@@ -46,7 +46,6 @@ def marked(test: Any) -> Any:
 async def somebody_at(out: Path, hands: type[KeyHands | PadHands] = KeyHands, **settings: Any):
     """Yield somebody with such hands at the page of a flight."""
     async with browsed(out, **settings) as (_, tab):
-        await tab.look(width=1280, height=720)
         person = PageReader(tab, hands(tab))
         if isinstance(person.hands, PadHands):
             await person.hands.plug_in()

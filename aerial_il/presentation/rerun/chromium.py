@@ -164,7 +164,7 @@ async def browser(*drawing: str) -> AsyncIterator[Opener]:
 
 
 async def _port(file: Path) -> int:
-    for _ in range(400):
+    for _ in range(int(Tab.patience_s / 0.05)):
         if file.exists() and (lines := file.read_text().splitlines()):
             return int(lines[0])
         await asyncio.sleep(0.05)

@@ -22,6 +22,7 @@ from tests.teleop.hands import world
 from tests.teleop.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.render, needs_browser]
+UPRIGHT = (390, 844)
 STATE = "document.body.dataset.state"
 GAMEPAD = """
 window.mock = {axes: [0, 0, 0, 0], buttons: Array.from({length: 17}, () => ({pressed: false, value: 0})),
@@ -146,8 +147,7 @@ async def test_over_a_narrow_link_pictures_become_smaller(tmp_path: Path) -> Non
 
 
 async def test_a_finger_on_the_page_flies_and_records(tmp_path: Path) -> None:
-    async with browsed(tmp_path) as (_, tab):
-        await tab.look(width=390, height=844, phone=True)
+    async with browsed(tmp_path, UPRIGHT, phone=True) as (_, tab):
         x, y = await middle(tab, "#stick-right")
         await tab.touch("touchStart", x, y)
         await tab.touch("touchMove", x, y - 60)
@@ -164,8 +164,7 @@ async def test_a_finger_on_the_page_flies_and_records(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("unhurried")
 async def test_a_phone_turned_in_the_hand_turns_the_tool(tmp_path: Path) -> None:
     """Its orientation sensor is the browser's own, made to show it."""
-    async with browsed(tmp_path, devices=("keyboard", "touch", "phone")) as (flight, tab):
-        await tab.look(width=390, height=844, phone=True)
+    async with browsed(tmp_path, UPRIGHT, phone=True, devices=("keyboard", "touch", "phone")) as (flight, tab):
         await tab.call("DeviceOrientation.setDeviceOrientationOverride", alpha=10, beta=30, gamma=0)
         await tab.value("document.getElementById('phone-start').click(); 1")
         await tab.until("!document.getElementById('phone-clutch').hidden")

@@ -26,7 +26,6 @@ async def test_the_frame_is_blue_for_a_policy_orange_for_a_person(tmp_path: Path
     async with browsed(tmp_path, policy=expert, task="pick_place") as (flight, tab):
         await tab.until("document.body.dataset.flier === 'policy'")
         assert "hold to take over" in await tab.value("document.getElementById('hints').innerText")
-        await tab.look(width=1200, height=700, dark=True)
         await tab.until(f"{FRAME}.includes('77, 141, 255')")
         await tab.tap("KeyR")
         await in_state(tab, "recording")
