@@ -59,7 +59,7 @@ class DQN(Algorithm):
     """Deep Q-network (Mnih et al. 2015), by default a double one (van Hasselt et al. 2016).
 
     Attributes:
-        warmup: of those, how many are flown before anything is learned, with actions that are mostly random.
+        warmup: the first of those steps, flown with mostly random actions before anything is learned.
         tau: share by which the target network follows.
         target_every: updates between two at which it does.
         double: let Q select the action that Q' evaluates.

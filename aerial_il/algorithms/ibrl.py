@@ -72,7 +72,8 @@ class IBRL(Algorithm):
     """Imitation bootstrapped reinforcement learning (Hu et al. 2023, algorithm 1).
 
     Attributes:
-        warmup: of those, how many the prior flies alone, while critics learn its value and the actor what to propose.
+        warmup: the first of those steps, flown by the prior alone, while critics learn its value and the actor what to
+            propose.
         prior: a run or policy of any class; null for a clone of the demonstrations by a network like the actor's.
         bc_pretrain_steps: minibatches of which that clone is made.
         caution: standard deviations over the critics by which the actor's action must be better than the prior's.
@@ -127,8 +128,8 @@ class IBRL(Algorithm):
         """Read the demonstrations, and refuse a prior that cannot fly here."""
         check_warmup(self, env)
         inputs = {"prior": digest(load_prior(self.prior, env.spec).to_checkpoint())} if self.prior else {}
-        found = from_demonstrations(self, dataset, policy, env, seed, scheme=reward_scheme(self))
-        return replace(found, inputs=inputs)
+        problem = from_demonstrations(self, dataset, policy, env, seed, scheme=reward_scheme(self))
+        return replace(problem, inputs=inputs)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, size = self.demonstrations.absorbing, self.replay.batch_size

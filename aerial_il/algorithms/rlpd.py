@@ -68,7 +68,7 @@ class RLPD(Algorithm):
     """Reinforcement learning with prior data (Ball et al. 2023, algorithm 1).
 
     Attributes:
-        warmup: of those, how many are flown at random before anything is learned.
+        warmup: the first of those steps, flown at random before anything is learned.
         subset: how many target critics Z the backup takes the minimum of.
         bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
     """

@@ -123,9 +123,23 @@ def name_of(kind: str, settings: type) -> str:
     return next((name for name, module in _modules(kind).items() if module == settings.__module__), "")
 
 
+def kernel(kind: str, name: str, function: str, *, needed: bool = True) -> Any:
+    """Return a compiled function that the file ``name`` defines; None where it has none and none is ``needed``.
+
+    Raises:
+        UnknownNameError: nothing of that kind has the name.
+        InvalidValueError: it is missing, or a plain Python function.
+    """
+    place = module(kind, name)
+    found = _defined(place, kind, function) if needed else getattr(place, function, None)
+    if found is not None and not hasattr(found, "py_func"):
+        raise InvalidValueError(f"{place.__name__}.{function} must be compiled: write @kernel above it.")
+    return found
+
+
 def _defined(found: ModuleType, kind: str, attribute: str) -> Any:
     if not hasattr(found, attribute):
-        raise InvalidValueError(f"{found.__name__} defines no {attribute}, by which a {kind} is registered.")
+        raise InvalidValueError(f"{found.__name__} defines no {attribute}, which a {kind} must have.")
     return getattr(found, attribute)
 
 

@@ -71,7 +71,8 @@ class Check:
         """Return the number, and both ends of its interval."""
         if len(rows) > 1:
             won, flown = (sum(row[column] for row in rows) for column in ("success", "episodes"))
-            return 100 * won / flown, *(100 * end for end in wilson(won, flown))
+            low, high = wilson(won, flown)
+            return 100 * won / flown, 100 * low, 100 * high
         (row,) = rows
         ends = [row[f"{name}_{end}"] for name in self.intervals for end in ("low", "high") if f"{name}_{end}" in row]
         known = [end for end in (*ends, row[self.number]) if end is not None]

@@ -25,7 +25,7 @@ FILES = ("config.yaml", "provenance.json", "policy")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--task", default="Walker2d-v5")
     parser.add_argument("--steps", type=int, default=2_000_000)
     parser.add_argument("--processes", type=int, default=2)

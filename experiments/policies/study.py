@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 import torch
@@ -27,6 +27,7 @@ from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.learner import Learner
 from aerial_il.algorithms.supervised.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.collection.collect import collect
+from aerial_il.core import registry
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.seeding import torch_rng
@@ -95,8 +96,8 @@ class Policies:
         acting, learning, details = [], [], []
         with torch_threads(self.threads), torch_rng(self.seed, "policies"):
             for name in bar(self.policies or policies.names(), self.name, progress):
-                config = policies.get(name)()
-                policy, training, interface = _prepared(config, demos)
+                config: PolicySettings = registry.get("policy", name)()
+                policy, training, interface = prepared_for(config, demos)
                 times = self._act_times(policy, demos)
                 acting.append({"policy": name, **_acting_row(policy.network, times)})
                 rates = interleave(
@@ -106,7 +107,7 @@ class Policies:
                 details.append({"policy": name, "rates": {k: v.round(2).tolist() for k, v in rates.items()}})
         return Report(
             study=self,
-            targets=tuple(_targets(acting, learning, self.num_envs)),
+            targets=tuple(targets_of(acting, learning, self.num_envs)),
             tables={"Time to act": acting, "Optimisation steps per second": learning},
             notes=NOTES,
             details={"repetitions": details},
@@ -141,9 +142,9 @@ class Policies:
     ) -> dict[str, Arm]:
         order = Shuffle(len(training), self.batch_size, seed=self.seed)
         windows = OneByOne(demos, interface, config)
-        everything = torch.utils.data.TensorDataset(*training.gather(np.arange(len(training))))
+        everything = torch.utils.data.TensorDataset(*cast(Minibatch, training.gather(np.arange(len(training)))))
         feeds: dict[str, Iterator[Minibatch]] = {
-            "own": (training.gather(order[step]) for step in count()),
+            "own": (cast(Minibatch, training.gather(order[step])) for step in count()),
             "loader": self._loaded(windows, 0),
             "ready": self._loaded(everything, 0),
         }
@@ -205,7 +206,7 @@ class OneByOne(Dataset):
         )
 
 
-def _prepared(config: PolicySettings, demos: list[Episode]) -> tuple[ChunkPolicy, TrainingSet, Interface]:
+def prepared_for(config: PolicySettings, demos: list[Episode]) -> tuple[ChunkPolicy, TrainingSet, Interface]:
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     interface = fit_interface(layout, windows, config)
@@ -255,7 +256,7 @@ def _learning_row(rates: dict[str, np.ndarray]) -> Row:
     return row
 
 
-def _targets(acting: list[Row], learning: list[Row], worlds: int) -> Iterator[Target]:
+def targets_of(acting: list[Row], learning: list[Row], worlds: int) -> Iterator[Target]:
     for row in acting:
         spread = f"median {row['alone_p50_ms']:g} ms"
         yield Target(f"{row['policy']}: act in one world, p99", "at most", TICK_MS, row["alone_p99_ms"], "ms", spread)

@@ -43,8 +43,8 @@ SECTIONS = {
     ACTING: [
         Place("aerial_il.algorithms.online.collector"),
         Place("aerial_il.algorithms.off_policy.experience_replay", "step"),
-        Place("aerial_il.algorithms.on_policy.steps"),
-        Place("aerial_il.algorithms.on_policy.decisions"),
+        Place("aerial_il.algorithms.on_policy.steps", "collect"),
+        Place("aerial_il.algorithms.on_policy.decisions", "collect"),
         Place("aerial_il.algorithms.off_policy.proposals"),
     ],
     SAVING: [
@@ -192,7 +192,7 @@ class RlSpeed:
     def _row(self, name: str, found: Sequence[Row]) -> Row:
         rates = np.array([row["steps_per_s"] for row in found])
         seconds = {section: sum(row["seconds"][section] for row in found) for section in SHOWN}
-        usual = algorithms.get(name)()
+        usual: Any = algorithms.get(name)()
         return {
             "algorithm": name,
             "worlds": usual.worlds,

@@ -10,6 +10,7 @@ from aerial_il.control import controller_state as layout
 from aerial_il.control import controllers
 from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import record_of
+from aerial_il.core import registry
 from tests.control.in_the_air import Flight
 
 each_law = pytest.mark.parametrize("law", controllers.names())
@@ -39,7 +40,8 @@ def test_its_kernel_keeps_to_its_own_memory(law: str, robot: str) -> None:
     vehicle = robots.get(robot).vehicle
     found, settings = [], controllers.get(law)()
     own = settings.record(vehicle).view(np.recarray)[0]
-    for steer in (controllers.kernel_of(law).py_func, controllers.kernel_of(law)):
+    compiled = registry.kernel("controller", law, "steer")
+    for steer in (compiled.py_func, compiled):
         scratch, state = make_scratch(), np.zeros(layout.CONTROLLER_STATE_SIZE)
         scratch.base_rot[[0, 4, 8]], scratch.base_pos[2], scratch.dt = 1.0, 1.0, 0.004
         state[layout.BASE_POS : layout.BASE_POS + 3] = [0.05, -0.02, 1.01]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from aerial_il import robots
+from aerial_il.core import registry
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import sensors, tasks
@@ -63,8 +64,8 @@ def test_it_writes_its_fields_and_nothing_else(name: str) -> None:
         return
     own, world = sensor.record(name, robot).view(np.recarray)[0], view.records.view(np.recarray)[0]
     seen = worlds.simulation.seen.records.view(np.recarray)[0]
-    rows = []
-    for read in (sensors.kernel_of(name).py_func, sensors.kernel_of(name), sensors.kernel_of(name)):
+    rows, compiled = [], registry.kernel("sensor", name, "read")
+    for read in (compiled.py_func, compiled, compiled):
         whole = np.full(size + 2 * MARGIN, UNTOUCHED)
         row = whole[MARGIN : MARGIN + size]
         row[:] = np.nan

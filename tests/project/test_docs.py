@@ -12,9 +12,7 @@ ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"\]\((?!https?://|mailto:|#)([^)#\s]+)[^)]*\)")
 CODE = re.compile(r"`((?:aerial_il|tests|conf|setup|docs|notebooks|experiments)/[\w./-]+\.\w+)`")
 SHOWN = re.compile(r"^`([\w./-]+)`\n\n```", re.MULTILINE)  # a file whose content follows, for the reader to write
-SAID = re.compile(
-    r"``([\w.-]+(?:/[\w.-]+)+\.(?:py|md|toml|js|html|css))``"
-)  # in a docstring, from the top or a package
+SAID = re.compile(r"``([\w.-]+(?:/[\w.-]+)+\.(?:py|md|toml|js|html|css))``")  # in a docstring
 FORMS = re.compile(r"\b(NAME|GROUP)\b")  # stand for any name
 HISTORY = "CHANGELOG.md"  # tells of files that are gone
 

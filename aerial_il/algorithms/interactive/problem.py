@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
+from aerial_il.core.composition import plain
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.settings import plain
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT

@@ -47,8 +47,8 @@ class ExperienceReplay:
     @property
     def parts(self) -> Mapping[str, Stateful]:
         """What of it changes while the run goes on."""
-        found = {"replay_buffer": self.buffer, "obs_norm": self._norm, "hindsight": self._relabeller}
-        return {name: part for name, part in found.items() if part is not None}
+        parts = {"replay_buffer": self.buffer, "obs_norm": self._norm, "hindsight": self._relabeller}
+        return {name: part for name, part in parts.items() if part is not None}
 
     def step(self, explorer: Explorer) -> None:
         """Take one step in all worlds with actions sampled by ``explorer``, and add it to the replay buffer."""

@@ -27,13 +27,13 @@ def explored(interface: Interface) -> Interface:
 
 def check_weights(prior: ChunkPolicy, policy: PolicySettings, source: str) -> None:
     """Raise :class:`InvalidValueError` unless the network of ``prior`` is one that ``policy`` builds."""
-    found, wanted = ({"policy": config.name, **config.to_dict()} for config in (prior.config, policy))
-    differing = sorted(key for key in found.keys() | wanted.keys() if found.get(key) != wanted.get(key))
+    theirs, ours = ({"policy": config.name, **config.to_dict()} for config in (prior.config, policy))
+    differing = sorted(key for key in theirs.keys() | ours.keys() if theirs.get(key) != ours.get(key))
     if type(prior) is not ChunkPolicy:
         raise InvalidValueError(
             f"The prior {source} stands beside another one: an actor cannot begin with its weights."
         )
     if differing:
-        changes = "; ".join(f"{key}: {found.get(key)!r} there, {wanted.get(key)!r} here" for key in differing)
+        changes = "; ".join(f"{key}: {theirs.get(key)!r} there, {ours.get(key)!r} here" for key in differing)
         hint = "Say policy=... as it was trained, or take algorithm=ibrl, which any class can lead."
         raise InvalidValueError(f"An actor cannot begin with the weights of the prior {source} ({changes}). {hint}")

@@ -61,14 +61,14 @@ class Hindsight:
 
 
 def goal_columns(env: BatchEnv, layout: Layout) -> GoalColumns:
-    """Return where the frames of ``layout`` tell the goal of ``env``.
+    """Return where the frames of ``layout`` show the goal of ``env``.
 
     Raises:
         InvalidValueError: the environment exposes no goal, or the policy does not see it.
     """
     if env.goal_spec is None:
         hint = "Set algorithm.hindsight.goals=0."
-        raise InvalidValueError(f"{env.spec.robot}:{env.spec.task} tells no goal that could be exchanged. {hint}")
+        raise InvalidValueError(f"{env.spec.robot}:{env.spec.task} exposes no goal that could be exchanged. {hint}")
     env.goal_spec.check(env.spec.observation)
     return GoalColumns(env.goal_spec, layout.spec.observation.parts(layout.names))
 
@@ -113,10 +113,10 @@ class Relabeller:
         for i, running in enumerate(self._running):
             running.append((step.frames[i], actions[i], step.next_frames[i], step.penalties[i], lost[i]))
         ended = np.flatnonzero(step.terminal | step.truncated)
-        found = [self._again(Flown(*map(np.stack, zip(*self._running[i], strict=True)))) for i in ended]
+        again = [self._again(Flown(*map(np.stack, zip(*self._running[i], strict=True)))) for i in ended]
         for i in ended:
             self._running[i] = []
-        return found
+        return again
 
     def _again(self, episode: Flown) -> tuple[np.ndarray, ...]:
         """Return an episode's transitions with goals that it achieved, each ``goals`` times."""

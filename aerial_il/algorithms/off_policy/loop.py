@@ -52,7 +52,7 @@ def learn_off_policy(
     Args:
         agent: flies once the warm-up is over.
         flights: take its steps and keep them.
-        update: one gradient step, told whether the actor improves -> named numbers.
+        update: one gradient step, handed whether the actor improves -> named numbers.
         pilot: who flies through the warm-up, while nothing is learned; ``agent`` flies but does not learn either; None
             for the agent, whose critics learn meanwhile.
         parts: what else changes while the run goes on, by name.

@@ -10,9 +10,16 @@ from typing import Any, ClassVar
 
 from aerial_il.algorithms.online.interface import check_policy
 from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun, open_run
 from aerial_il.algorithms.run.cadence import Cadence, Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share, require_widths
+from aerial_il.algorithms.run.checks import (
+    require_choice,
+    require_not_negative,
+    require_positive,
+    require_share,
+    require_widths,
+)
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -30,7 +37,7 @@ class Algorithm(ABC):
 
     Attributes:
         steps: environment steps, of all worlds together.
-        warmup: of those, how many are flown at random, or by the prior, before the actor improves.
+        warmup: the first of those steps, flown at random, or by the prior, before the actor improves.
         gamma: discount.
         lr: learning rate of all that is learned, at the start; it changes linearly.
         lr_floor: what is left of it at the end, as a share. Below 1 the final policy swings less.
@@ -53,7 +60,7 @@ class Algorithm(ABC):
 
     Class attributes: ``name`` (that of its module); ``needs``, what ``train`` is handed by name; ``rewarded``, whether
     it learns from the environment's reward; ``demonstrated``, whether from demonstrations, without which it cannot do;
-    ``worlds``, in how many it flies unless told otherwise; ``trains``, the kinds of policy.
+    ``worlds``, in how many it flies by default; ``trains``, the kinds of policy.
     """
 
     name: ClassVar[str]
@@ -77,6 +84,8 @@ class Algorithm(ABC):
         require_share(self, *(stated & {"lr_floor", "gae_lambda"}))
         if "critic_hidden" in stated:
             require_widths(self, "critic_hidden")
+        if self.rewarded and "reward" in stated:
+            require_choice(self, "reward", Source)
         for name in stated:
             if check := getattr(getattr(self, name), "check_in", None):
                 check(self)

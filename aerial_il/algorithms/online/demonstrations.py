@@ -91,9 +91,9 @@ class Transitions(NamedTuple):
     ) -> ReplayBuffer:
         """Return the transitions, as :meth:`encoded` has them, as a buffer to draw minibatches from by ``rng``."""
         rows = self.encoded(interface, absorbing=absorbing, reward=reward)
-        found = ReplayBuffer(len(rows), interface.layout.size, self.actions.shape[1], rng)
-        found.add(rows)
-        return found
+        buffer = ReplayBuffer(len(rows), interface.layout.size, self.actions.shape[1], rng)
+        buffer.add(rows)
+        return buffer
 
     def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
         """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None.
@@ -151,11 +151,11 @@ def read_transitions(
         )
     demos = demos[:trajectories]
     rng = named_rng(seed, "subsample")
-    asked = smoothness or NO_SMOOTHNESS
-    parts = [_thin(_transitions_of(episode, layout, labels, asked), subsample, rng) for episode in demos]
-    found = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-    record = {"demonstrations": len(demos), "transitions": len(found.frames)}
-    return layout, found, {**record, "digest": found.digest(rewarded=rewarded)}
+    rough = smoothness or NO_SMOOTHNESS
+    parts = [_thin(_transitions_of(episode, layout, labels, rough), subsample, rng) for episode in demos]
+    transitions = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    record = {"demonstrations": len(demos), "transitions": len(transitions.frames)}
+    return layout, transitions, {**record, "digest": transitions.digest(rewarded=rewarded)}
 
 
 def check_same(recorded: EnvSpec, spec: EnvSpec) -> None:
@@ -197,6 +197,6 @@ def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
     return smoothness.penalties(episode.executed_actions[when], steps + 1, episode.spec.action)
 
 
-def _thin(found: Transitions, every: int, rng: np.random.Generator) -> Transitions:
-    kept = (np.arange(len(found.frames)) % every == rng.integers(every)) | found.terminal
-    return Transitions(*(array[kept] for array in found))
+def _thin(transitions: Transitions, every: int, rng: np.random.Generator) -> Transitions:
+    kept = (np.arange(len(transitions.frames)) % every == rng.integers(every)) | transitions.terminal
+    return Transitions(*(array[kept] for array in transitions))

@@ -37,8 +37,8 @@ def check_policy(policy: object, kinds: tuple[type[PolicySettings], ...] = (Squa
         choices = " or ".join(f"policy={kind.__module__.rpartition('.')[2]}" for kind in kinds)
         raise InvalidValueError(f"policy={name} is none that can explore here; choose {choices}.")
     if (policy.history, policy.chunk) != (1, 1):
-        found = f"history={policy.history} and chunk={policy.chunk}"
-        raise InvalidValueError(f"Reinforcement learning acts step by step: history and chunk must be 1, got {found}.")
+        given = f"history={policy.history} and chunk={policy.chunk}"
+        raise InvalidValueError(f"Reinforcement learning acts step by step: history and chunk must be 1, got {given}.")
     if policy.images:
         raise InvalidValueError(f"Reinforcement learning sees state fields; got images={list(policy.images)}.")
     return policy

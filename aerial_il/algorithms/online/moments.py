@@ -31,8 +31,8 @@ class RunningMoments:
     @property
     def deviation(self) -> np.ndarray:
         """(D,) standard deviation, 1 where nothing varies yet."""
-        found = np.sqrt(self.square / max(1, self.count))
-        return np.where(found < MIN_SCALE, 1.0, found)
+        deviation = np.sqrt(self.square / max(1, self.count))
+        return np.where(deviation < MIN_SCALE, 1.0, deviation)
 
     def normaliser(self) -> Normaliser:
         """Return the normaliser to mean 0 and standard deviation 1."""

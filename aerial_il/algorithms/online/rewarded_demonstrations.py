@@ -33,7 +33,7 @@ NO_MOMENT = (
     "and cannot be paid for it. Set algorithm.reward=environment, or train where success ends an episode."
 )
 FLOWN_ON = (
-    "Demonstration {} was not ended by its success, so that it cannot be told which step solved it. Set "
+    "Demonstration {} was not ended by its success, so that which step solved it is not known. Set "
     "algorithm.reward=environment, or record it up to its success (no horizon=)."
 )
 TOO_LONG = (
@@ -81,12 +81,12 @@ def with_rewards(episode: Episode, scheme: RewardScheme, env: BatchEnv) -> Episo
 
 def _solved(episode: Episode, env: BatchEnv) -> np.ndarray:
     """Return 1 for the step that solved the task, else 0, (T,)."""
-    found = np.zeros(len(episode))
+    rewards = np.zeros(len(episode))
     if not episode.success:
-        return found
+        return rewards
     if not env.ends_at_success:
         raise InvalidValueError(NO_MOMENT)
     if episode.truncated[-1]:
         raise InvalidValueError(FLOWN_ON.format(episode.uid))
-    found[-1] = 1.0
-    return found
+    rewards[-1] = 1.0
+    return rewards

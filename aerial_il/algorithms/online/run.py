@@ -104,11 +104,11 @@ class OnlineRun:
 
         It flies while it learns, and is in evaluation mode from the start: dropout is for cloning.
         """
-        found = self._problem.policy.build(*self.sizes)
-        assert isinstance(found, kind), "the algorithm says which policies it trains"
+        network = self._problem.policy.build(*self.sizes)
+        assert isinstance(network, kind), "the algorithm says which policies it trains"
         if self._problem.initial is not None:
-            found.load_state_dict(self._problem.initial)
-        return found.eval()
+            network.load_state_dict(self._problem.initial)
+        return network.eval()
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return a generator of its own for each ``purpose``."""

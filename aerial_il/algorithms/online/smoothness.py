@@ -65,16 +65,16 @@ class Smoothness:
         """
         if not (self.temporal or self.spatial):
             return 0.0
-        here, found = actor(obs[:, None]), torch.zeros(())
+        here, total = actor(obs[:, None]), torch.zeros(())
         if not here.requires_grad:
             self.check_for_choices()
         if self.temporal:
             flown = torch.cat([here[:, :execute], actor(next_obs[:, None])[:, :1]], 1)
-            found = found + self.temporal * (flown.diff(dim=1) ** 2).mean()
+            total = total + self.temporal * (flown.diff(dim=1) ** 2).mean()
         if self.spatial:
             near = obs + self.radius * torch.randn_like(obs)
-            found = found + self.spatial * ((here - actor(near[:, None]))[:, :execute] ** 2).mean()
-        return found
+            total = total + self.spatial * ((here - actor(near[:, None]))[:, :execute] ** 2).mean()
+        return total
 
     @property
     def penalises(self) -> bool:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core import registry
-from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:  # names are listed without importing a compiler
     from aerial_il.control.controllers.law import Law
@@ -28,22 +27,13 @@ def get(name: str) -> type[Law]:
     return registry.get("controller", name)
 
 
-def kernel_of(name: str) -> Any:
-    """Return the compiled function ``steer`` of a law.
+def address(name: str, own: Any) -> int:
+    """Return the address of a law's kernel for its numbers ``own`` (1,).
 
     Raises:
-        InvalidValueError: its file has none, or a plain Python function.
+        InvalidValueError: it is a plain Python function.
     """
-    module = registry.module("controller", name)
-    found = getattr(module, "steer", None)
-    if not hasattr(found, "py_func"):
-        raise InvalidValueError(f"{module.__name__} needs a compiled steer(own, vehicle, gains, scratch, state).")
-    return found
-
-
-def address(name: str, own: Any) -> int:
-    """Return the address of a law's kernel for its numbers ``own`` (1,)."""
     from aerial_il.control.steering import signature
     from aerial_il.core.kernels import address_of
 
-    return address_of(kernel_of(name), signature(own))
+    return address_of(registry.kernel("controller", name, "steer"), signature(own))

@@ -21,7 +21,7 @@ SHOWN = {  # module -> what a reader finds there; everything else is read in its
 INTRODUCTION = """\
 # Python reference
 
-What scripts may rely on, and what extensions are made of, from the docstrings; [in Python](../python.md) shows it in use.
+What scripts may rely on, and what extensions are made of, from the docstrings. [In Python](../python.md) it is in use.
 All other modules explain themselves in their files: [architecture](../architecture.md) says where to look."""
 
 

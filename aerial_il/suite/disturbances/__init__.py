@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core import registry
-from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:  # names are listed without importing a compiler
     from aerial_il.suite.disturbances.disturbance import Disturbance
@@ -39,8 +38,5 @@ def kernels(name: str) -> dict[str, Any]:
     """
     from aerial_il.suite.physics import hooks
 
-    module = registry.module("disturbance", name)
-    found = {hook: getattr(module, hook) for hook in hooks.NAMES if hasattr(module, hook)}
-    if plain := [hook for hook, function in found.items() if not hasattr(function, "py_func")]:
-        raise InvalidValueError(f"{module.__name__}: {', '.join(plain)} must be compiled: write @kernel above it.")
-    return found
+    found = {hook: registry.kernel("disturbance", name, hook, needed=False) for hook in hooks.NAMES}
+    return {hook: compiled for hook, compiled in found.items() if compiled is not None}

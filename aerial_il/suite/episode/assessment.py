@@ -12,6 +12,7 @@ from numba import types
 from aerial_il.control.actions import ActionLevel
 from aerial_il.control.controller_state import TARGET_POS
 from aerial_il.control.dynamics import put, vec
+from aerial_il.core import registry
 from aerial_il.core.addresses import numbers_at
 from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.rotations import norm, sub
@@ -130,7 +131,9 @@ class SensorTable:
         for name, sensor, fields in sensors.of(robot):
             own, size = sensor.record(name, robot), sum(field.size for field in fields)
             signature = types.void(numba.from_dtype(own.dtype), RECORD, RECORD, ROW)
-            rows.append([address_of(sensors.kernel_of(name), signature), own.ctypes.data, self.size, size])
+            rows.append(
+                [address_of(registry.kernel("sensor", name, "read"), signature), own.ctypes.data, self.size, size]
+            )
             self._own.append(own)
             self.size += size
         self.rows = np.array(rows, np.int64).reshape(-1, 4)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from aerial_il.core import registry
-from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:  # names are listed without importing a compiler
     from aerial_il.core.specs import Field
@@ -26,19 +25,6 @@ def get(name: str) -> type[Sensor]:
         UnknownNameError: no sensor has that name.
     """
     return registry.get("sensor", name)
-
-
-def kernel_of(name: str) -> Any:
-    """Return the compiled function ``read`` of a sensor.
-
-    Raises:
-        InvalidValueError: its file has none, or a plain Python function.
-    """
-    module = registry.module("sensor", name)
-    found = getattr(module, "read", None)
-    if not hasattr(found, "py_func"):
-        raise InvalidValueError(f"{module.__name__} needs a compiled read(own, world, seen, found): @kernel above it.")
-    return found
 
 
 def of(robot: Robot) -> Iterator[tuple[str, Sensor, tuple[Field, ...]]]:

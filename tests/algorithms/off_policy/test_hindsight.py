@@ -142,7 +142,7 @@ def test_with_hindsight_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path) -
 
 def test_hindsight_is_refused_where_no_goal_is_told_or_seen(tmp_path: Path) -> None:
     settings = short("td3", steps=80, **{"hindsight.goals": 4})
-    with pytest.raises(InvalidValueError, match="tells no goal"):
+    with pytest.raises(InvalidValueError, match="exposes no goal"):
         train(settings, tmp_path / "none", Drift(8))
     unseeing = replace(POLICY, obs_names=("position",))
     with pytest.raises(InvalidValueError, match="goal is not shown"):

@@ -94,7 +94,7 @@ def test_demonstrations_are_rewarded_by_the_rule_of_their_goals(name: str) -> No
 
 
 @each
-def test_stopped_in_the_middle_of_its_episodes_it_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
+def test_stopped_within_episodes_it_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
     settings = short(name, evaluate_every=104)
     train(settings, tmp_path / "whole", Sought(8), evaluate=lambda policy, step: {})
 
@@ -112,6 +112,6 @@ def test_stopped_in_the_middle_of_its_episodes_it_ends_with_the_same_bytes(tmp_p
 
 @each
 def test_it_is_refused_where_no_goal_is_told(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidValueError, match=r"tells no goal.*hindsight\.goals=0"):
+    with pytest.raises(InvalidValueError, match=r"exposes no goal.*hindsight\.goals=0"):
         train(short(name), tmp_path / "run", Drift(8))
     assert not (tmp_path / "run").exists()

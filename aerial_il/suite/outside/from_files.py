@@ -1,7 +1,7 @@
 """Checks of environments that a file names: registered ones only, never a module to import.
 
-``gymnasium.make("pkg.mod:X-v0")`` imports ``pkg.mod``, which is code. A policy, dataset or run may come from a
-stranger, so only a key that somebody types, or passes in Python, may name a module.
+``gymnasium.make("pkg.mod:X-v0")`` imports ``pkg.mod``, which is code. A policy, dataset or run may come from
+anybody, so only a key that somebody types, or passes in Python, may name a module.
 """
 
 from __future__ import annotations
