@@ -104,7 +104,7 @@ def test_a_robot_declines_a_task_in_its_own_file_and_everybody_is_told_why(regis
             refused()
     found = catalogue()
     assert {"robot": NAME, "task": TASK, "reason": REASON} in found["declined"]
-    assert REASON in as_text(found)
+    assert REASON in as_text(found, declined=True)
     line = f"- not `{TASK}`: {REASON}"
     assert line in robot_pages.page(robot)
     assert f"- not `{NAME}`: {REASON}" in task_pages.page(tasks.get(TASK))

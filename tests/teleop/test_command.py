@@ -83,8 +83,8 @@ def test_a_port_that_is_taken_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_a_page_for_other_machines_tells_its_fingerprint_or_warns(
     tls: bool | None, expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    context = teleop._tls(teleop.Config(out="x", host="0.0.0.0", expose=True, tls=tls))
+    context = teleop._tls(teleop.Teleop(out="x", host="0.0.0.0", expose=True, tls=tls))
     assert (context is None) == (tls is False)
     assert expected in capsys.readouterr().out
-    assert teleop._tls(teleop.Config(out="x")) is None
+    assert teleop._tls(teleop.Teleop(out="x")) is None
     assert not capsys.readouterr().out
