@@ -33,12 +33,12 @@ def open_demonstrations(
     selected = isinstance(algorithm, BC) and algorithm.selection.failures > 0
     failures = selected or (isinstance(algorithm, Imitation) and algorithm.learns_from_failures)
     if limit is None:
-        return open_dataset(path, cameras=tuple(images), failures=failures)
+        return open_dataset(path, cameras=tuple(images), failures=failures, states=False)
     if failures:
         raise InvalidValueError(
             f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
         )
-    dataset = open_dataset(path)
+    dataset = open_dataset(path, states=False)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
     chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
@@ -47,7 +47,7 @@ def open_demonstrations(
             "Collect more into it, or leave dataset.episodes=null for all."
         )
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
-        return open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
+        return open_dataset(path, cameras=tuple(images), states=False).only([episode.uid for episode in chosen])
     return chosen
 
 
