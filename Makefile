@@ -6,10 +6,10 @@ ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
-.PHONY: help setup demo test test-all fuzz check format bench docs notebooks lock slurm newcomer clean
+.PHONY: help setup demo test test-all fuzz check format bench bench-quick docs notebooks lock slurm newcomer clean
 
 help: ## list these commands
-	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: ## make .venv from requirements.lock and find out how to render (does nothing when up to date)
 	@setup/environment.sh
@@ -36,8 +36,11 @@ format: setup ## put the code in order
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
-bench: setup ## run every benchmark (aerial-il bench NAME runs one)
+bench: setup ## run every study (aerial-il bench NAME runs one)
 	@$(BIN)/aerial-il bench
+
+bench-quick: setup ## fly a small version of every headline claim, half an hour on two cores, and say which hold
+	@$(BIN)/aerial-il bench quick=true
 
 docs: setup ## build the documentation into build/site (aerial-il docs open=true shows it)
 	@$(BIN)/aerial-il docs out=null

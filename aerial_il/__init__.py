@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from aerial_il.suite.outside.batch import OutsideBatch
     from aerial_il.suite.outside.processes import SharedBatch
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 choose_backend()  # MuJoCo reads MUJOCO_GL when it is first imported
 gymnasium_ids.register_when_imported()
@@ -189,17 +189,20 @@ def collect(robot: str | None = None, task: str | None = None, *, out: str | os.
     """Record demonstrations, as ``aerial-il collect`` does, and return them.
 
     Args:
-        robot, task: registry names; None for the command's defaults, or where ``env`` names another environment.
+        robot, task: registry names; None for the defaults, or where ``env`` names another environment.
         out: folder of the dataset. What it holds already is not flown again.
-        keys: those of the command, e.g. ``episodes=100, tier="gusts", expert={"noise": 0.3}``.
+        keys: the other settings of :class:`aerial_il.workflows.collect.Collect`, e.g. ``episodes=100, tier="gusts",
+            expert={"noise": 0.3}``.
 
     Raises:
         AerialError: for every mistake, in the words of the command line.
     """
-    from aerial_il.cli.called import call
+    from aerial_il.core.composition import build
+    from aerial_il.workflows.collect import Collect
+    from aerial_il.workflows.collect import collect as record
 
-    call("collect", {"robot": robot, "task": task, "out": out, **keys})
-    return open_dataset(os.fspath(out))
+    cell = {name: value for name, value in (("robot", robot), ("task", task)) if value is not None}
+    return open_dataset(record(build(Collect, {**cell, "out": out, **keys})))
 
 
 def train(dataset: str | os.PathLike[str] | None = None, *, run: str | os.PathLike[str], **keys: Any) -> Policy:
@@ -207,13 +210,15 @@ def train(dataset: str | os.PathLike[str] | None = None, *, run: str | os.PathLi
 
     Args:
         dataset: demonstrations; None for algorithms that learn without. run: folder of the run.
-        keys: those of the command, e.g. ``policy={"name": "act", "chunk": 20}, algorithm={"steps": 2000}, seed=1``.
+        keys: the other settings of :class:`aerial_il.workflows.train.Train`. A policy or an algorithm is given by its
+            settings, its name, or a mapping: ``algorithm=SAC(lr=1e-4)``, ``"sac"``, ``{"name": "sac", "lr": 1e-4}``.
     """
     from aerial_il.core.composition import build
-    from aerial_il.workflows import train as workflow
+    from aerial_il.workflows.train import Train
+    from aerial_il.workflows.train import train as learn
 
-    given = {} if dataset is None else {"dataset": os.fspath(dataset)}
-    return workflow.train(build(workflow.Train, {"run": os.fspath(run), **given, **keys}))
+    given = {} if dataset is None else {"dataset": dataset}
+    return learn(build(Train, {**given, "run": run, **keys}))
 
 
 def evaluate(policy: str | os.PathLike[str], *, out: str | os.PathLike[str], **keys: Any) -> EvaluationResult:
@@ -221,13 +226,13 @@ def evaluate(policy: str | os.PathLike[str], *, out: str | os.PathLike[str], **k
 
     Args:
         policy: folder of a run or a policy, or whatever else the command takes. out: folder of the results.
-        keys: those of the command, e.g. ``tier="gusts", episodes=100``.
+        keys: the other settings of :class:`aerial_il.workflows.evaluate.Evaluate`, e.g. ``tier="gusts", episodes=100``.
     """
-    from aerial_il.cli.called import call
-    from aerial_il.evaluation.result import load_result
+    from aerial_il.core.composition import build
+    from aerial_il.workflows.evaluate import Evaluate
+    from aerial_il.workflows.evaluate import evaluate as fly
 
-    call("evaluate", {"policy": policy, "out": out, **keys})
-    return load_result(os.fspath(out))
+    return fly(build(Evaluate, {"policy": policy, "out": out, **keys})).result
 
 
 def list_robots() -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from PIL import Image
 import aerial_il
 from aerial_il import robots
 from aerial_il.control.hover import hover_body
-from aerial_il.control.lqr import feedback_matrix, hover_model
+from aerial_il.control.controllers.lqr import feedback_matrix, hover_model
 from aerial_il.core.rendering import can_render
 from aerial_il.robots.figures import chain, stances
 
@@ -192,7 +192,7 @@ for stance in stances(robot):
 # Without the integral, a constant disturbance $d$ leaves the offset $e = d/(m k_p)$; the integral removes it, slowly. As the
 # position loop is $\ddot e + k_v\dot e + k_p e = 0$, the gains are a frequency and a damping: $\omega_0=\sqrt{k_p}$,
 # $\zeta = k_v/2\sqrt{k_p}$. With the 20 and 9.8 used here, $\omega_0=4.5$ rad/s, $\zeta=1.1$.
-# Code: `aerial_il/control/pid.py`.
+# Code: `aerial_il/control/controllers/pid.py`.
 #
 # ## 2.6 LQR: gains from a model and a price
 #
@@ -202,7 +202,7 @@ for stance in stances(robot):
 # $$ u=-R^{-1}B^\top P\,x = -Kx, \qquad\text{and}\qquad A^\top P+PA-PBR^{-1}B^\top P+Q=0 , $$
 #
 # the algebraic Riccati equation (Bryson & Ho, *Applied Optimal Control*, 1975, ch. 5). $Q$ and $R$ follow Bryson's rule: one over the
-# square of what is still acceptable. Code: `aerial_il/control/lqr.py`.
+# square of what is still acceptable. Code: `aerial_il/control/controllers/lqr.py`.
 
 # %%
 body = hover_body(vehicle)

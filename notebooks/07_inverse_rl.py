@@ -36,7 +36,7 @@ import aerial_il
 from aerial_il.presentation import analysis
 from aerial_il.algorithms.adversarial.reward_net import load_reward
 from aerial_il.algorithms.gail import GAIL
-from aerial_il.algorithms.rl.interface import encode, encode_actions
+from aerial_il.algorithms.online.interface import encode, encode_actions
 from aerial_il.collection.collect import collect
 from aerial_il.core.rendering import can_render
 from aerial_il.evaluation import statistics
@@ -237,12 +237,13 @@ guided = aerial_il.open_dataset("around")
 print(len(guided), "demonstrations of", len(guided[0]), "steps")
 
 # %%
-PPO = {"steps": 40_960, "rollout": 512, "gamma": 0.95, "critic_hidden": (64, 64), "lr": 1e-3, "log_every": 2048}
-DISCRIMINATOR = {"reward_updates": 32, "reward_batch": 256, "reward_lr": 3e-3}
+PPO = {"steps": 40_960, "rollout": replace(GAIL.rollout, steps=512), "gamma": 0.95, "lr": 1e-3, "cadence": replace(GAIL.cadence, log_every=2048)}
+DISCRIMINATOR = {"reward": replace(GAIL.reward, updates=32, lr=3e-3), "reward_batch": 256}
 ACTOR = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free")
 settings = GAIL(**PPO, **DISCRIMINATOR)
 imitator = settings.train(list(guided), ACTOR, env=env, run="gail")
-control = replace(settings, control="random_actions").train(list(guided), ACTOR, env=env, run="control")
+control = replace(settings, demonstrations=replace(settings.demonstrations, control="random_actions"))
+control = control.train(list(guided), ACTOR, env=env, run="control")
 
 
 def paths_of(policy, flights=40):
@@ -341,8 +342,9 @@ plt.show()
 ROBOT, FLIGHTS = "fa_hexa_arm4", 60
 SEES = {"name": "squashed_gaussian", "hidden": [128, 128], "relative": True, "anchor": "ee_pos", "blind_to": ["base_*", "joint_*", "ee_*"], "spread": "free", "log_std": -3.0}
 GAIL = {
-    "name": "gail", "steps": 32_000, "bounds": "demonstrations", "labels": "expert", "bc_pretrain_steps": 1000, "warmup": 6400, "action_noise": True,
-    "rollout": 6400, "epochs": 5, "batch_size": 512, "lr": 1e-4, "gamma": 0.97, "target_kl": 0.01, "critic_hidden": [128, 128], "reward_updates": 32, "log_every": 6400,
+    "name": "gail", "steps": 32_000, "demonstrations": {"bounds": "demonstrations", "labels": "expert"}, "bc_pretrain_steps": 1000, "warmup": 6400,
+    "rollout": {"steps": 6400, "epochs": 5, "batch_size": 512}, "lr": 1e-4, "gamma": 0.97, "target_kl": 0.01, "critic_hidden": [128, 128],
+    "reward": {"updates": 32, "action_noise": True}, "cadence": {"log_every": 6400},
 }  # fmt: skip
 
 
@@ -352,7 +354,8 @@ def quietly(function, *args, **keys):
 
 
 demos = quietly(aerial_il.collect, ROBOT, "reach", episodes=20, horizon=250, expert={"noise": 0.1}, out="reach", progress=False)
-kinds = {"clone alone": {"steps": 6400, "warmup": 6400}, "GAIL": {}, "control: random actions": {"control": "random_actions", "warmup": 0}}
+random = {"demonstrations": {**GAIL["demonstrations"], "control": "random_actions"}, "warmup": 0}
+kinds = {"clone alone": {"steps": 6400, "warmup": 6400}, "GAIL": {}, "control: random actions": random}
 policies = {
     name: quietly(aerial_il.train, "reach", policy=SEES, algorithm={**GAIL, **change}, num_envs=32, run=f"reach_{k}")
     for k, (name, change) in enumerate(kinds.items())

@@ -158,13 +158,16 @@ plt.show()
 # %%
 SEEDS = (0, 1, 2)
 PPO = {
-    "name": "bc_ppo", "prior": "prior", "steps": 36_000, "rollout": 2400, "execute": 4, "gamma": 0.98, "lr": 2e-3, "critic_lr": 3e-3,
-    "epochs": 8, "patience": 2.0, "critic_hidden": [64, 64], "log_every": 2400,
+    "name": "bc_ppo", "prior": "prior", "steps": 36_000, "rollout": {"steps": 2400, "epochs": 8}, "exploration": {"execute": 4}, "gamma": 0.98,
+    "lr": 2e-3, "critic_lr": 3e-3, "patience": 2.0, "critic_hidden": [64, 64], "cadence": {"log_every": 2400},
 }  # fmt: skip
 SETTINGS = {
     "guarded": {**PPO, "warmup": 4800, "kl": 0.003, "target_kl": 0.05, "gate": 2.0},
     "unguarded": {**PPO, "warmup": 0, "kl": 0.0, "target_kl": 0.0, "gate": 1000.0},
-    "scratch": {"name": "ppo", "reward": "sparse", "steps": 36_000, "rollout": 2400, "gamma": 0.98, "lr": 1e-3, "epochs": 5, "batch_size": 256, "log_every": 2400},
+    "scratch": {
+        "name": "ppo", "reward": "sparse", "steps": 36_000, "rollout": {"steps": 2400, "epochs": 5, "batch_size": 256}, "gamma": 0.98, "lr": 1e-3,
+        "cadence": {"log_every": 2400},
+    },  # fmt: skip
 }
 for name, algorithm in SETTINGS.items():
     for seed in SEEDS:

@@ -68,7 +68,7 @@ with contextlib.redirect_stdout(io.StringIO()):
 with contextlib.redirect_stdout(io.StringIO()):
     for seed in (0, 1):
         aerial_il.train(
-            algorithm={"name": "ppo", "steps": 6000, "rollout": 1024, "log_every": 1000}, policy="categorical",
+            algorithm={"name": "ppo", "steps": 6000, "rollout": {"steps": 1024}, "cadence": {"log_every": 1000}}, policy="categorical",
             env="gymnasium:CartPole-v1", threads=1, run=runs / "ppo" / f"seed={seed}", seed=seed,
         )  # fmt: skip
 (runs / "stopped").mkdir()

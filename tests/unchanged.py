@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+CAMERAS = ("wrist_rgb", "base_rgb")
 SEEDS, STEPS, TRAINING_STEPS = np.array([900_000, 900_001, 900_002]), 60, 200
 
 
@@ -68,6 +69,20 @@ def flights() -> Iterator[tuple[str, Any]]:
             yield name, lambda r=robot, t=task, a=level: digest(flown(r, t, "hard", a))
 
 
+def filmed(count: int) -> Iterator[Any]:
+    """Yield demonstrations with two cameras, whose pictures are noise."""
+    from aerial_il.core.specs import Field, ObservationSpec
+    from tests.algorithms.point_mass import demonstrations
+
+    rng, shape = np.random.default_rng(5), (24, 20, 3)
+    cameras = tuple(Field(name, shape, "image", dtype="uint8") for name in CAMERAS)
+    for demo in demonstrations(count):
+        fields = tuple(field for field in demo.spec.observation.fields if field.group != "image")
+        obs = {field.name: demo.obs[field.name] for field in fields}
+        obs |= {name: rng.integers(0, 256, (len(demo) + 1, *shape), np.uint8) for name in CAMERAS}
+        yield replace(demo, spec=replace(demo.spec, observation=ObservationSpec((*fields, *cameras))), obs=obs)
+
+
 def trainings() -> Iterator[tuple[str, Any]]:
     """Yield a name, and what computes the digest, for every algorithm and policy class."""
     import torch
@@ -100,10 +115,21 @@ def trainings() -> Iterator[tuple[str, Any]]:
             )  # fmt: skip
             return weights(Path(folder) / "run")
 
+    def seeing(name: str, changes: dict[str, Any]) -> str:
+        small = {"history": 2, "chunk": 4, "images": CAMERAS, "image_features": 8}
+        settings = replace(test_algorithms.short("bc", TRAINING_STEPS), **changes)
+        with tempfile.TemporaryDirectory() as folder:
+            settings.train(
+                filmed(8), replace(config(name), **small), run=Path(folder) / "run", seed=3, progress=False
+            )  # fmt: skip
+            return weights(Path(folder) / "run")
+
     for name in test_algorithms.NAMES:
         yield f"algorithm/{name}", lambda n=name: algorithm(n)
     for name in policies.names():
         yield f"policy/{name}", lambda n=name: policy(n)
+    for name, changes in (("mlp", {}), ("act", {}), ("gmm", {"obs_noise": 0.1, "field_dropout": 0.5})):
+        yield f"image/{name}", lambda n=name, c=changes: seeing(n, c)
 
 
 def measure(out: Path, only: str = "") -> None:

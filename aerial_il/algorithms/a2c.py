@@ -1,7 +1,8 @@
 """Advantage actor-critic (A2C): a few steps of every world, one step of actor and critic, and on.
 
-Each turn collects ``rollout`` steps, estimates generalised advantages A (with ``gae_lambda`` 1 the discounted rewards
-to the rollout's end and the critic's estimate there, less the estimate at the step), and takes one step to minimise
+Each turn collects ``rollout.steps`` steps, estimates generalised advantages A (with ``gae_lambda`` 1 the discounted
+rewards to the rollout's end and the critic's estimate there, less the estimate at the step), and takes one step to
+minimise
 
     ``-E[A log pi(a | s)] - entropy * H(pi)``    and    ``E[(V(s) - R)^2]``.
 
@@ -17,22 +18,25 @@ synchronous and its optimiser Adam.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-import torch
-
-from aerial_il.algorithms.rl.baseline import Baseline
-from aerial_il.algorithms.rl.interface import standardised
-from aerial_il.algorithms.rl.on_policy import OnPolicy, Rollout, collect_rollout
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments
+from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
+from aerial_il.algorithms.on_policy.agent import ActorCritic
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.problems import from_reward
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.on_policy.steps import StepFlights
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
-from aerial_il.algorithms.run.state import Snapshot, joined, separate
-from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.tensors import tensor
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -40,45 +44,50 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class A2C(Reinforcement, OnPolicy):
-    """Settings of a run, beside those of :class:`Reinforcement` and :class:`OnPolicy`.
+class A2C(Algorithm):
+    """Advantage actor-critic (Mnih et al. 2016, algorithm S3).
 
     Attributes:
-        entropy: weight of the entropy. clip_norm: largest gradient norm of the actor.
+        lr: learning rate at the start; it falls linearly to zero.
+        entropy: weight of the entropy.
+        clip_norm: largest gradient norm of the actor.
+        rollout: epochs and batch_size are the critic's; the actor takes one step.
     """
 
     name: ClassVar[str] = "a2c"
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian, Categorical)
 
-    rollout: int = 64
-    lr: float = 7e-4
+    steps: int = 300_000
+    gamma: float = 0.99
     gae_lambda: float = 1.0
+    lr: float = 7e-4
     entropy: float = 0.0
     clip_norm: float = 0.5
+    critic_hidden: tuple[int, ...] = (64, 64)
+    rollout: Rollout = Rollout(steps=64, epochs=1, batch_size=None)
+    reward: Source = "environment"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "clip_norm")
         require_not_negative(self, "entropy")
 
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return from_reward(self, policy, env, seed)
+
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = AdvantageAgent(self, run.build_actor(StochasticNetwork), run.sizes[0])
-        obs_norm, reward_norm = RunningMoments(run.sizes[0]), RewardNorm(run.collector.n, self.gamma)
-        run.begin(agent.actor, {"agent": agent, "obs_norm": obs_norm, "reward_norm": reward_norm})
-        run.interface = standardised(run.interface, obs_norm)
-
-        while run.goes_on():
-            rollout = collect_rollout(run.collector, run.interface, agent, self.rollout)
-            run.log(agent.update(rollout, reward_norm.scale(rollout.rewards, rollout.ended), left=run.left))
-            obs_norm.add(run.interface.layout.relate(rollout.flat("frames")))
-            run.interface = standardised(run.interface, obs_norm)
-            run.end_turn()
-
+        actor = run.build_actor(StochasticNetwork)
+        agent = AdvantageAgent(self, actor, run.sizes[0])
+        learn_on_policy(run, self, StepFlights(run, actor, obs_norm=True), agent, actor)
         return run.finish()
 
 
-class AdvantageAgent:
-    """An actor, and the critic that estimates advantages; both take one step for each rollout.
+class AdvantageAgent(ActorCritic[StochasticNetwork]):
+    """An actor that takes one step for each rollout, and the critic that estimates advantages.
 
     Args:
         settings: of the algorithm.
@@ -87,33 +96,21 @@ class AdvantageAgent:
     """
 
     def __init__(self, settings: A2C, actor: StochasticNetwork, obs_size: int) -> None:
-        self.settings, self.actor = settings, actor
-        self._actor = TrainState(actor, adam(actor, settings.lr))
-        self._baseline = Baseline(obs_size, settings.critic_hidden, lr=settings.lr)
+        super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)
+        self.settings = settings
 
-    @torch.no_grad()
-    def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sample actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
-        drawn = self.actor.sample(tensor(obs)[:, None])
-        return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
+    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+        """Learn from one rollout, when the share ``left`` of the training is left."""
+        for part in (self._actor, self._critic):
+            part.set_lr(self.settings.lr * left)
+        metrics = self.improve(found.data) if improve else {}
+        return {**metrics, "critic/loss": self._critic.fit(found.data, self.settings.rollout)}
 
-    def update(self, rollout: Rollout, rewards: np.ndarray, *, left: float) -> dict[str, float]:
-        """Take one step by a rollout and its scaled rewards (T, n), when the share ``left`` of the training is left."""
+    def improve(self, data: Advantages) -> dict[str, float]:
+        """Take one step of the actor."""
         settings = self.settings
-        for part in (self._actor, self._baseline):
-            part.set_lr(settings.lr * left)
-        found = self._baseline.advantages(rollout, rewards, gamma=settings.gamma, gae_lambda=settings.gae_lambda)
-        raw, after = (tensor(np.asarray(rollout.flat(name), np.float32)) for name in ("raw", "next_obs"))
-        log_prob, entropy = self.actor.judge(found.obs[:, None], raw)
-        loss = -(found.advantages * log_prob).mean() - settings.entropy * entropy.mean()
-        loss = loss + settings.smoothness.loss(self.actor, found.obs, after)
+        log_prob, entropy = self.actor.judge(data.obs[:, None], data.raw)
+        loss = -(data.advantages * log_prob).mean() - settings.entropy * entropy.mean()
+        loss = loss + settings.smoothness.loss(self.actor, data.obs, data.next_obs)
         self._actor.descend(loss, clip_norm=settings.clip_norm)
-        critic_loss = self._baseline.fit(found, epochs=1, batch_size=len(found.obs))
-        actor = {"actor/loss": loss.item(), "actor/entropy": entropy.mean().item()}
-        return {**actor, "critic/loss": critic_loss, "critic/value": found.value}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined({"actor": self._actor, "critic": self._baseline}).arrays)
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, {"actor": self._actor, "critic": self._baseline})
+        return {"actor/loss": loss.item(), "actor/entropy": entropy.mean().item()}

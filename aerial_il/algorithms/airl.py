@@ -23,10 +23,14 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.adversarial.discriminator import Discriminator, Reward
+from aerial_il.algorithms.adversarial.discriminator import Discriminator
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
+from aerial_il.algorithms.adversarial.settings import LearnedReward
 from aerial_il.algorithms.gail import GAIL
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_choice
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, log_density, unsquashed
@@ -36,7 +40,7 @@ RewardOn = Literal["state", "state_action"]
 
 @dataclass(frozen=True, kw_only=True)
 class AIRL(GAIL):
-    """Settings of a run; see :class:`GAIL`.
+    """Adversarial inverse reinforcement learning (Fu et al. 2018): :class:`GAIL` with another discriminator.
 
     Attributes:
         reward_on: what g sees, ``state`` or ``state_action``.
@@ -44,16 +48,49 @@ class AIRL(GAIL):
 
     name: ClassVar[str] = "airl"
 
-    reward: Reward = "airl"
+    steps: int = 300_000
+    bc_pretrain_steps: int = 0
+    warmup: int = 0
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    lr: float = 3e-4
+    clip: float = 0.2
+    entropy: float = 0.0
+    clip_norm: float = 0.5
+    target_kl: float = 0.0
+    critic_hidden: tuple[int, ...] = (64, 64)
+    rollout: Rollout = Rollout(steps=2048, epochs=10, batch_size=64)
+    reward: LearnedReward = LearnedReward(
+        form="airl",
+        hidden=(64, 64),
+        lr=1e-3,
+        updates=12,
+        gradient_penalty=1.0,
+        spectral_norm=False,
+        dropout=0.0,
+        action_noise=False,
+    )
     reward_on: RewardOn = "state_action"
+    reward_batch: int = 1024
+    buffer_size: int = 16_384
+    demonstrations: Demonstrations = Demonstrations(
+        trajectories=None,
+        subsample=1,
+        bounds="environment",
+        labels="executed",
+        absorbing=True,
+        control="none",
+    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_choice(self, "reward_on", RewardOn)
 
     def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
-        shape: Shape = {**self.reward_shape(running_norm=True), "actions": self.reward_on == "state_action"}
-        return ShapedReward(*sizes, shape, lr=self.reward_lr, gamma=self.gamma, actor=actor)
+        shape = self.reward.shape(running_norm=True, actions=self.reward_on == "state_action")
+        return ShapedReward(*sizes, shape, lr=self.reward.lr, gamma=self.gamma, actor=actor)
 
 
 class ShapedReward(RewardNet):

@@ -1,4 +1,4 @@
-"""Advantage-weighted actor-critic (AWAC): imitate what was better than usual, from a dataset first, then from flights.
+"""Advantage-weighted actor-critic (AWAC): imitate what was better than average, in a dataset first, then in flights.
 
 Two critics learn ``Q(s, a) = r + gamma * min Q'(s', a')`` with a' sampled from the actor. The actor never maximises
 them, which would lead it to actions that were never tried; it raises the likelihood of actions in the minibatch,
@@ -26,18 +26,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Demonstrations, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent, sampled
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, mixed
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
+from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
@@ -45,7 +47,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics as CriticNetworks
 from aerial_il.policies.parts.network import PolicySettings
-from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,20 +78,14 @@ class AWAC(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
     critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
     demonstrations: Demonstrations = Demonstrations(
-        trajectories=None,
-        subsample=1,
-        bounds="environment",
-        labels="executed",
-        failures=False,
-        absorbing=True,
-        control="none",
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
     )
+    failures: bool = False
     reward: Source = "environment"
+    reward_patience: int = 200_000
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -99,26 +95,16 @@ class AWAC(Algorithm):
         require_positive(self, "temperature", "weight_limit")
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
-        return from_demonstrations(self.name, policy, env, seed, reward_scheme(self), **found)
+        if not self.offline_steps:
+            check_warmup(self, env)
+        return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
         agent = AdvantageWeightedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        pilot = agent if self.offline_steps else RandomActions(run.sizes[1], run.rng("warm-up"))
-        demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
-
-        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
-            flown = len(replay.buffer) > 0
-            return agent.update(mixed(demos, replay.buffer, size, self.demos_share) if flown else demos.sample(size))
-
-        offline = self.offline_steps
-        return learn_off_policy(
-            run, self, agent, update, pilot=pilot, demos=demos, offline=offline, absorbing=absorbing
-        )
+        return learn_offline_first(run, self, agent, agent.update)
 
 
-class AdvantageWeightedAgent(Agent):
+class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and two critics with slowly following target networks.
 
     Args:
@@ -128,10 +114,10 @@ class AdvantageWeightedAgent(Agent):
     def __init__(self, settings: AWAC, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
-        self._actor_state = TrainState(actor, adam(actor, settings.lr))
-        self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._targets = Target(critics)
-        super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
+        self.actor_state = TrainState(actor, adam(actor, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.targets = Target(critics)
+        super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Sample actions (n, Da) for encoded observations (n, Do)."""
@@ -140,44 +126,36 @@ class AdvantageWeightedAgent(Agent):
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of the actor."""
         loss, metrics = self.critic_loss(batch)
-        self._critics.descend(loss)
-        self._targets.follow(self.settings.critics.tau)
+        self.critics.descend(loss)
+        self.targets.follow(self.settings.critics.tau)
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
-            loss, found = self.actor_loss(batch)
+            loss, means = self.actor_loss(batch)
             smooth = self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
-            self._actor_state.descend(loss + smooth)
-            metrics |= found
+            self.actor_state.descend(loss + smooth)
+            metrics |= means
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error of both critics."""
         with torch.no_grad():
-            worth = self._worth(self._targets.network, batch.next_obs)
-            targets = batch.rewards + self.settings.gamma * batch.continues * worth
-        values = self._critics.network(batch.obs, batch.actions)
-        loss = ((values - targets) ** 2).mean(1).sum()
-        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+            values = self._values(self.targets.network, batch.next_obs)
+            targets = batch.rewards + self.settings.gamma * batch.continues * values
+        return squared_error(self.critics.network, batch, targets)
 
     def actor_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return ``-w log pi(a | s)`` without the absorbing state, where none is chosen."""
-        alive = 1.0 - batch.obs[:, -1]
-        weights, advantages = self.weights(batch)
-        log_prob, _ = self.actor.judge(batch.obs[:, None, :-1], unsquashed(batch.actions))
-        share = alive / alive.sum().clamp(min=1.0)
-        loss = -(share * weights * log_prob).sum()
-        found = {"actor/advantage": (share * advantages).sum().item(), "actor/weight": (share * weights).sum().item()}
-        return loss, {"actor/loss": loss.item(), **found}
+        return weighted_likelihood(self.actor, batch, *self.weights(batch))
 
     @torch.no_grad()
     def weights(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Return the weight of each action of a minibatch, and its advantage, (B,) each."""
-        usual = self._worth(self._critics.network, batch.obs)
-        advantages = self._critics.network(batch.obs, batch.actions).min(0).values - usual
+        baseline = self._values(self.critics.network, batch.obs)
+        advantages = self.critics.network(batch.obs, batch.actions).min(0).values - baseline
         weights = (advantages / self.settings.temperature).exp().clamp(max=self.settings.weight_limit)
         return weights, advantages
 
-    def _worth(self, critics: CriticNetworks, obs: Tensor) -> Tensor:
+    def _values(self, critics: CriticNetworks, obs: Tensor) -> Tensor:
         """Return the minimum of the ``critics`` for an action sampled from the actor, (B,)."""
         actions, _, _ = self.actor.sample(obs[:, None, :-1])
         return critics(obs, (1.0 - obs[:, -1:]) * actions).min(0).values

@@ -18,36 +18,39 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 import torch
-from torch import Tensor
 
-from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.algorithms.run.cadence import Cadence, Evaluate
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
-from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
+from aerial_il.algorithms.supervised.device import precision
 from aerial_il.algorithms.supervised.learner import Learner
 from aerial_il.algorithms.supervised.optimisation import cosine
 from aerial_il.algorithms.supervised.prepared import prepare
 from aerial_il.algorithms.supervised.selection import Selection
-from aerial_il.algorithms.supervised.supervised_run import SupervisedRun, open_run
+from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run
 from aerial_il.algorithms.supervised.training_set import Demonstrations, check_recorded, read_demos, split
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.parts.network import PolicySettings, Shown, state_of, with_state
 from aerial_il.policies.parts.partly_blind import columns_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class BC(SupervisedAlgorithm):
-    """Settings of a run, beside those of :class:`SupervisedAlgorithm`.
+class BC:
+    """Behaviour cloning.
 
     Attributes:
+        steps: optimisation steps.
+        minutes: end after this time even if steps are left; the schedule then follows the time, and the result depends
+            on the speed of the machine. null for steps alone.
         batch_size: windows in a minibatch.
         lr: peak learning rate.
         lr_floor: learning rate at the end, as a share of the peak.
@@ -62,10 +65,25 @@ class BC(SupervisedAlgorithm):
             Learning", 2019).
         selection: which demonstrations are learned from, and how much each counts.
         waypoints: how the actions of flights by hand are relabelled before they are learned from.
+        validation: share of the episodes held out to report the error per action element.
+        validate_every: steps between two such reports; 0 for never.
+        best_by: number of the rollouts by which the best policy on the way is kept.
+        patience: evaluations by rollouts in a row, none better than the best, after which it ends; 0 for never.
+            The learning rate is then still high, so that the policy may be worse than at the end of a whole run.
+        cadence: when it logs, flies rollouts and saves.
+        device: torch device.
+        mixed_precision: compute in bfloat16 where that loses little, on a GPU; a CPU always computes in float32.
+        threads: torch threads; results repeat bit for bit at a fixed number only.
     """
 
     name: ClassVar[str] = "bc"
+    needs: ClassVar[tuple[str, ...]] = ()
+    rewarded: ClassVar[bool] = False
+    demonstrated: ClassVar[bool] = True
+    worlds: ClassVar[int] = 1
 
+    steps: int = 10_000
+    minutes: float | None = None
     batch_size: int = 256
     lr: float = 1e-3
     lr_floor: float = 0.01
@@ -75,14 +93,27 @@ class BC(SupervisedAlgorithm):
     clip_norm: float = 1.0
     obs_noise: float = 0.0
     field_dropout: float = 0.0
-    selection: Selection = field(default_factory=Selection)
-    waypoints: Waypoints = field(default_factory=Waypoints)
+    selection: Selection = Selection(
+        operators=(), quality="duration", keep=1.0, sharpness=0.0, operator_weights={}, failures=0.0
+    )
+    waypoints: Waypoints = Waypoints(lookahead_s=0.0, flown_by="hand")
+    validation: float = 0.05
+    validate_every: int = 1000
+    best_by: str = SUCCESS
+    patience: int = 0
+    cadence: Cadence = Cadence(log_every=100, evaluate_every=0, checkpoint_every=1000, keep_checkpoints=3)
+    device: str = "cpu"
+    mixed_precision: bool = False
+    threads: int = 1
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "batch_size", "lr", "clip_norm")
-        require_share(self, "lr_floor", "ema", "field_dropout", below_one=True)
-        require_not_negative(self, "warmup_steps", "weight_decay", "obs_noise")
+        require_positive(self, "steps", "batch_size", "lr", "clip_norm", "threads")
+        require_share(self, "lr_floor", "ema", "field_dropout", "validation", below_one=True)
+        require_not_negative(self, "warmup_steps", "weight_decay", "obs_noise", "patience", "validate_every")
+        if self.minutes is not None and self.minutes <= 0:
+            raise InvalidValueError(f"minutes is {self.minutes}; it must be positive, or null for no limit.")
+        if self.patience and not self.evaluate_every:
+            raise InvalidValueError(f"patience is {self.patience}; it needs rollouts: set cadence.evaluate_every too.")
 
     def train(
         self,
@@ -107,8 +138,8 @@ class BC(SupervisedAlgorithm):
             run: folder for configuration, metrics, checkpoints and the finished policy.
             seed: decides initial weights, validation split, minibatches and noise.
             expect: what the dataset must have been recorded with; see :func:`check_recorded`.
-            evaluate: ``(policy, step) -> named numbers`` to log every ``evaluate_every`` steps and at the end; the best
-                policy by the number ``best_by`` is kept in ``run/best``.
+            evaluate: ``(policy, step) -> named numbers`` to log every ``cadence.evaluate_every`` steps and at the end;
+                the best policy by the number ``best_by`` is kept in ``run/best``.
             resume: continue what ``run`` holds; a finished run returns its policy at once.
             progress: show a progress bar.
             failures: learn from failed episodes too, as from those that an expert has labelled.
@@ -141,9 +172,9 @@ class BC(SupervisedAlgorithm):
         while run.goes_on():
             lr = self.lr * cosine(run.progress, learner.step, warmup_steps=self.warmup_steps, floor=self.lr_floor)
             obs, actions, valid = run.minibatch()
-            obs = with_noise(obs, layout.size, self.obs_noise) if self.obs_noise else obs
+            obs = with_noise(obs, self.obs_noise) if self.obs_noise else obs
             obs = with_dropout(obs, layout, self.field_dropout) if self.field_dropout else obs
-            with self.precision():
+            with precision(self.device, mixed=self.mixed_precision):
                 loss, logged = learner.network.loss(obs, actions, valid)
             learner.descend(loss, lr=lr, logged=logged)
             run.end_step(lr)
@@ -168,16 +199,30 @@ class BC(SupervisedAlgorithm):
         kept_shares = np.array([share for _, share in kept])
         return Demonstrations(layout, [demo for demo, _ in kept], kept_shares, [demo for demo, _ in held_out])
 
+    @property
+    def evaluate_every(self) -> int:
+        """Steps between two calls of ``evaluate``, as a workflow asks every algorithm."""
+        return self.cadence.evaluate_every
 
-def with_noise(obs: Tensor, size: int, deviation: float) -> Tensor:
-    """Return ``obs`` (B, To, Do, pixels behind them) with Gaussian noise on its ``size`` state elements."""
-    state, pixels = obs[..., :size], obs[..., size:]
-    return torch.cat([state + deviation * torch.randn_like(state), pixels], dim=-1)
+    @property
+    def failures(self) -> bool:
+        """Whether it learns from failed demonstrations too."""
+        return self.selection.failures > 0
+
+    def relabelling(self, waypoints: Waypoints) -> Self:
+        """Return the same settings for flights by hand that are relabelled so."""
+        return replace(self, waypoints=waypoints)
 
 
-def with_dropout(obs: Tensor, layout: Layout, most: float) -> Tensor:
-    """Return ``obs`` (B, To, Do, pixels behind them) with fields hidden, each at its window's rate up to ``most``."""
-    chance = most * torch.rand(len(obs), 1)
-    shown = columns_of(layout, torch.rand(len(obs), len(layout.names)) >= chance)
-    state, pixels = obs[..., : layout.size], obs[..., layout.size :]
-    return torch.cat([state * shown[:, None].to(obs), pixels], dim=-1)
+def with_noise(obs: Shown, deviation: float) -> Shown:
+    """Return ``obs`` with Gaussian noise on its state (B, To, Do)."""
+    state = state_of(obs)
+    return with_state(obs, state + deviation * torch.randn_like(state))
+
+
+def with_dropout(obs: Shown, layout: Layout, most: float) -> Shown:
+    """Return ``obs`` with fields of its state (B, To, Do) hidden, each at its window's rate up to ``most``."""
+    state = state_of(obs)
+    chance = most * torch.rand(len(state), 1)
+    shown = columns_of(layout, torch.rand(len(state), len(layout.names)) >= chance)
+    return with_state(obs, state * shown[:, None].to(state))

@@ -25,54 +25,105 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.decisions.chunk_actor import ChunkPilot
-from aerial_il.algorithms.decisions.gate import ReturnGate
-from aerial_il.algorithms.decisions.practice import AnchoredOnPolicy, GatedOnPolicy, Practice, PractisedChunks
-from aerial_il.algorithms.decisions.rollout import collect_decisions, judged
-from aerial_il.algorithms.ppo import Advantages, ProximalActorCritic
-from aerial_il.algorithms.rl.returns import RewardNorm
-from aerial_il.algorithms.rl.smoothness import Smoothness
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
+from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
+from aerial_il.algorithms.on_policy.decisions import DecisionFlights
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.gate import ReturnGate
+from aerial_il.algorithms.on_policy.hand_over import HandOver
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.ppo import ProximalActorCritic, ProximalSettings, check_proximal
+from aerial_il.algorithms.run.cadence import Cadence
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import StochasticNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class BCPPO(PractisedChunks, GatedOnPolicy):
-    """Settings of a run; see :class:`PractisedChunks` and :class:`GatedOnPolicy`."""
+class BCPPO(FromClone):
+    """Proximal policy optimisation from a clone.
+
+    The divergences of all numbers of a chunk add up, and there are tens: ``clip`` and ``target_kl`` are wide.
+
+    Attributes:
+        lr: the actor's learning rate at the start; it falls linearly to zero.
+        critic_lr: the critic's, which stays.
+        entropy: weight of the entropy.
+        kl: weight of a decision's KL divergence from the clone; it falls linearly to zero.
+        gate: standard errors by which a rollout's episodes may return less than the clone's; a large number for any.
+    """
 
     name: ClassVar[str] = "bc_ppo"
 
     steps: int = 16_000_000
+    warmup: int = 50_000
     gamma: float = 0.995
+    gae_lambda: float = 0.95
+    lr: float = 5e-5
+    critic_lr: float = 1e-3
+    critic_hidden: tuple[int, ...] = (128, 128)
+    clip: float = 0.9
+    entropy: float = 0.0
+    clip_norm: float = 0.5
+    target_kl: float = 1.0
+    kl: float = 0.001
+    gate: float = 2.0
+    rollout: Rollout = Rollout(steps=65_536, epochs=5, batch_size=1024)
+    exploration: Exploration = Exploration(execute=10, noise=0.15, correlation=0.9)
+    trial: Trial = Trial(flights=128, every=400_000)
+    prior: str | None = None
+    cloning: BC = BC()
+    patience: float = 2.0
+    reward: Source = "sparse"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=50_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
-    def practise(self, practice: Practice) -> ChunkPolicy:
-        run, prior = practice.run, practice.prior
-        actor = self.actor(practice)
-        size = prior.config.history * run.sizes[0]
-        agent = AnchoredActorCritic(self, actor, size, smoothness=self.smoothness)
-        pilot = ChunkPilot(actor, prior, run.collector)
-        gate, reward_norm = ReturnGate(actor, run.collector.n, self.gate), RewardNorm(run.collector.n, self.gamma)
-        hand_over = self.hand_over(practice, actor)
-        parts = {"agent": agent, "pilot": pilot, "gate": gate, "reward_norm": reward_norm, "hand_over": hand_over}
-        run.begin(actor.network, parts)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_anchored(self)
+        require_not_negative(self, "gate")
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            decisions = collect_decisions(run.collector, pilot, self.rollout)
-            improve = gate.passes(decisions, warming_up=warming_up)
-            rewards = reward_norm.scale(decisions.rewards, decisions.ended)
-            found = judged(decisions, agent.values, rewards, gamma=self.gamma, gae_lambda=self.gae_lambda)
-            run.log(agent.learn(found.data, left=run.left, improve=improve))
-            run.log({"critic/value": found.value, "actor/fallbacks": float(not (improve or warming_up))})
-            run.log(hand_over.after_learning() if improve else {})
-            run.end_turn()
+    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
+        return chunked(prior, self.prior, self.exploration)
 
+    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+        actor = start.chunk_actor(run, self.exploration)
+        agent = AnchoredActorCritic(self, actor, start.prior.config.history * run.sizes[0])
+        flights = DecisionFlights(run.collector, ChunkPilot(actor, start.prior, run.collector))
+        gate = ReturnGate(actor, run.collector.n, self.gate)
+        hand_over = HandOver(run, start.begun, actor.network, self.trial)
+        learn_on_policy(run, self, flights, agent, actor.network, warmup=self.warmup, gate=gate, hand_over=hand_over)
         return hand_over.finish()
+
+
+class AnchoredSettings(ProximalSettings, Protocol):
+    """What the agent reads of an algorithm's settings; those of :class:`Residual` and :class:`JSRL` train it too."""
+
+    @property
+    def critic_lr(self) -> float: ...
+    @property
+    def kl(self) -> float: ...
+    @property
+    def smoothness(self) -> Smoothness: ...
+
+
+def check_anchored(settings: AnchoredSettings) -> None:
+    """Raise :class:`InvalidValueError` where a setting of the anchored objective is impossible."""
+    check_proximal(settings)
+    require_positive(settings, "critic_lr")
+    require_not_negative(settings, "kl")
 
 
 class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
@@ -80,28 +131,20 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
 
     Args:
         settings: of the algorithm. actor: what explores, as it starts. obs_size: elements that a decision sees.
-        smoothness: how the actor is held back from rough actions.
     """
 
-    def __init__(
-        self, settings: AnchoredOnPolicy, actor: StochasticNetwork, obs_size: int, *, smoothness: Smoothness
-    ) -> None:
-        super().__init__(settings, actor, obs_size, smoothness=smoothness)
+    def __init__(self, settings: AnchoredSettings, actor: StochasticNetwork, obs_size: int) -> None:
+        super().__init__(settings, actor, obs_size, smoothness=settings.smoothness)
         self._begun, self._anchored, self._pull = copy.deepcopy(actor).requires_grad_(False), settings, settings.kl
 
-    def learn(self, data: Advantages, *, left: float, improve: bool) -> dict[str, float]:
-        """Learn from one rollout's decisions.
-
-        Args:
-            left: share of the training that is left; the actor's learning rate and the pull back follow it.
-            improve: whether the actor is updated.
-        """
+    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+        """Learn from one rollout; the actor's learning rate and the pull back follow the share that is ``left``."""
         self._pull = self._anchored.kl * left
         self._actor.set_lr(self._anchored.lr * left)
         self._critic.set_lr(self._anchored.critic_lr)
-        metrics = self._passes(data, improve=improve)
+        metrics = self._passes(found.data, improve=improve)
         with torch.no_grad():
-            return {**metrics, "actor/divergence": self._away(data.obs).mean().item()}
+            return {**metrics, "actor/divergence": self._away(found.data.obs).mean().item()}
 
     def actor_loss(self, part: Advantages, old_log_prob: Tensor) -> tuple[Tensor, float, float]:
         """Return PPO's loss and the pull to the clone, the divergence from the acting policy, and the share clipped."""

@@ -23,21 +23,21 @@ online learning", AISTATS 2011, algorithm 3.1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.disagreement import ActionScale
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
-from aerial_il.algorithms.interactive.gates.human import HumanGate
 from aerial_il.algorithms.interactive.mixture import Mixture, newcomer_of
 from aerial_il.algorithms.interactive.problem import Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.schema import Choice
 from aerial_il.core.seeding import named_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
@@ -46,17 +46,24 @@ MEMBER_SEED = 1_000_003  # between the seeds of an ensemble's members
 
 @dataclass(frozen=True, kw_only=True)
 class DAgger(InteractiveAlgorithm):
-    """Settings of a run, beside those of :class:`InteractiveSettings`.
+    """DAgger, and what differs from it by its gate alone.
 
     Attributes:
-        training: behaviour cloning of the dataset so far; its loss is the policy network's.
         gate: who flies and who is asked.
     """
 
     name: ClassVar[str] = "dagger"
 
-    training: BC = field(default_factory=BC)
-    gate: GateSettings = field(default_factory=CoinGate)
+    rounds: int = 5
+    episodes: int = 10
+    training: BC = BC()
+    between_steps: int = 2_000
+    patience: float = 1.2
+    demos_share: float = 0.5
+    warm_start: bool = True
+    evaluate_every: int = 1
+    keep_checkpoints: int = 3
+    gate: Annotated[GateSettings, Choice("gate")] = CoinGate()
 
     @property
     def seeds_per_round(self) -> int:
@@ -74,7 +81,7 @@ class DAgger(InteractiveAlgorithm):
         """Return what else there is to log of round ``number``."""
         if isinstance(rounds.problem.expert, Operator):
             return {"solved_alone": rounds.costs[-1].solved_alone}
-        return {"beta": self.gate.share(number)} if isinstance(self.gate, CoinGate) else {}
+        return self.gate.metrics(number)
 
     def _pilot(self, rounds: Rounds, number: int) -> Policy:
         """Return what flies round ``number``: the mixture of learner and expert, or the learner, whom somebody watches.
@@ -85,7 +92,7 @@ class DAgger(InteractiveAlgorithm):
         assert rounds.learner is not None
         if not isinstance(rounds.teacher, Operator):
             return self._mixture(rounds, number, rounds.learner, rounds.teacher)
-        if not isinstance(self.gate, HumanGate):
+        if not self.gate.of_operator:
             raise InvalidValueError(
                 f"The gate is {type(self.gate).__name__}, and somebody sits at the controls, who decides by themselves "
                 "when to take over. Say algorithm=hg_dagger."

@@ -33,12 +33,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.decisions.chunk_actor import ChunkActor, ChunkPilot
-from aerial_il.algorithms.decisions.practice import Practice, PractisedChunks
-from aerial_il.algorithms.decisions.rollout import Judged, collect_decisions, judged
-from aerial_il.algorithms.npg import NPG, NaturalGradientAgent
-from aerial_il.algorithms.rl.baseline import Estimated
-from aerial_il.algorithms.rl.returns import RewardNorm
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.npg import NaturalGradientAgent, check_natural
+from aerial_il.algorithms.on_policy.advantages import Advantages
+from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor, ChunkPilot
+from aerial_il.algorithms.on_policy.decisions import DecisionFlights
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.hand_over import HandOver
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.state import Generator, Snapshot, joined, separate
 from aerial_il.algorithms.supervised.training_set import TrainingSet, cut_windows
@@ -47,50 +54,63 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 @dataclass(frozen=True, kw_only=True)
-class DAPG(PractisedChunks, NPG):
-    """Settings of a run, beside those of :class:`PractisedChunks` and of ``npg``.
+class DAPG(FromClone):
+    """Demonstration augmented policy gradient (Rajeswaran et al. 2018, equations 4 and 5).
 
     Attributes:
+        lr: the critic's learning rate, which stays.
+        step_size: twice the KL divergence of a step of the actor, to second order.
+        cg_iterations: of conjugate gradients.
+        cg_damping: added to the Fisher information's diagonal.
         demos_weight: lambda_0, the weight of a demonstration beside the best advantage, at the first turn.
         demos_decay: lambda_1, what is left of it from turn to turn.
         shown: windows of the demonstrations in a turn, at most.
+        rollout: epochs and batch_size are the critic's; the actor takes one step.
     """
 
     name: ClassVar[str] = "dapg"
 
     steps: int = 16_000_000
+    warmup: int = 50_000
     gamma: float = 0.995
-    step_size: float = 0.5
-    batch_size: int = 1024
+    gae_lambda: float = 0.97
+    lr: float = 1e-3
     critic_hidden: tuple[int, ...] = (128, 128)
+    step_size: float = 0.5
+    cg_iterations: int = 10
+    cg_damping: float = 1e-4
     demos_weight: float = 0.01
     demos_decay: float = 0.95
     shown: int = 2_048
+    rollout: Rollout = Rollout(steps=65_536, epochs=2, batch_size=1024)
+    exploration: Exploration = Exploration(execute=10, noise=0.15, correlation=0.9)
+    trial: Trial = Trial(flights=128, every=400_000)
+    prior: str | None = None
+    cloning: BC = BC()
+    patience: float = 2.0
+    reward: Source = "sparse"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=50_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_natural(self)
         require_not_negative(self, "demos_weight")
         require_share(self, "demos_decay")
         require_positive(self, "shown")
 
-    def practise(self, practice: Practice) -> ChunkPolicy:
-        run, prior, actor = practice.run, practice.prior, self.actor(practice)
-        shown = Demonstrated(practice.demos, prior, actor, run.rng("demonstrations"))
-        agent = AugmentedAgent(self, actor, prior.config.history * run.sizes[0], shown)
-        pilot, reward_norm = ChunkPilot(actor, prior, run.collector), RewardNorm(run.collector.n, self.gamma)
-        hand_over = self.hand_over(practice, actor)
-        parts = {"agent": agent, "pilot": pilot, "reward_norm": reward_norm, "hand_over": hand_over}
-        run.begin(actor.network, parts)
+    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
+        return chunked(prior, self.prior, self.exploration)
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            decisions = collect_decisions(run.collector, pilot, self.rollout)
-            rewards = reward_norm.scale(decisions.rewards, decisions.ended)
-            found = judged(decisions, agent.values, rewards, gamma=self.gamma, gae_lambda=self.gae_lambda)
-            run.log(agent.learn(found, improve=not warming_up))
-            run.log({} if warming_up else hand_over.after_learning())
-            run.end_turn()
-
+    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+        actor = start.chunk_actor(run, self.exploration)
+        shown = Demonstrated(start.demos, start.prior, actor, run.rng("demonstrations"))
+        agent = AugmentedAgent(self, actor, start.prior.config.history * run.sizes[0], shown)
+        flights = DecisionFlights(run.collector, ChunkPilot(actor, start.prior, run.collector))
+        hand_over = HandOver(run, start.begun, actor.network, self.trial)
+        learn_on_policy(run, self, flights, agent, actor.network, warmup=self.warmup, hand_over=hand_over)
         return hand_over.finish()
 
 
@@ -107,6 +127,7 @@ class Demonstrated(Generator):
         super().__init__(rng)
         windows = cut_windows(demos, prior.interface.layout, prior.config)
         obs, actions, valid = TrainingSet(windows, prior.interface).gather(np.arange(len(windows)))
+        assert isinstance(obs, Tensor), "a prior that sees images is refused before"
         whole = valid[:, : actor.execute].all(1)
         self._obs, self._drawn = obs[whole].flatten(1), actor.drawn_of(actions[whole])
 
@@ -127,27 +148,17 @@ class AugmentedAgent(NaturalGradientAgent):
         super().__init__(settings, actor, obs_size)
         self._augmented, self._shown, self._turns = settings, shown, 0
 
-    def values(self, obs: np.ndarray) -> np.ndarray:
-        """Return the critic's values (...) of what decisions see (..., To * Do)."""
-        return self._baseline.values(obs)
+    def improve(self, data: Advantages) -> dict[str, float]:
+        """Take one natural gradient step, and count a turn."""
+        metrics = {**super().improve(data), "actor/demonstrations": self._weight}
+        self._turns += 1
+        return metrics
 
-    def learn(self, found: Judged, *, improve: bool) -> dict[str, float]:
-        """Learn from one rollout's decisions; ``improve`` says whether the actor is updated."""
-        data, metrics = found.data, {}
-        if improve:
-            weight = self._weight
-            advantages = (data.advantages - data.advantages.mean()) / (data.advantages.std() + 1e-8)
-            metrics = {**self.improve(*data[:3], advantages), "actor/demonstrations": weight}
-            self._turns += 1
-        flown = Estimated(data.obs, data.advantages, data.targets, found.value)
-        fitted = self._baseline.fit(flown, epochs=self._augmented.epochs, batch_size=self._augmented.batch_size)
-        return {**metrics, "critic/loss": fitted, "critic/value": found.value}
-
-    def gain(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> Tensor:
+    def gain(self, data: Advantages) -> Tensor:
         """Return the objective that a step ascends: advantages of samples, and the likelihood of demonstrations."""
         seen, drawn = self._shown.draw(self._augmented.shown)
-        likelihood = self.actor.judge(seen[:, None], drawn)[0].sum() / len(obs)
-        return super().gain(obs, next_obs, raw, advantages) + self._weight * advantages.max() * likelihood
+        likelihood = self.actor.judge(seen[:, None], drawn)[0].sum() / len(data.obs)
+        return super().gain(data) + self._weight * data.standardised.max() * likelihood
 
     @property
     def _weight(self) -> float:

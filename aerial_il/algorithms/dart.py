@@ -24,7 +24,7 @@ spread of demonstrated actions) and ``noise_correlation`` (from one step to the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -57,10 +57,9 @@ MOST = 0.98  # largest correlation from one step to the next: a decay over 50 st
 
 @dataclass(frozen=True, kw_only=True)
 class DART(InteractiveAlgorithm):
-    """Settings of a run, beside those of :class:`InteractiveSettings`.
+    """Disturbances for augmenting robot trajectories.
 
     Attributes:
-        training: behaviour cloning of the dataset so far; its loss is the policy network's.
         scale: factor on the covariance of the learner's errors.
         coloured: give the noise the correlation over time that the errors have; white otherwise, as in the paper.
         held_out: share of the dataset on which the errors are measured.
@@ -70,7 +69,13 @@ class DART(InteractiveAlgorithm):
 
     rounds: int = 4
     episodes: int = 10
-    training: BC = field(default_factory=BC)
+    training: BC = BC()
+    between_steps: int = 2_000
+    patience: float = 1.2
+    demos_share: float = 0.5
+    warm_start: bool = True
+    evaluate_every: int = 1
+    keep_checkpoints: int = 3
     scale: float = 1.0
     coloured: bool = True
     held_out: float = 0.2

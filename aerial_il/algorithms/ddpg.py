@@ -27,19 +27,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.critics import Target, ascent, squared_error
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import ExplorationNoise, RandomActions
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_reward
-from aerial_il.algorithms.off_policy.settings import Critics, Prior, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.exploration import ExplorationNoise
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
@@ -71,13 +73,12 @@ class DDPG(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
     critics: Critics = Critics(count=1, hidden=(256, 256), layer_norm=False, tau=0.005)
     reward: Source = "environment"
-    prior: Prior | None = None
+    reward_patience: int = 200_000
+    prior: str | None = None
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
     obs_norm: bool = False
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -86,21 +87,21 @@ class DDPG(Algorithm):
         require_share(self, "noise_correlation", below_one=True)
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        scheme = reward_scheme(self)
-        return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
+        return from_reward_or_prior(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeterministicAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
+        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
+        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
 
-        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
-            return agent.update(replay.sample(self.replay.batch_size), improve=improve)
+        def update(improve: bool) -> dict[str, float]:
+            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
 
-        pilot = None if self.prior else blind
-        return learn_off_policy(run, self, agent, update, pilot=pilot, obs_norm=self.obs_norm)
+        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
+        return run.finish()
 
 
-class DeterministicAgent(Agent):
+class DeterministicAgent(Agent[SquashedGaussianNetwork]):
     """Actor and critic, with slowly following target networks of both.
 
     Args:
@@ -112,13 +113,13 @@ class DeterministicAgent(Agent):
     def __init__(self, settings: DDPG, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critic = settings.critics.build(sizes)
-        self._actor_state = TrainState(actor, adam(actor, settings.lr))
-        self._critic = TrainState(critic, adam(critic, settings.lr))
-        self._actor_target, self._critic_target = Target(actor), Target(critic)
+        self.actor_state = TrainState(actor, adam(actor, settings.lr))
+        self.critics = TrainState(critic, adam(critic, settings.lr))
+        self.actor_target, self.targets = Target(actor), Target(critic)
         self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
         super().__init__(
-            {"actor": self._actor_state, "critic": self._critic},
-            {"actor_target": self._actor_target, "critic_target": self._critic_target},
+            {"actor": self.actor_state, "critic": self.critics},
+            {"actor_target": self.actor_target, "critic_target": self.targets},
             {"exploration": self._noise},
         )
 
@@ -129,28 +130,27 @@ class DeterministicAgent(Agent):
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critic, of the actor where it is due and to ``improve``, and of the targets."""
         critic_loss, metrics = self.critic_loss(batch)
-        self._critic.descend(critic_loss)
+        self.critics.descend(critic_loss)
         self.updates += 1
         if improve and self.updates % self.settings.actor_every == 0:
             actor_loss = self.actor_loss(batch)
-            self._actor_state.descend(actor_loss)
+            self.actor_state.descend(actor_loss)
             metrics["actor/loss"] = actor_loss.item()
-        for target in (self._actor_target, self._critic_target):
+        for target in (self.actor_target, self.targets):
             target.follow(self.settings.critics.tau)
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
-        """Return the squared distance from ``r + gamma * Q'(s', mu'(s'))``."""
-        with torch.no_grad():
-            actions = self._actor_target.network(batch.next_obs[:, None, :-1])[:, 0]
-            worth = self._critic_target.network(batch.next_obs, actions)[0]
-            targets = batch.rewards + self.settings.gamma * batch.continues * worth
-        values = self._critic.network(batch.obs, batch.actions)[0]
-        loss = ((values - targets) ** 2).mean()
-        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+        """Return the squared Bellman error of the critic."""
+        return squared_error(self.critics.network, batch, self.bellman_targets(batch))
+
+    @torch.no_grad()
+    def bellman_targets(self, batch: Batch) -> Tensor:
+        """Return ``r + gamma * Q'(s', mu'(s'))`` (B,)."""
+        actions = self.actor_target.network(batch.next_obs[:, None, :-1])[:, 0]
+        values = self.targets.network(batch.next_obs, actions)[0]
+        return batch.rewards + self.settings.gamma * batch.continues * values
 
     def actor_loss(self, batch: Batch) -> Tensor:
         """Return ``-Q(s, mu(s))``, plus the smoothness loss."""
-        obs = batch.obs[:, :-1]
-        worth = self._critic.network(batch.obs, self.actor(obs[:, None])[:, 0])[0]
-        return -worth.mean() + self.settings.smoothness.loss(self.actor, obs, batch.next_obs[:, :-1])
+        return ascent(self.actor, self.critics.network, batch, self.settings.smoothness)

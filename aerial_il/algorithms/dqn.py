@@ -2,7 +2,7 @@
 
 Each turn takes one step in every world, with probability epsilon a random action, else the greedy one, and stores it. A
 random action may be held for some steps (``longest_hold``), so that it leads away from where greedy actions stay. Every
-``update_every`` environment steps it takes ``utd_ratio`` gradient steps for each of them towards
+``update_every`` environment steps it takes ``replay.updates_per_step`` gradient steps for each of them towards
 
     ``Q(s, a) = r + gamma * Q'(s', argmax Q(s', .))``,
 
@@ -20,6 +20,7 @@ G. Ostrovski, A. Barreto, "Temporally-Extended epsilon-Greedy Exploration", 2021
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -28,27 +29,39 @@ import torch
 from torch import Tensor
 from torch.nn.functional import huber_loss
 
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.off_policy import OffPolicy
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.reinforcement import OffPolicyReinforcement
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.critics import Target
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.problems import from_reward
+from aerial_il.algorithms.off_policy.settings import Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.tensors import tensor
+from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical, CategoricalNetwork
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class DQN(OffPolicyReinforcement, OffPolicy):
-    """Settings of a run, beside those of :class:`OffPolicyReinforcement` and :class:`OffPolicy`.
+class DQN(Algorithm):
+    """Deep Q-network (Mnih et al. 2015), by default a double one (van Hasselt et al. 2016).
 
     Attributes:
+        warmup: the first of those steps, flown with mostly random actions before anything is learned.
+        tau: share by which the target network follows.
+        target_every: updates between two at which it does.
         double: let Q select the action that Q' evaluates.
         epsilon: probability of a random action, once it has fallen; it starts at 1.
         longest_hold: steps that a random action is held for, at most; n of them with a probability that falls as
@@ -56,7 +69,7 @@ class DQN(OffPolicyReinforcement, OffPolicy):
         exploration: share of all steps over which it falls, linearly.
         update_every: environment steps from one block of updates to the next. In between the policy stays as it is, so
             that it presses on in one direction even where all actions seem to have the same value.
-        target_every: updates between two at which Q' follows. clip_norm: largest gradient norm.
+        clip_norm: largest gradient norm.
         huber: error beyond which the loss grows linearly. Where it is small against the values, a rare end that
             forfeits all future rewards hardly teaches more than any other step.
     """
@@ -64,21 +77,34 @@ class DQN(OffPolicyReinforcement, OffPolicy):
     name: ClassVar[str] = "dqn"
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (Categorical,)
 
+    steps: int = 300_000
+    warmup: int = 5_000
+    gamma: float = 0.99
     lr: float = 1e-3
+    lr_floor: float = 1.0
     tau: float = 1.0
+    target_every: int = 500
     double: bool = True
     epsilon: float = 0.05
     longest_hold: int = 1
     exploration: float = 0.1
     update_every: int = 1
-    target_every: int = 500
     clip_norm: float = 10.0
     huber: float = 1.0
+    replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
+    reward: Source = "environment"
+    reward_patience: int = 200_000
+    hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    obs_norm: bool = False
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_share(self, "epsilon", "exploration")
-        require_positive(self, "longest_hold", "update_every", "target_every", "clip_norm", "huber")
+        require_share(self, "tau")
+        require_positive(self, "tau", "longest_hold", "update_every", "target_every", "clip_norm", "huber")
         self.smoothness.check_for_choices()
 
     def epsilon_at(self, left: float) -> float:
@@ -86,73 +112,65 @@ class DQN(OffPolicyReinforcement, OffPolicy):
         fallen = min(1.0, (1.0 - left) / self.exploration) if self.exploration else 1.0
         return 1.0 + fallen * (self.epsilon - 1.0)
 
-    def updates_due(self, steps: int, worlds: int) -> int:
-        """Return how many updates follow a turn of one step in each of ``worlds``, after which ``steps`` are done."""
-        due, done = (int(self.utd_ratio * (n - n % self.update_every)) for n in (steps, steps - worlds))
-        return due - done
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return from_reward(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = DeepQAgent(self, run.build_actor(CategoricalNetwork))
-        replay = ExperienceReplay(run, self.buffer_size, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        run.begin(agent.network, {"agent": agent, **replay.parts})
+        agent = DeepQAgent(self, run.build_actor(CategoricalNetwork), lambda: self.epsilon_at(run.left))
+        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            agent.epsilon = self.epsilon_at(run.left)
-            replay.step(agent)
-            if not warming_up:
-                replay.finish_warmup()
+        def update(improve: bool) -> dict[str, float]:
+            del improve  # nothing is learned in the warm-up
+            return {**agent.update(flights.buffer.sample(self.replay.batch_size)), "actor/epsilon": agent.epsilon}
 
-            agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if warming_up else self.updates_due(run.collector.steps, run.collector.n)):
-                run.log({**agent.update(replay.sample(self.batch_size)), "actor/epsilon": agent.epsilon})
-            run.end_turn()
-
+        learn_off_policy(run, self, agent, flights, update, pilot=agent, every=self.update_every)
         return run.finish()
 
 
-class DeepQAgent(Agent):
+class DeepQAgent(Agent[CategoricalNetwork]):
     """The values of all actions, and their target network.
 
     Args:
         settings: of the algorithm.
-        network: the policy's.
+        actor: the policy's network.
+        falling: returns the probability of a random action as it stands.
 
     Attributes:
-        epsilon: probability of a random action.
+        epsilon: that probability at the last step.
     """
 
-    def __init__(self, settings: DQN, network: CategoricalNetwork) -> None:
-        self.settings, self.network, self.epsilon = settings, network, 1.0
-        self._values = TrainState(network, adam(network, settings.lr))
-        self._target, self._held = Target(network), HeldChoices(len(network.table), settings.longest_hold)
-        super().__init__({"values": self._values}, {"target": self._target}, {"held": self._held})
+    def __init__(self, settings: DQN, actor: CategoricalNetwork, falling: Callable[[], float] = lambda: 1.0) -> None:
+        self.settings, self.actor, self.epsilon, self._falling = settings, actor, 1.0, falling
+        self.values, self.target = TrainState(actor, adam(actor, settings.lr)), Target(actor)
+        self._held = HeldChoices(len(actor.table), settings.longest_hold)
+        super().__init__({"values": self.values}, {"target": self.target}, {"held": self._held})
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Return normalised actions (n, Da) for encoded observations (n, Do): the greedy ones, or random ones."""
-        best = self.network.scores(tensor(obs)[:, None])[:, 0].argmax(-1)
-        return self.network.table[self._held.instead_of(best, self.epsilon)].numpy()
+        self.epsilon = self._falling()
+        best = self.actor.scores(tensor(obs)[:, None])[:, 0].argmax(-1)
+        return self.actor.table[self._held.instead_of(best, self.epsilon)].numpy()
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of the values, and let the target network follow where it is due."""
-        chosen = self.network.nearest(batch.actions)
-        values = self.network.scores(batch.obs[:, None, :-1])[:, 0].gather(-1, chosen[:, None])[:, 0]
+        chosen = self.actor.nearest(batch.actions)
+        values = self.actor.scores(batch.obs[:, None, :-1])[:, 0].gather(-1, chosen[:, None])[:, 0]
         loss = huber_loss(values, self.bellman_targets(batch), delta=self.settings.huber)
-        self._values.descend(loss, clip_norm=self.settings.clip_norm)
+        self.values.descend(loss, clip_norm=self.settings.clip_norm)
         self.updates += 1
         if self.updates % self.settings.target_every == 0:
-            self._target.follow(self.settings.tau)
+            self.target.follow(self.settings.tau)
         return {"critic/loss": loss.item(), "critic/value": values.mean().item()}
 
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
         """Return ``r + gamma * Q'(s', a')`` (B,), a' the greedy action by Q, or by Q' itself."""
         after = batch.next_obs[:, None, :-1]
-        values = self._target.network.scores(after)[:, 0]
-        choosing = self.network.scores(after)[:, 0] if self.settings.double else values
-        worth = values.gather(-1, choosing.argmax(-1, keepdim=True))[:, 0]
-        return batch.rewards + self.settings.gamma * batch.continues * worth
+        values = self.target.network.scores(after)[:, 0]
+        choosing = self.actor.scores(after)[:, 0] if self.settings.double else values
+        chosen = values.gather(-1, choosing.argmax(-1, keepdim=True))[:, 0]
+        return batch.rewards + self.settings.gamma * batch.continues * chosen
 
 
 class HeldChoices:
@@ -174,9 +192,9 @@ class HeldChoices:
         self._chosen = torch.where(drawn, torch.randint(self._choices, best.shape), self._chosen)
         steps = 1 + torch.multinomial(self._chance, len(best), replacement=True)
         self._left = torch.where(drawn, steps, self._left)
-        found = torch.where(self._left > 0, self._chosen, best)
+        actions = torch.where(self._left > 0, self._chosen, best)
         self._left = (self._left - 1).clamp(min=0)
-        return found
+        return actions
 
     def snapshot(self) -> Snapshot:
         return Snapshot({"chosen": self._chosen.numpy().copy(), "left": self._left.numpy().copy()})

@@ -24,7 +24,7 @@ Confusion in Imitation Learning", 2019, section 4, for policies of masked observ
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from aerial_il.algorithms.bc import BC
@@ -46,7 +46,7 @@ EXPLORER_SEED = 2_000_003  # apart from the learner's
 
 @dataclass(frozen=True, kw_only=True)
 class ExpertIteration(InteractiveAlgorithm):
-    """Settings of a run, beside those of :class:`InteractiveSettings`.
+    """Expert iteration by a policy that looks away.
 
     Attributes:
         episodes: starts of a round.
@@ -67,12 +67,14 @@ class ExpertIteration(InteractiveAlgorithm):
 
     rounds: int = 8
     episodes: int = 400
-    patience: float = 1.3
-    training: BC = field(default_factory=lambda: BC(steps=6_000, validation=0.0))
+    training: BC = BC(steps=6_000, validation=0.0)
     between_steps: int = 4_000
-    explorer_dropout: float = 0.6
+    patience: float = 1.3
     demos_share: float = 0.1
     warm_start: bool = False
+    evaluate_every: int = 1
+    keep_checkpoints: int = 3
+    explorer_dropout: float = 0.6
     prior: str | None = None
     attempts: int = 8
     hidden: float = 0.7

@@ -16,7 +16,7 @@ reward of 0 or 1; J. Oh et al., "Self-Imitation Learning", 2018, keep past good 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -37,10 +37,9 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 @dataclass(frozen=True, kw_only=True)
 class FilteredBC(InteractiveAlgorithm):
-    """Settings of a run, beside those of :class:`InteractiveSettings`.
+    """Filtered cloning.
 
     Attributes:
-        training: behaviour cloning of the dataset so far; its loss is the policy network's.
         prior: a run or policy of any class that flies the first round; None for the clone of the demonstrations.
         noise: its standard deviation, in those of the demonstrated actions, or in halves of their range where
             ``action_scaling`` is ``minmax``; elements that never varied, and switches, have none.
@@ -53,12 +52,16 @@ class FilteredBC(InteractiveAlgorithm):
 
     rounds: int = 4
     episodes: int = 250
+    training: BC = BC()
+    between_steps: int = 2_000
     patience: float = 2.0
-    training: BC = field(default_factory=BC)
+    demos_share: float = 0.2
+    warm_start: bool = True
+    evaluate_every: int = 1
+    keep_checkpoints: int = 3
     prior: str | None = None
     noise: float = 0.1
     correlation: float = 0.95
-    demos_share: float = 0.2
     reward_patience: int = 200_000
 
     def __post_init__(self) -> None:

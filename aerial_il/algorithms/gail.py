@@ -1,6 +1,6 @@
 """Generative adversarial imitation: a discriminator's output is the reward of proximal policy optimisation.
 
-Each turn collects one rollout, lets a discriminator D learn to tell it from the demonstrations in ``reward_updates``
+Each turn collects one rollout, lets a discriminator D learn to tell it from the demonstrations in ``reward.updates``
 minibatches, half of either, by the loss
 
     ``-log D(s, a)`` of the demonstrator's ``- log(1 - D(s, a))`` of the agent's  ``+ lambda (|grad| - 1)^2``,
@@ -20,106 +20,159 @@ Clean Imitation Learning Implementations", 2022, found to matter.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from aerial_il.algorithms.adversarial.action_noise import sample_demos
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
-from aerial_il.algorithms.adversarial.settings import Adversarial
-from aerial_il.algorithms.ppo import ProximalActorCritic
-from aerial_il.algorithms.rl.on_policy import ProximalOnPolicy, Rollout, collect_rollout
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer, rows_of
-from aerial_il.algorithms.rl.returns import RunningMoments
+from aerial_il.algorithms.adversarial.settings import LearnedReward, begins_cloned
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.on_policy.steps import StepFlights, Steps
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.moments import RunningMoments
+from aerial_il.algorithms.online.problem import Problem, check_steps, whole_turns
+from aerial_il.algorithms.online.problems import from_demonstrations
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.ppo import ProximalActorCritic, check_proximal
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.tensors import tensor
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class GAIL(Adversarial, ProximalOnPolicy):
-    """Settings of a run, beside those of :class:`Adversarial` and :class:`ProximalOnPolicy`.
+class GAIL(Algorithm):
+    """Generative adversarial imitation learning (Ho and Ermon 2016).
 
     Attributes:
+        bc_pretrain_steps: minibatches of behavioural cloning before the first flight.
         warmup: environment steps in which the clone acts as it is, and critic and discriminator alone learn.
-        reward_updates: the discriminator's steps for each rollout. reward_batch: its minibatch.
+        lr: learning rate at the start; it falls linearly to zero.
+        entropy: weight of the entropy.
+        reward: updates are the discriminator's steps for each rollout.
+        reward_batch: transitions in its minibatch, half of them demonstrated.
         buffer_size: newest transitions of the agent that it is given.
     """
 
     name: ClassVar[str] = "gail"
+    rewarded: ClassVar[bool] = False
+    demonstrated: ClassVar[bool] = True
 
+    steps: int = 300_000
+    bc_pretrain_steps: int = 0
     warmup: int = 0
-    reward_updates: int = 12
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    lr: float = 3e-4
+    clip: float = 0.2
+    entropy: float = 0.0
+    clip_norm: float = 0.5
+    target_kl: float = 0.0
+    critic_hidden: tuple[int, ...] = (64, 64)
+    rollout: Rollout = Rollout(steps=2048, epochs=10, batch_size=64)
+    reward: LearnedReward = LearnedReward(
+        form="gail",
+        hidden=(64, 64),
+        lr=1e-3,
+        updates=12,
+        gradient_penalty=1.0,
+        spectral_norm=False,
+        dropout=0.0,
+        action_noise=False,
+    )
     reward_batch: int = 1024
     buffer_size: int = 16_384
+    demonstrations: Demonstrations = Demonstrations(
+        trajectories=None,
+        subsample=1,
+        bounds="environment",
+        labels="executed",
+        absorbing=True,
+        control="none",
+    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_proximal(self)
         require_positive(self, "reward_batch", "buffer_size")
-        require_not_negative(self, "warmup")
+        require_not_negative(self, "bc_pretrain_steps")
+        if self.reward.updates != int(self.reward.updates):
+            raise InvalidValueError(f"reward.updates is {self.reward.updates}; for each rollout it is a whole number.")
 
-    def flown_before_learning(self, worlds: int) -> dict[str, int]:
-        if self.begins_cloned:
-            return {}
-        found = super().flown_before_learning(worlds)
-        return {**found, "warmup": (self.warmup // found["rollout"] + 1) * found["rollout"]}
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        if not begins_cloned(self):
+            rollout = whole_turns(self.rollout.steps, env.num_envs)  # for the last rollout no learning rate is left
+            check_steps(self, "rollout.steps", rollout)
+            check_steps(self, "warmup", (self.warmup // rollout + 1) * rollout)
+        return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
         reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
-        expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing)
+        absorbing, imitates = self.demonstrations.absorbing, self.demonstrations.control != "constant_reward"
+        expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
-        imitates = self.control != "constant_reward"
-        if self.begins_cloned and not run.folder.resumed:
+        if begins_cloned(self) and not run.folder.resumed:
             agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
-        parts = {"agent": agent, "reward_net": reward_net, "reward_norm": reward_norm}
-        run.begin(agent.actor, {**parts, "expert_buffer": expert_buffer, "replay_buffer": buffer})
 
-        while run.goes_on():
-            rollout = collect_rollout(run.collector, run.interface, agent, self.rollout)
-            buffer.add(rows_of_rollout(rollout, absorbing=self.absorbing))
-            for _ in range(imitates * self.reward_updates):
+        def rewarded(rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
+            buffer.add(rows_of_rollout(rollout, absorbing=absorbing))
+            for _ in range(imitates * int(self.reward.updates)):
                 half = self.reward_batch // 2
-                demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.action_noise)
-                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=self.gradient_penalty)
+                demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.reward.action_noise)
+                penalty = self.reward.gradient_penalty
+                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=penalty)
                 reward_net.descend(loss)
                 run.log(logged)
-
             rewards, end_values = self._rewards(rollout, reward_net, reward_norm)
             run.log({"reward/mean": float(rewards.mean())})
-            improve = run.collector.steps > self.warmup
-            run.log(agent.update(rollout, rewards, left=run.left, end_values=end_values, improve=improve))
-            run.end_turn()
+            return rewards, end_values
 
+        flights = StepFlights(run, agent.actor, obs_norm=False)
+        parts: dict[str, Any] = {"reward_net": reward_net, "reward_norm": reward_norm}
+        parts |= {"expert_buffer": expert_buffer, "replay_buffer": buffer}
+        warmup = self.warmup + 1 - whole_turns(self.rollout.steps, run.collector.n)  # the rollout that ends it teaches
+        given = {"warmup": warmup, "rewarded": rewarded, "parts": parts}
+        learn_on_policy(run, self, flights, agent, agent.actor, **given)
         reward_net.save(run.folder.path)
         return run.finish()
 
+    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
+        """Return a new discriminator for observations and actions of these ``sizes``."""
+        return RewardNet(*sizes, self.reward.shape(running_norm=True), lr=self.reward.lr)
+
     def _rewards(
-        self, rollout: Rollout, reward_net: RewardNet, reward_norm: RunningMoments
+        self, rollout: Steps, reward_net: RewardNet, reward_norm: RunningMoments
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return standardised rewards (T, n), and the value after each step (T, n) where it is terminal."""
-        if self.control == "constant_reward":
+        if self.demonstrations.control == "constant_reward":
             return np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
         obs = tensor(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
         rewards = reward_net.reward(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
         reward_norm.add(rewards[:, None])
         centre, deviation = reward_norm.mean[0], reward_norm.deviation[0]
         end_values = np.zeros_like(rewards)
-        if self.absorbing and (ends := rollout.flat("terminal")).any():
+        if self.demonstrations.absorbing and (ends := rollout.flat("terminal")).any():
             for_ever = reward_net.after(rollout.flat("next_obs")[ends])
             end_values[ends] = (for_ever - centre) / deviation / (1.0 - self.gamma)
         shape = rollout.rewards.shape
         return ((rewards - centre) / deviation).reshape(shape), end_values.reshape(shape)
 
-    def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
-        """Return a new discriminator for observations and actions of these ``sizes``."""
-        return RewardNet(*sizes, self.reward_shape(running_norm=True), lr=self.reward_lr)
 
-
-def rows_of_rollout(rollout: Rollout, *, absorbing: bool) -> np.ndarray:
+def rows_of_rollout(rollout: Steps, *, absorbing: bool) -> np.ndarray:
     """Return a rollout as rows of a replay buffer."""
     names = ("obs", "actions", "rewards", "next_obs", "terminal")
     return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)

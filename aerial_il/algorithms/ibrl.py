@@ -8,7 +8,7 @@ changes. In flight, and in what the critics learn,
 the better action is taken: learning starts from the value of the prior, and leaves it where a higher one is estimated.
 Better is the actor's own action whose value exceeds the prior's, on average over the ensemble, by ``caution`` standard
 deviations of that difference over the critics; the source compares the minimum of two critics, which is near to no
-caution, and with little caution a prior was lost here (``docs/reinforcement_trials.md``). The actor ascends the mean of
+caution, and with little caution a prior of 67 % fell here to 6.5 %. The actor ascends the mean of
 the critics, as in TD3 with noise on its actions and on the target's, and is held near the prior's action b: it descends
 
     ``-mean Q(s, mu(s)) + prior_weight * mean |Q| * |mu(s) - b|^2 / Da``,
@@ -38,15 +38,22 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.bc_pretraining import bc_pretrain
-from aerial_il.algorithms.rl.critics import Target, check_ensemble
-from aerial_il.algorithms.rl.demonstrated import DemonstratedReinforcement
-from aerial_il.algorithms.rl.interface import decode, encode
-from aerial_il.algorithms.rl.off_policy import OffPolicyActorCritic
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.proposals import Proposals, columns, demonstrated_rows
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, mixed, rows_of
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.problems import check_warmup
+from aerial_il.algorithms.off_policy.proposals import Proposals, ProposedFlights, proposed_demos
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.cloning import bc_pretrain
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problems import from_demonstrations
+from aerial_il.algorithms.online.replay_buffer import Batch, mixed
+from aerial_il.algorithms.online.rewards import Source, reward_scheme
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.run.train_state import TrainState, adam
@@ -55,44 +62,63 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.gated import GatedPolicy, prefers_own
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class IBRL(DemonstratedReinforcement, OffPolicyActorCritic):
-    """Settings of a run, beside those of :class:`DemonstratedReinforcement` and :class:`OffPolicyActorCritic`.
+class IBRL(Algorithm):
+    """Imitation bootstrapped reinforcement learning (Hu et al. 2023, algorithm 1).
 
     Attributes:
-        prior: a run or policy of any class; None for a clone of the demonstrations by a network like the actor's.
+        warmup: the first of those steps, flown by the prior alone, while critics learn its value and the actor what to
+            propose.
+        prior: a run or policy of any class; null for a clone of the demonstrations by a network like the actor's.
         bc_pretrain_steps: minibatches of which that clone is made.
         caution: standard deviations over the critics by which the actor's action must be better than the prior's.
         prior_weight: of the actor's mean squared distance from the prior's action, in units of the mean value; 0 to let
             it go wherever critics expect more.
-        critics: ensemble size. subset: how many of its targets Z the backup takes the minimum of.
-        noise, target_noise, noise_clip: as in ``td3``. demos_share: share of demonstrations in each minibatch.
+        subset: how many target critics Z the backup takes the minimum of.
+        noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
+        target_noise: standard deviation of the noise on the target's actions.
+        noise_clip: how far these are moved at most.
+        demos_share: share of demonstrations in each minibatch.
     """
 
     name: ClassVar[str] = "ibrl"
+    demonstrated: ClassVar[bool] = True
 
-    utd_ratio: float = 2.0
-    critic_norm: bool = True
+    steps: int = 300_000
+    warmup: int = 5_000
+    gamma: float = 0.99
+    lr: float = 3e-4
+    lr_floor: float = 1.0
+    actor_every: int = 2
     prior: str | None = None
     bc_pretrain_steps: int = 5_000
     caution: float = 4.0
     prior_weight: float = 10.0
-    critics: int = 5
     subset: int = 2
     noise: float = 0.1
     target_noise: float = 0.2
     noise_clip: float = 0.5
     demos_share: float = 0.5
+    replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=2.0)
+    critics: Critics = Critics(count=5, hidden=(256, 256), layer_norm=True, tau=0.005)
+    demonstrations: Demonstrations = Demonstrations(
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
+    )
+    failures: bool = False
+    reward: Source = "environment"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_ensemble(self)
+        self.critics.check_subset(self.subset)
         require_share(self, "demos_share")
         require_not_negative(
             self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip"
@@ -100,56 +126,40 @@ class IBRL(DemonstratedReinforcement, OffPolicyActorCritic):
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
         """Read the demonstrations, and refuse a prior that cannot fly here."""
+        check_warmup(self, env)
         inputs = {"prior": digest(load_prior(self.prior, env.spec).to_checkpoint())} if self.prior else {}
-        return replace(super().problem(dataset, policy, env, seed), inputs=inputs)
+        problem = from_demonstrations(self, dataset, policy, env, seed, scheme=reward_scheme(self))
+        return replace(problem, inputs=inputs)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        (obs_size, action_size), interface = run.sizes, run.interface
+        absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
         cloned = TrainState(actor := run.build_actor(SquashedGaussianNetwork), adam(actor, self.lr))
         if not (self.prior or run.folder.resumed):
-            shown = run.demos.buffer(interface, run.rng("prior"), absorbing=self.absorbing)
-            bc_pretrain(cloned, actor, shown, steps=self.bc_pretrain_steps, batch_size=self.batch_size)
-        clone = run.policy_of(actor)
-        prior = load_prior(self.prior, run.collector.env.spec) if self.prior else clone
+            plain = run.demos.buffer(run.interface, run.rng("prior"), absorbing=absorbing)
+            bc_pretrain(cloned, actor, plain, steps=self.bc_pretrain_steps, batch_size=size)
+        prior = load_prior(self.prior, run.collector.env.spec) if self.prior else run.policy_of(actor)
         agent = ProposedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        proposals = Proposals(prior.fresh(), run.collector, interface)
-        demos, buffer = (
-            ReplayBuffer(size, obs_size + action_size + 1, action_size, run.rng(name))
-            for size, name in ((2 * len(run.demos.frames), "demonstrations"), (self.buffer_size, "minibatches"))
-        )
-        demos.add(demonstrated_rows(run.demos, interface, absorbing=self.absorbing))
+        proposals = Proposals(prior.fresh(), run.collector, run.interface)
+        demos = proposed_demos(run.demos, run.interface, run.rng("demonstrations"), absorbing=absorbing)
+        flights = ProposedFlights(run, self.replay.capacity, proposals, warmup=self.warmup, absorbing=absorbing)
         run.wrap = lambda own: (
-            GatedPolicy(own, prior.fresh(), agent.critics, hidden=self.critic_hidden, caution=self.caution)
+            GatedPolicy(own, prior.fresh(), agent.targets.network, hidden=self.critics.hidden, caution=self.caution)
             if run.collector.steps > self.warmup
             else prior.fresh()
         )
-        parts = {"agent": agent, "clone": cloned, "proposals": proposals}
-        run.begin(agent.actor, {**parts, "demonstrations": demos, "replay_buffer": buffer})
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            frames, proposed = run.collector.frames, proposals.now
-            obs = encode(interface, frames)
-            actions = proposed if warming_up else agent.explore(obs, proposed)
-            step = run.collector.step(decode(interface, actions.astype(np.float32), frames))
-            seen = np.concatenate([obs, columns(proposed, np.ones(len(obs), bool))], axis=1)
-            led = np.concatenate([encode(interface, step.next_frames), proposals.after(step)], axis=1)
-            ends = {"absorbing": self.absorbing & step.success, "penalties": step.penalties}
-            buffer.add(rows_of(seen, actions, step.rewards, led, step.terminal, **ends))
+        def update(improve: bool) -> dict[str, float]:
+            return agent.update(mixed(demos, flights.buffer, size, self.demos_share), listen=improve)
 
-            agent.set_lr(self.lr_at(run.left))
-            for _ in range(run.updates_due(self.utd_ratio)):
-                batch = mixed(demos, buffer, self.batch_size, self.demos_share)
-                run.log(agent.update(batch, listen=not warming_up))
-            run.end_turn()
-
+        learn_off_policy(run, self, agent, flights, update, parts={"clone": cloned, "demonstrations": demos})
         return run.finish()
 
 
-class ProposedAgent(Agent):
+class ProposedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and an ensemble of critics, with slowly following target networks of both.
 
-    Its observations carry the prior's proposal, (B, Do + Da + 1 + 1); see :mod:`aerial_il.algorithms.rl.proposals`.
+    Its observations carry the prior's proposal, (B, Do + Da + 1 + 1), see
+    :mod:`aerial_il.algorithms.off_policy.proposals`.
 
     Args:
         settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
@@ -157,28 +167,23 @@ class ProposedAgent(Agent):
 
     def __init__(self, settings: IBRL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor, self.sizes = settings, actor, sizes
-        critics = settings.build_critics(sizes[0] + 1 + sizes[1], settings.critics)
-        self._actor_state = TrainState(actor, adam(actor, settings.lr))
-        self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._actor_target, self._critic_targets = Target(actor), Target(critics)
+        critics = settings.critics.build(sizes)
+        self.actor_state = TrainState(actor, adam(actor, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.actor_target, self.targets = Target(actor), Target(critics)
         super().__init__(
-            {"actor": self._actor_state, "critics": self._critics},
-            {"actor_target": self._actor_target, "critic_targets": self._critic_targets},
+            {"actor": self.actor_state, "critics": self.critics},
+            {"actor_target": self.actor_target, "critic_targets": self.targets},
         )
 
-    @property
-    def critics(self) -> Critics:
-        """What chooses: the target critics."""
-        return self._critic_targets.network
-
     @torch.no_grad()
-    def explore(self, obs: np.ndarray, proposed: np.ndarray) -> np.ndarray:
-        """Return the better actions (n, Da) of the prior's, and of the actor's with noise, for (n, Do)."""
-        seen, other = tensor(obs), tensor(proposed)
+    def explore(self, obs: np.ndarray) -> np.ndarray:
+        """Return the better actions (n, Da) of the prior's, and of the actor's with noise, for (n, Do + Da + 1)."""
+        seen, other, _ = tensor(obs).split([*self.sizes, 1], dim=1)
         own = self.actor(seen[:, None])[:, 0]
         own = (own + self.settings.noise * torch.randn_like(own)).clamp(-1, 1)
         marked = torch.cat([seen, torch.zeros(len(seen), 1)], dim=1)
-        chosen = prefers_own(self.critics, marked, own, other, caution=self.settings.caution)
+        chosen = prefers_own(self.targets.network, marked, own, other, caution=self.settings.caution)
         return torch.where(chosen[:, None], own, other).numpy()
 
     def update(self, batch: Batch, *, listen: bool = True) -> dict[str, float]:
@@ -189,49 +194,47 @@ class ProposedAgent(Agent):
                 alone, but for the step after a cut, where there is no proposal and the actor stands in for it.
         """
         loss, metrics = self.critic_loss(batch, listen=listen)
-        self._critics.descend(loss)
-        self._critic_targets.follow(self.settings.tau)
+        self.critics.descend(loss)
+        self.targets.follow(self.settings.critics.tau)
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
             loss = self.actor_loss(batch)
-            self._actor_state.descend(loss)
-            self._actor_target.follow(self.settings.tau)
+            self.actor_state.descend(loss)
+            self.actor_target.follow(self.settings.critics.tau)
             metrics["actor/loss"] = loss.item()
         return metrics
 
     def critic_loss(self, batch: Batch, *, listen: bool = True) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error, summed over the critics."""
         targets, own = self.bellman_targets(batch, listen=listen)
-        values = self._critics.network(self._apart(batch.obs)[0], batch.actions)
-        loss = ((values - targets) ** 2).mean(1).sum()
-        spread = values.detach().std(0, correction=0).mean().item()
-        found = {"critic/value": values.mean().item(), "critic/spread": spread, "critic/own": own}
-        return loss, {"critic/loss": loss.item(), **found}
+        seen = batch._replace(obs=self._apart(batch.obs)[0])
+        loss, metrics = squared_error(self.critics.network, seen, targets, spread=True)
+        return loss, {**metrics, "critic/own": own}
 
     @torch.no_grad()
     def bellman_targets(self, batch: Batch, *, listen: bool) -> tuple[Tensor, float]:
         """Return ``r + gamma * (min over Z of Q'(s', a'))`` (B,), and how often a' was the actor's."""
         obs, proposed, known = self._apart(batch.next_obs)
-        own = self._actor_target.network(obs[:, None, :-1])[:, 0]
+        own = self.actor_target.network(obs[:, None, :-1])[:, 0]
         limit = self.settings.noise_clip
         noise = (self.settings.target_noise * torch.randn_like(own)).clamp(-limit, limit)
         own = (own + noise).clamp(-1, 1)
-        better = prefers_own(self.critics, obs, own, proposed, caution=self.settings.caution) & listen
+        better = prefers_own(self.targets.network, obs, own, proposed, caution=self.settings.caution) & listen
         taken = torch.where((better | ~known)[:, None], own, proposed) * (1.0 - obs[:, -1:])
-        drawn = torch.randperm(self.settings.critics)[: self.settings.subset]
-        worth = self.critics(obs, taken, drawn).min(0).values
-        return batch.rewards + self.settings.gamma * batch.continues * worth, better.float().mean().item()
+        drawn = torch.randperm(self.settings.critics.count)[: self.settings.subset]
+        values = self.targets.network(obs, taken, drawn).min(0).values
+        return batch.rewards + self.settings.gamma * batch.continues * values, better.float().mean().item()
 
     def actor_loss(self, batch: Batch) -> Tensor:
         """Return what the actor descends, see the module, without the absorbing state, plus the smoothness loss."""
         (obs, proposed, known), (next_obs, _, _) = self._apart(batch.obs), self._apart(batch.next_obs)
         alive = 1.0 - obs[:, -1]
         own = self.actor(obs[:, None, :-1])[:, 0]
-        worth = self._critics.network(obs, own).mean(0)
+        values = self.critics.network(obs, own).mean(0)
         apart = ((own - proposed) ** 2).mean(1) * known
-        held = self.settings.prior_weight * worth.detach().abs().mean() * apart
+        held = self.settings.prior_weight * values.detach().abs().mean() * apart
         smooth = self.settings.smoothness.loss(self.actor, obs[:, :-1], next_obs[:, :-1])
-        return (alive * (held - worth)).sum() / alive.sum().clamp(min=1.0) + smooth
+        return (alive * (held - values)).sum() / alive.sum().clamp(min=1.0) + smooth
 
     def _apart(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return observations with their mark (B, Do + 1), proposals (B, Da), and where there is one (B,) bool."""

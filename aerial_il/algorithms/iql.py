@@ -29,25 +29,27 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Demonstrations, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent, sampled
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, mixed
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
+from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
-from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,20 +82,14 @@ class IQL(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
     critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
     demonstrations: Demonstrations = Demonstrations(
-        trajectories=None,
-        subsample=1,
-        bounds="environment",
-        labels="executed",
-        failures=False,
-        absorbing=True,
-        control="none",
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
     )
+    failures: bool = False
     reward: Source = "environment"
+    reward_patience: int = 200_000
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -104,26 +100,16 @@ class IQL(Algorithm):
         require_positive(self, "expectile", "beta", "weight_limit")
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
-        return from_demonstrations(self.name, policy, env, seed, reward_scheme(self), **found)
+        if not self.offline_steps:
+            check_warmup(self, env)
+        return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
         agent = ImplicitAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        pilot = agent if self.offline_steps else RandomActions(run.sizes[1], run.rng("warm-up"))
-        demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
-
-        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
-            flown = len(replay.buffer) > 0
-            return agent.update(mixed(demos, replay.buffer, size, self.demos_share) if flown else demos.sample(size))
-
-        offline = self.offline_steps
-        return learn_off_policy(
-            run, self, agent, update, pilot=pilot, demos=demos, offline=offline, absorbing=absorbing
-        )
+        return learn_offline_first(run, self, agent, agent.update)
 
 
-class ImplicitAgent(Agent):
+class ImplicitAgent(Agent[SquashedGaussianNetwork]):
     """Actor, a state-value critic, and two action-value critics with slowly following target networks.
 
     Args:
@@ -134,12 +120,12 @@ class ImplicitAgent(Agent):
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
         value = replace(settings.critics, count=1).build((sizes[0], 0))
-        self._actor_state = TrainState(actor, adam(actor, settings.lr))
-        self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._value = TrainState(value, adam(value, settings.lr))
-        self._targets = Target(critics)
+        self.actor_state = TrainState(actor, adam(actor, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.value = TrainState(value, adam(value, settings.lr))
+        self.targets = Target(critics)
         super().__init__(
-            {"actor": self._actor_state, "critics": self._critics, "value": self._value}, {"targets": self._targets}
+            {"actor": self.actor_state, "critics": self.critics, "value": self.value}, {"targets": self.targets}
         )
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
@@ -149,42 +135,35 @@ class ImplicitAgent(Agent):
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of both kinds of critic and of the targets and, where it is due, of the actor."""
         with torch.no_grad():
-            worth = self._targets.network(batch.obs, batch.actions).min(0).values
-        advantages = worth - self.values(batch.obs)
+            tried = self.targets.network(batch.obs, batch.actions).min(0).values
+        advantages = tried - self.values(batch.obs)
         value_loss = expectile_loss(advantages, self.settings.expectile)
         critic_loss, metrics = self.critic_loss(batch)
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
-            actor_loss, found = self.actor_loss(batch, advantages.detach())
+            actor_loss, means = self.actor_loss(batch, advantages.detach())
             smooth = self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
-            self._actor_state.descend(actor_loss + smooth)
-            metrics |= found
-        self._value.descend(value_loss)
-        self._critics.descend(critic_loss)
-        self._targets.follow(self.settings.critics.tau)
+            self.actor_state.descend(actor_loss + smooth)
+            metrics |= means
+        self.value.descend(value_loss)
+        self.critics.descend(critic_loss)
+        self.targets.follow(self.settings.critics.tau)
         return {"value/loss": value_loss.item(), **metrics}
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared distance of both critics from ``r + gamma * V(s')``."""
         with torch.no_grad():
             targets = batch.rewards + self.settings.gamma * batch.continues * self.values(batch.next_obs)
-        values = self._critics.network(batch.obs, batch.actions)
-        loss = ((values - targets) ** 2).mean(1).sum()
-        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+        return squared_error(self.critics.network, batch, targets)
 
     def actor_loss(self, batch: Batch, advantages: Tensor) -> tuple[Tensor, dict[str, float]]:
         """Return ``-w log pi(a | s)`` without the absorbing state, where none is chosen."""
-        alive = 1.0 - batch.obs[:, -1]
-        share = alive / alive.sum().clamp(min=1.0)
         weights = (self.settings.beta * advantages).exp().clamp(max=self.settings.weight_limit)
-        log_prob, _ = self.actor.judge(batch.obs[:, None, :-1], unsquashed(batch.actions))
-        loss = -(share * weights * log_prob).sum()
-        found = {"actor/advantage": (share * advantages).sum().item(), "actor/weight": (share * weights).sum().item()}
-        return loss, {"actor/loss": loss.item(), **found}
+        return weighted_likelihood(self.actor, batch, weights, advantages)
 
     def values(self, obs: Tensor) -> Tensor:
         """Return ``V(s)`` (B,) for observations (B, Do + 1)."""
-        return self._value.network(obs, obs[:, :0])[0]
+        return self.value.network(obs, obs[:, :0])[0]
 
 
 def expectile_loss(errors: Tensor, expectile: float) -> Tensor:

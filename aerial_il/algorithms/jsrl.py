@@ -26,12 +26,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
-from aerial_il.algorithms.decisions.chunk_actor import ChunkPilot
-from aerial_il.algorithms.decisions.guided import Curriculum, GuidedPilot, Schedule
-from aerial_il.algorithms.decisions.practice import AnchoredOnPolicy, Practice, PractisedChunks
-from aerial_il.algorithms.decisions.rollout import collect_decisions, judged
-from aerial_il.algorithms.rl.returns import RewardNorm
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.bc_ppo import AnchoredActorCritic, check_anchored
+from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
+from aerial_il.algorithms.on_policy.decisions import DecisionFlights, Decisions
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.guided import Curriculum, GuidedPilot, Schedule
+from aerial_il.algorithms.on_policy.hand_over import HandOver
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checkpoint import Checkpoint, digest
@@ -50,34 +57,66 @@ NO_GUIDE = "jsrl lets a guide fly first, and there is no expert for {}: say algo
 
 
 @dataclass(frozen=True, kw_only=True)
-class JSRL(PractisedChunks, AnchoredOnPolicy):
-    """Settings of a run, beside those of :class:`PractisedChunks` and :class:`AnchoredOnPolicy`.
+class JSRL(FromClone):
+    """Jump-start reinforcement learning (Uchendu et al. 2023), by PPO from a clone.
 
     Attributes:
-        guide: a run or policy of any class; None for the expert.
-        schedule, stages, window, tolerance: see :class:`Curriculum`.
-        horizon: the guide's steps at first; 0 for the length of the longest demonstration.
         warmup: environment steps of the learner's own in which only a critic learns; the guide's do not count.
+        lr: the actor's learning rate at the start; it falls linearly to zero.
+        critic_lr: the critic's, which stays.
+        entropy: weight of the entropy.
+        kl: weight of a decision's KL divergence from the clone; it falls linearly to zero.
+        guide: a run or policy of any class; null for the expert.
+        schedule: how the guide's part shrinks: stage by stage, ``curriculum``; or ``random``, sampled for each episode.
+        horizon: the guide's steps at first, and at most; 0 for the length of the longest demonstration.
+        stages: in which they shrink to none.
+        window: episodes that decide whether a stage is passed.
+        tolerance: share of the best window's return that may be missing.
     """
 
     name: ClassVar[str] = "jsrl"
     needs: ClassVar[tuple[str, ...]] = ("env", "expert")
 
     steps: int = 16_000_000
+    warmup: int = 50_000
     gamma: float = 0.995
+    gae_lambda: float = 0.95
+    lr: float = 5e-5
+    critic_lr: float = 1e-3
+    critic_hidden: tuple[int, ...] = (128, 128)
+    clip: float = 0.9
+    entropy: float = 0.0
+    clip_norm: float = 0.5
+    target_kl: float = 1.0
+    kl: float = 0.001
     guide: str | None = None
     schedule: Schedule = "curriculum"
     horizon: int = 0
     stages: int = 10
     window: int = 100
     tolerance: float = 0.3
+    rollout: Rollout = Rollout(steps=65_536, epochs=5, batch_size=1024)
+    exploration: Exploration = Exploration(execute=10, noise=0.15, correlation=0.9)
+    trial: Trial = Trial(flights=128, every=400_000)
+    prior: str | None = None
+    cloning: BC = BC()
+    patience: float = 2.0
+    reward: Source = "sparse"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=50_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_anchored(self)
         require_choice(self, "schedule", Schedule)
         require_not_negative(self, "horizon")
         require_positive(self, "stages", "window")
         require_share(self, "tolerance")
+
+    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
+        return chunked(prior, self.prior, self.exploration)
 
     def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
         """Return the digest of a guide that was trained.
@@ -94,32 +133,22 @@ class JSRL(PractisedChunks, AnchoredOnPolicy):
             raise InvalidValueError(NO_GUIDE.format(f"{spec.task} on {spec.robot}"))
         return {}
 
-    def practise(self, practice: Practice) -> ChunkPolicy:
-        run, prior, actor = practice.run, practice.prior, self.actor(practice)
-        size = prior.config.history * run.sizes[0]
-        agent = AnchoredActorCritic(self, actor, size, smoothness=self.smoothness)
-        guide = load_prior(self.guide, run.collector.env.spec, key="guide") if self.guide else practice.expert
+    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+        actor = start.chunk_actor(run, self.exploration)
+        agent = AnchoredActorCritic(self, actor, start.prior.config.history * run.sizes[0])
+        guide = load_prior(self.guide, run.collector.env.spec, key="guide") if self.guide else start.expert
         assert guide is not None, "checked before the run was opened"
-        learner, curriculum = ChunkPilot(actor, prior, run.collector), self.curriculum(practice.demos)
-        pilot = GuidedPilot(learner, guide, run.collector, curriculum, run.rng("guide"))
-        reward_norm = RewardNorm(run.collector.n, self.gamma)
-        hand_over = self.hand_over(practice, actor)
-        parts = {"agent": agent, "pilot": pilot, "reward_norm": reward_norm, "hand_over": hand_over}
-        run.begin(actor.network, parts)
+        learner = ChunkPilot(actor, start.prior, run.collector)
+        pilot = GuidedPilot(learner, guide, run.collector, self.curriculum(start.demos), run.rng("guide"))
+        hand_over = HandOver(run, start.begun, actor.network, self.trial)
 
-        while run.goes_on():
-            warming_up = pilot.flown < self.warmup
-            decisions = collect_decisions(run.collector, pilot, self.rollout)
-            rewards = reward_norm.scale(decisions.rewards, decisions.ended)
-            paid = float(decisions.rewards.mean())
-            run.log({"guide/steps": pilot.steps, "guide/stage": pilot.stage, "rollout/reward": paid})
-            if decisions.decided.sum() > 1:  # where the guide flies whole episodes there is nothing to learn
-                found = judged(decisions, agent.values, rewards, gamma=self.gamma, gae_lambda=self.gae_lambda)
-                run.log(agent.learn(found.data, left=run.left, improve=not warming_up))
-                run.log({"critic/value": found.value})
-                run.log({} if warming_up else hand_over.after_learning())
-            run.end_turn()
+        def told(rollout: Decisions) -> dict[str, float]:
+            paid = float(rollout.rewards.mean())
+            return {"guide/steps": pilot.steps, "guide/stage": pilot.stage, "rollout/reward": paid}
 
+        flights = DecisionFlights(run.collector, pilot)
+        given = {"warmup": self.warmup, "hand_over": hand_over, "told": told}
+        learn_on_policy(run, self, flights, agent, actor.network, **given)
         return hand_over.finish()
 
     def curriculum(self, demos: Sequence[Episode]) -> Curriculum:

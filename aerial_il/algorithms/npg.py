@@ -1,6 +1,6 @@
 """Natural policy gradient (NPG): each rollout moves the actor once, by a fixed KL divergence of its actions.
 
-Each turn collects ``rollout`` steps, estimates generalised advantages A, and moves the actor's weights w by
+Each turn collects ``rollout.steps`` steps, estimates generalised advantages A, and moves the actor's weights w by
 
     ``w + sqrt(step_size / (g' F^-1 g)) F^-1 g``,    g = E[A grad log pi],    F = E[grad log pi grad log pi'],
 
@@ -22,25 +22,32 @@ mjrl, for that paper, whose policy is ``hidden=(32, 32)``, ``activation=tanh``, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
-from aerial_il.algorithms.rl.baseline import Baseline
-from aerial_il.algorithms.rl.interface import standardised
-from aerial_il.algorithms.rl.on_policy import OnPolicy, Rollout, collect_rollout, require_compared
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments
+from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
+from aerial_il.algorithms.on_policy.critic import Critic
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.problems import from_reward
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.on_policy.steps import StepFlights
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import Weights
-from aerial_il.core.tensors import tensor
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -48,51 +55,72 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class NPG(Reinforcement, OnPolicy):
-    """Settings of a run, beside those of :class:`Reinforcement` and :class:`OnPolicy`; ``lr`` is the critic's.
+class NPG(Algorithm):
+    """Natural policy gradient (Kakade 2001), with the values of Rajeswaran et al. 2018.
 
     Attributes:
+        lr: the critic's learning rate, which stays.
         step_size: twice the KL divergence of a step of the actor, to second order.
-        cg_iterations: of conjugate gradients. cg_damping: added to the Fisher information's diagonal.
-        epochs: the critic's passes over a rollout. batch_size: transitions in its minibatches.
+        cg_iterations: of conjugate gradients.
+        cg_damping: added to the Fisher information's diagonal.
+        rollout: epochs and batch_size are the critic's; the actor takes one step.
     """
 
     name: ClassVar[str] = "npg"
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian, Categorical)
 
-    rollout: int = 20_000
+    steps: int = 300_000
     gamma: float = 0.995
     gae_lambda: float = 0.97
     lr: float = 1e-3
     step_size: float = 0.05
     cg_iterations: int = 10
     cg_damping: float = 1e-4
-    epochs: int = 2
-    batch_size: int = 64
+    critic_hidden: tuple[int, ...] = (64, 64)
+    rollout: Rollout = Rollout(steps=20_000, epochs=2, batch_size=64)
+    reward: Source = "environment"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "step_size", "cg_iterations", "epochs")
-        require_not_negative(self, "cg_damping")
-        require_compared(self, "batch_size")
+        check_natural(self)
 
-    def flown_before_learning(self, worlds: int) -> dict[str, int]:
-        return {}  # its steps do not shrink: even a single rollout moves the actor
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return from_reward(self, policy, env, seed, fades=False)  # even a single rollout moves the actor
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = NaturalGradientAgent(self, run.build_actor(StochasticNetwork), run.sizes[0])
-        obs_norm, reward_norm = RunningMoments(run.sizes[0]), RewardNorm(run.collector.n, self.gamma)
-        run.begin(agent.actor, {"agent": agent, "obs_norm": obs_norm, "reward_norm": reward_norm})
-        run.interface = standardised(run.interface, obs_norm)
-
-        while run.goes_on():
-            rollout = collect_rollout(run.collector, run.interface, agent, self.rollout)
-            run.log(agent.update(rollout, reward_norm.scale(rollout.rewards, rollout.ended)))
-            obs_norm.add(run.interface.layout.relate(rollout.flat("frames")))
-            run.interface = standardised(run.interface, obs_norm)
-            run.end_turn()
-
+        actor = run.build_actor(StochasticNetwork)
+        agent = NaturalGradientAgent(self, actor, run.sizes[0])
+        learn_on_policy(run, self, StepFlights(run, actor, obs_norm=True), agent, actor)
         return run.finish()
+
+
+class NaturalSettings(Protocol):
+    """What the agent reads of an algorithm's settings; those of :class:`DAPG` train it too."""
+
+    @property
+    def lr(self) -> float: ...
+    @property
+    def step_size(self) -> float: ...
+    @property
+    def cg_iterations(self) -> int: ...
+    @property
+    def cg_damping(self) -> float: ...
+    @property
+    def critic_hidden(self) -> tuple[int, ...]: ...
+    @property
+    def rollout(self) -> Rollout: ...
+    @property
+    def smoothness(self) -> Smoothness: ...
+
+
+def check_natural(settings: NaturalSettings) -> None:
+    """Raise :class:`InvalidValueError` where a setting of natural steps is impossible."""
+    require_positive(settings, "step_size", "cg_iterations")
+    require_not_negative(settings, "cg_damping")
 
 
 class NaturalGradientAgent:
@@ -104,47 +132,39 @@ class NaturalGradientAgent:
         obs_size: Do.
     """
 
-    def __init__(self, settings: NPG, actor: StochasticNetwork, obs_size: int) -> None:
+    def __init__(self, settings: NaturalSettings, actor: StochasticNetwork, obs_size: int) -> None:
         self.settings, self.actor = settings, actor
-        self._baseline = Baseline(obs_size, settings.critic_hidden, lr=settings.lr)
+        self._critic = Critic(obs_size, settings.critic_hidden, lr=settings.lr)
 
-    @torch.no_grad()
-    def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sample actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
-        drawn = self.actor.sample(tensor(obs)[:, None])
-        return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
+    def values(self, obs: np.ndarray) -> np.ndarray:
+        """Return the critic's values (...) of what decisions see (..., Do)."""
+        return self._critic.values(obs)
 
-    def update(self, rollout: Rollout, rewards: np.ndarray) -> dict[str, float]:
-        """Learn from one rollout and its scaled rewards (T, n)."""
-        settings = self.settings
-        found = self._baseline.advantages(rollout, rewards, gamma=settings.gamma, gae_lambda=settings.gae_lambda)
-        advantages = (found.advantages - found.advantages.mean()) / (found.advantages.std() + 1e-8)
-        names = ("obs", "next_obs", "raw")
-        obs, after, raw = (tensor(np.asarray(rollout.flat(name), np.float32)) for name in names)
-        metrics = self.improve(obs, after, raw, advantages)
-        critic_loss = self._baseline.fit(found, epochs=settings.epochs, batch_size=settings.batch_size)
-        return {**metrics, "critic/loss": critic_loss, "critic/value": found.value}
+    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+        """Learn from one rollout; no step depends on the share of the training that is ``left``."""
+        metrics = self.improve(found.data) if improve else {}
+        return {**metrics, "critic/loss": self._critic.fit(found.data, self.settings.rollout)}
 
-    def improve(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> dict[str, float]:
-        """Take one natural gradient step up the advantages (B,) of samples ``raw`` (B, R) for ``obs`` (B, Do)."""
+    def improve(self, data: Advantages) -> dict[str, float]:
+        """Take one natural gradient step up the standardised advantages."""
         weights = [weight for weight in self.actor.parameters() if weight.requires_grad]
-        gradient = flat_gradient(self.gain(obs, next_obs, raw, advantages), weights)
-        direction = conjugate_gradients(self._fisher(obs, weights), gradient, self.settings.cg_iterations)
+        gradient = flat_gradient(self.gain(data), weights)
+        direction = conjugate_gradients(self._fisher(data.obs, weights), gradient, self.settings.cg_iterations)
         slope = float(gradient @ direction)
         if slope <= 0:  # no advantage differs from another: there is nowhere to go
             return {"actor/approx_kl": 0.0, "actor/step_length": 0.0, "actor/surrogate": 0.0}
         length = math.sqrt(self.settings.step_size / slope)
         with torch.no_grad():
-            before = self.actor.distribution(obs[:, None])
+            before = self.actor.distribution(data.obs[:, None])
             vector_to_parameters(parameters_to_vector(weights) + length * direction, weights)
-            moved = self.actor.divergence(before, self.actor.distribution(obs[:, None])).mean().item()
+            moved = self.actor.divergence(before, self.actor.distribution(data.obs[:, None])).mean().item()
         return {"actor/approx_kl": moved, "actor/step_length": length, "actor/surrogate": length * slope}
 
-    def gain(self, obs: Tensor, next_obs: Tensor, raw: Tensor, advantages: Tensor) -> Tensor:
-        """Return the objective that a step ascends, as in :meth:`improve`."""
-        log_prob, _ = self.actor.judge(obs[:, None], raw)
-        rough = self.settings.smoothness.loss(self.actor, obs, next_obs, execute=self.actor.execute)
-        return (log_prob * advantages).mean() - rough
+    def gain(self, data: Advantages) -> Tensor:
+        """Return the objective that a step ascends."""
+        log_prob, _ = self.actor.judge(data.obs[:, None], data.raw)
+        rough = self.settings.smoothness.loss(self.actor, data.obs, data.next_obs, execute=self.actor.execute)
+        return (log_prob * data.standardised).mean() - rough
 
     def _fisher(self, obs: Tensor, weights: list[nn.Parameter]) -> Callable[[Tensor], Tensor]:
         """Return what multiplies vectors (W,) with the Fisher information over ``obs`` (B, Do), and damping."""
@@ -158,10 +178,10 @@ class NaturalGradientAgent:
         return product
 
     def snapshot(self) -> Snapshot:
-        return Snapshot(joined({"actor": Weights(self.actor), "critic": self._baseline}).arrays)
+        return Snapshot(joined({"actor": Weights(self.actor), "critic": self._critic}).arrays)
 
     def restore(self, saved: Snapshot) -> None:
-        separate(saved, {"actor": Weights(self.actor), "critic": self._baseline})
+        separate(saved, {"actor": Weights(self.actor), "critic": self._critic})
 
 
 def flat_gradient(

@@ -1,6 +1,6 @@
 """REINFORCE with a baseline: the return that follows an action makes it more likely, or less likely.
 
-Each turn collects ``rollout`` steps or a few more, cutting episodes that are in progress, and takes one step up
+Each turn collects ``rollout.steps`` steps or a few more, cutting episodes that are in progress, and takes one step up
 
     ``E[(G_t - V(s_t)) grad log pi(a_t | s_t)]``,    G_t = sum over k of gamma^k r_{t+k} to the episode's end,
 
@@ -20,22 +20,24 @@ R. Sutton, A. Barto, "Reinforcement Learning: An Introduction", 2018, section 13
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-import torch
-
-from aerial_il.algorithms.rl.baseline import Baseline
-from aerial_il.algorithms.rl.interface import standardised
-from aerial_il.algorithms.rl.on_policy import OnPolicy, Rollout, collect_rollout, require_compared
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.rl.returns import RewardNorm, RunningMoments
-from aerial_il.algorithms.run.checks import require_positive
-from aerial_il.algorithms.run.state import Snapshot, joined, separate
-from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.tensors import tensor
+from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
+from aerial_il.algorithms.on_policy.agent import ActorCritic
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.problems import from_reward
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.on_policy.steps import StepFlights
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -43,43 +45,41 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 
 @dataclass(frozen=True, kw_only=True)
-class REINFORCE(Reinforcement, OnPolicy):
-    """Settings of a run, beside those of :class:`Reinforcement` and :class:`OnPolicy`.
+class REINFORCE(Algorithm):
+    """REINFORCE with a baseline (Williams 1992).
 
     Attributes:
-        epochs: the baseline's passes over a rollout. batch_size: transitions in its minibatches.
+        lr: learning rate at the start; the actor's falls linearly to zero.
+        gae_lambda: 1 for Monte Carlo returns, and the baseline where an episode was cut.
+        rollout: epochs and batch_size are the baseline's; the actor takes one step.
     """
 
     name: ClassVar[str] = "reinforce"
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian, Categorical)
 
+    steps: int = 300_000
+    gamma: float = 0.99
+    gae_lambda: float = 1.0
     lr: float = 3e-3
-    gae_lambda: float = 1.0  # Monte Carlo returns, and the baseline where an episode was cut
-    epochs: int = 5
-    batch_size: int = 64
+    critic_hidden: tuple[int, ...] = (64, 64)
+    rollout: Rollout = Rollout(steps=2048, epochs=5, batch_size=64)
+    reward: Source = "environment"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "epochs")
-        require_compared(self, "batch_size")
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        return from_reward(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = ReinforceAgent(self, run.build_actor(StochasticNetwork), run.sizes[0])
-        obs_norm, reward_norm = RunningMoments(run.sizes[0]), RewardNorm(run.collector.n, self.gamma)
-        run.begin(agent.actor, {"agent": agent, "obs_norm": obs_norm, "reward_norm": reward_norm})
-        run.interface = standardised(run.interface, obs_norm)
-
-        while run.goes_on():
-            rollout = collect_rollout(run.collector, run.interface, agent, self.rollout)
-            run.log(agent.update(rollout, reward_norm.scale(rollout.rewards, rollout.ended), left=run.left))
-            obs_norm.add(run.interface.layout.relate(rollout.flat("frames")))
-            run.interface = standardised(run.interface, obs_norm)
-            run.end_turn()
-
+        actor = run.build_actor(StochasticNetwork)
+        agent = ReinforceAgent(self, actor, run.sizes[0])
+        learn_on_policy(run, self, StepFlights(run, actor, obs_norm=True), agent, actor)
         return run.finish()
 
 
-class ReinforceAgent:
+class ReinforceAgent(ActorCritic[StochasticNetwork]):
     """An actor, and its baseline.
 
     Args:
@@ -89,32 +89,19 @@ class ReinforceAgent:
     """
 
     def __init__(self, settings: REINFORCE, actor: StochasticNetwork, obs_size: int) -> None:
-        self.settings, self.actor = settings, actor
-        self._actor = TrainState(actor, adam(actor, settings.lr))
-        self._baseline = Baseline(obs_size, settings.critic_hidden, lr=settings.lr)
+        super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)
+        self.settings = settings
 
-    @torch.no_grad()
-    def explore(self, obs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sample actions (n, Da), ``raw`` samples (n, R) and log densities (n,) for observations (n, Do)."""
-        drawn = self.actor.sample(tensor(obs)[:, None])
-        return drawn[0].numpy(), drawn[1].numpy(), drawn[2].numpy()
+    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+        """Learn from one rollout, when the share ``left`` of the training is left."""
+        self._actor.set_lr(self.settings.lr * left)
+        metrics = self.improve(found.data) if improve else {}
+        return {**metrics, "critic/loss": self._critic.fit(found.data, self.settings.rollout)}
 
-    def update(self, rollout: Rollout, rewards: np.ndarray, *, left: float) -> dict[str, float]:
-        """Take one step by a rollout and its scaled rewards (T, n), when the share ``left`` of the training is left."""
-        settings = self.settings
-        self._actor.set_lr(settings.lr * left)
-        found = self._baseline.advantages(rollout, rewards, gamma=settings.gamma, gae_lambda=settings.gae_lambda)
-        brought = (found.advantages - found.advantages.mean()) / (found.advantages.std() + 1e-8)
-        raw, after = (tensor(np.asarray(rollout.flat(name), np.float32)) for name in ("raw", "next_obs"))
-        log_prob, entropy = self.actor.judge(found.obs[:, None], raw)
-        loss = -(brought * log_prob).mean() + settings.smoothness.loss(self.actor, found.obs, after)
+    def improve(self, data: Advantages) -> dict[str, float]:
+        """Take one step of the actor."""
+        log_prob, entropy = self.actor.judge(data.obs[:, None], data.raw)
+        loss = -(data.standardised * log_prob).mean()
+        loss = loss + self.settings.smoothness.loss(self.actor, data.obs, data.next_obs)
         self._actor.descend(loss)
-        critic_loss = self._baseline.fit(found, epochs=settings.epochs, batch_size=settings.batch_size)
-        actor = {"actor/loss": loss.item(), "actor/entropy": entropy.mean().item()}
-        return {**actor, "critic/loss": critic_loss, "critic/value": found.value}
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined({"actor": self._actor, "critic": self._baseline}).arrays)
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, {"actor": self._actor, "critic": self._baseline})
+        return {"actor/loss": loss.item(), "actor/entropy": entropy.mean().item()}

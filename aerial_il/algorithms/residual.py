@@ -23,23 +23,34 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
-from aerial_il.algorithms.decisions.gate import ReturnGate
-from aerial_il.algorithms.decisions.practice import GatedOnPolicy, Practice, PractisedPolicy
-from aerial_il.algorithms.decisions.rollout import collect_decisions, judged
-from aerial_il.algorithms.decisions.shifting import ShiftActor, ShiftPilot
-from aerial_il.algorithms.rl.returns import RewardNorm
-from aerial_il.algorithms.run.checks import require_positive, require_widths
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.bc_ppo import AnchoredActorCritic, check_anchored
+from aerial_il.algorithms.on_policy.decisions import DecisionFlights
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
+from aerial_il.algorithms.on_policy.gate import ReturnGate
+from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.on_policy.shifting import ShiftActor, ShiftPilot
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
+from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_widths
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.residual import ResidualPolicy, Shift
 
 
 @dataclass(frozen=True, kw_only=True)
-class Residual(PractisedPolicy, GatedOnPolicy):
-    """Settings of a run, beside those of :class:`PractisedPolicy` and :class:`GatedOnPolicy`.
+class Residual(FromClone):
+    """Residual reinforcement learning around a frozen policy (Johannink et al. 2019, Ankile et al. 2024).
 
     Attributes:
+        lr: the actor's learning rate at the start; it falls linearly to zero.
+        critic_lr: the critic's, which stays.
+        entropy: weight of the entropy.
+        kl: weight of a decision's KL divergence from no shift; it falls linearly to zero.
+        gate: standard errors by which a rollout's episodes may return less than the base's; a large number for any.
         hidden: widths of the network that shifts.
         reach: the largest shift, in standard deviations of the demonstrated actions, or in halves of their range where
             the prior's ``action_scaling`` is ``minmax``.
@@ -50,17 +61,36 @@ class Residual(PractisedPolicy, GatedOnPolicy):
     name: ClassVar[str] = "residual"
 
     steps: int = 16_000_000
+    warmup: int = 50_000
     gamma: float = 0.995
+    gae_lambda: float = 0.95
     lr: float = 3e-4
+    critic_lr: float = 1e-3
+    critic_hidden: tuple[int, ...] = (128, 128)
     clip: float = 0.2
+    entropy: float = 0.0
+    clip_norm: float = 0.5
     target_kl: float = 0.05
+    kl: float = 0.001
+    gate: float = 2.0
     hidden: tuple[int, ...] = (128, 128)
     reach: float = 0.5
     hold: int = 10
     noise: float = 0.3
+    rollout: Rollout = Rollout(steps=65_536, epochs=5, batch_size=1024)
+    prior: str | None = None
+    cloning: BC = BC()
+    patience: float = 2.0
+    reward: Source = "sparse"
+    reward_patience: int = 200_000
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=50_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_anchored(self)
+        require_not_negative(self, "gate")
         require_positive(self, "reach", "hold", "noise")
         require_widths(self, "hidden")
 
@@ -74,26 +104,15 @@ class Residual(PractisedPolicy, GatedOnPolicy):
             raise InvalidValueError("The prior sees images alone, and a shift sees state fields: name some, obs_names.")
         return prior
 
-    def practise(self, practice: Practice) -> ChunkPolicy:
-        run, base = practice.run, practice.prior
+    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+        base = start.prior
         seen, moved = sum(run.sizes), base.interface.varied & np.isnan(base.interface.switches.low)
         actor = ShiftActor(Shift(seen, self.hidden, moved, self.reach), self.noise)
-        agent = AnchoredActorCritic(self, actor, seen, smoothness=self.smoothness)
-        pilot = ShiftPilot(actor, base.fresh(), self.hold, run.collector)
-        gate, reward_norm = ReturnGate(actor, run.collector.n, self.gate), RewardNorm(run.collector.n, self.gamma)
+        agent = AnchoredActorCritic(self, actor, seen)
+        flights = DecisionFlights(run.collector, ShiftPilot(actor, base.fresh(), self.hold, run.collector))
+        gate = ReturnGate(actor, run.collector.n, self.gate)
         run.wrap = lambda own: ResidualPolicy(
             base.fresh(), actor.shift, hidden=self.hidden, hold=self.hold, origin=own.origin
         )
-        run.begin(base.network, {"agent": agent, "pilot": pilot, "gate": gate, "reward_norm": reward_norm})
-
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            decisions = collect_decisions(run.collector, pilot, self.rollout)
-            improve = gate.passes(decisions, warming_up=warming_up)
-            rewards = reward_norm.scale(decisions.rewards, decisions.ended)
-            found = judged(decisions, agent.values, rewards, gamma=self.gamma, gae_lambda=self.gae_lambda)
-            run.log(agent.learn(found.data, left=run.left, improve=improve))
-            run.log({"critic/value": found.value, "actor/fallbacks": float(not (improve or warming_up))})
-            run.end_turn()
-
+        learn_on_policy(run, self, flights, agent, base.network, warmup=self.warmup, gate=gate)
         return run.finish()

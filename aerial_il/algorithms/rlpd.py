@@ -15,7 +15,8 @@ An episode that ends by success goes on in an absorbing state with the reward of
 every step would otherwise teach to stop just short of success. One that ends by a crash is terminal. With ``hindsight``
 there is no absorbing state: flights are stored with other goals too, and critics bootstrap through success.
 
-``control=random_actions`` puts as many transitions of random flights, with their rewards, in the demonstrations' place.
+``demonstrations.control=random_actions`` puts as many transitions of random flights, with their rewards, in their
+place.
 
 Metrics: ``critic/loss``, ``critic/value``, ``critic/spread`` (standard deviation over the ensemble), ``actor/loss``,
 ``actor/entropy``, ``actor/alpha``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring policy;
@@ -36,23 +37,26 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import RandomActions
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Demonstrations, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent, sampled
-from aerial_il.algorithms.rl.bc_pretraining import bc_loss
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, concatenated
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.cloning import bc_loss
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch, concatenated
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
+from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
@@ -64,7 +68,7 @@ class RLPD(Algorithm):
     """Reinforcement learning with prior data (Ball et al. 2023, algorithm 1).
 
     Attributes:
-        warmup: of those, how many are flown at random before anything is learned.
+        warmup: the first of those steps, flown at random before anything is learned.
         subset: how many target critics Z the backup takes the minimum of.
         bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
     """
@@ -85,48 +89,42 @@ class RLPD(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=4.0)
     critics: Critics = Critics(count=10, hidden=(256, 256), layer_norm=True, tau=0.005)
     demonstrations: Demonstrations = Demonstrations(
-        trajectories=None,
-        subsample=1,
-        bounds="environment",
-        labels="executed",
-        failures=False,
-        absorbing=True,
-        control="none",
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
     )
+    failures: bool = False
     reward: Source = "environment"
+    reward_patience: int = 200_000
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "subset")
         require_not_negative(self, "bc_weight")
-        if self.subset > self.critics.count:
-            raise InvalidValueError(f"subset is {self.subset}; it must be at most critics.count, {self.critics.count}.")
+        self.critics.check_subset(self.subset)
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        scheme = reward_scheme(self)
-        found = {"dataset": dataset, "which": self.demonstrations, "hindsight": self.hindsight}
-        return from_demonstrations(self.name, policy, env, seed, scheme, **found)
+        check_warmup(self, env)
+        return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
         agent = EnsembleActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
+        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, absorbing=absorbing)
+        pilot = RandomActions(run.sizes[1], run.rng("warm-up"))
 
-        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
-            shown = demos.sample(half)
-            return agent.update(concatenated(shown, replay.sample(self.replay.batch_size - half)), shown)
+        def update(improve: bool) -> dict[str, float]:
+            del improve  # nothing is learned in the warm-up
+            near = demos.sample(half)
+            return agent.update(concatenated(near, flights.buffer.sample(self.replay.batch_size - half)), near)
 
-        return learn_off_policy(run, self, agent, update, pilot=blind, demos=demos, absorbing=absorbing)
+        learn_off_policy(run, self, agent, flights, update, pilot=pilot, parts={"demonstrations": demos})
+        return run.finish()
 
 
-class EnsembleActorCritic(Agent):
+class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
     """Actor, an ensemble of critics, slowly following target networks and the temperature alpha.
 
     Args:
@@ -137,12 +135,12 @@ class EnsembleActorCritic(Agent):
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
-        self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
+        self.log_alpha, self.target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
-        self._actor_state = TrainState(improved, adam(improved, settings.lr))
-        self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._targets = Target(critics)
-        super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
+        self.actor_state = TrainState(improved, adam(improved, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.targets = Target(critics)
+        super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Sample actions (n, Da) for encoded observations (n, Do)."""
@@ -155,21 +153,18 @@ class EnsembleActorCritic(Agent):
             batch: what they learn from. demos: the demonstrations in it.
         """
         loss, metrics = self.critic_loss(batch)
-        self._critics.descend(loss)
-        self._targets.follow(self.settings.critics.tau)
+        self.critics.descend(loss)
+        self.targets.follow(self.settings.critics.tau)
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
-            loss, found = self.actor_and_alpha_loss(batch)
-            self._actor_state.descend(loss + self._pull(batch, demos))
-            metrics |= found
+            loss, means = self.actor_and_alpha_loss(batch)
+            self.actor_state.descend(loss + self._pull(batch, demos))
+            metrics |= means
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error, summed over the critics."""
-        values = self._critics.network(batch.obs, batch.actions)
-        loss = ((values - self.bellman_targets(batch)) ** 2).mean(1).sum()
-        spread = values.detach().std(0, correction=0).mean().item()
-        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item(), "critic/spread": spread}
+        return squared_error(self.critics.network, batch, self.bellman_targets(batch), spread=True)
 
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
@@ -177,9 +172,9 @@ class EnsembleActorCritic(Agent):
         alive = 1.0 - batch.next_obs[:, -1]
         actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])
         chosen = torch.randperm(self.settings.critics.count)[: self.settings.subset]
-        worth = self._targets.network(batch.next_obs, alive[:, None] * actions, chosen).min(0).values
-        soft_value = worth - self._log_alpha.exp() * alive * log_prob
-        return batch.rewards + self.settings.gamma * batch.continues * soft_value
+        values = self.targets.network(batch.next_obs, alive[:, None] * actions, chosen).min(0).values
+        soft_values = values - self.log_alpha.exp() * alive * log_prob
+        return batch.rewards + self.settings.gamma * batch.continues * soft_values
 
     def actor_and_alpha_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return ``alpha log pi - mean Q`` plus alpha's own loss, without the absorbing state, where none is chosen.
@@ -187,14 +182,14 @@ class EnsembleActorCritic(Agent):
         The first reaches the actor alone, the second alpha alone.
         """
         alive = 1.0 - batch.obs[:, -1]
-        share, alpha = alive / alive.sum().clamp(min=1.0), self._log_alpha.detach().exp()
+        share, alpha = alive / alive.sum().clamp(min=1.0), self.log_alpha.detach().exp()
         actions, _, log_prob = self.actor.sample(batch.obs[:, None, :-1])
-        worth = self._critics.network(batch.obs, actions).mean(0)
-        actor_loss = (share * (alpha * log_prob - worth)).sum()
+        values = self.critics.network(batch.obs, actions).mean(0)
+        actor_loss = (share * (alpha * log_prob - values)).sum()
         entropy = -(share * log_prob.detach()).sum()
-        alpha_loss = self._log_alpha * (entropy - self._target_entropy)
-        found = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
-        return actor_loss + alpha_loss, found
+        alpha_loss = self.log_alpha * (entropy - self.target_entropy)
+        means = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
+        return actor_loss + alpha_loss, means
 
     def _pull(self, batch: Batch, demos: Batch) -> Tensor | float:
         """Return the loss that pulls the actor to demonstrated actions and holds it back from rough ones."""

@@ -1,14 +1,14 @@
 """Soft actor-critic: reinforcement learning from the environment's own reward, with a replay buffer.
 
-Each turn of the loop takes one step in every world, stores it, and takes ``utd_ratio`` gradient steps for each
-environment step on minibatches of the buffer. Two critics learn
+Each turn of the loop takes one step in every world, stores it, and takes ``replay.updates_per_step`` gradient steps
+for each environment step on minibatches of the buffer. Two critics learn
 
     ``Q(s, a) = r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))``,    a' ~ pi(. | s'),
 
 with slowly following target networks Q'; the actor minimises ``alpha log pi(a | s) - min Q(s, a)``, and alpha is
 adjusted so that the entropy stays near its target. Actor and alpha are updated at every ``actor_every``-th step, which
 saves a third of the time. The final policy is deterministic: the mean action. In the absorbing state of imitators
-(:mod:`aerial_il.algorithms.rl.replay.replay_buffer`) there is one action, zero, and no entropy.
+(:mod:`aerial_il.algorithms.online.replay_buffer`) there is one action, zero, and no entropy.
 
 Metrics: ``critic/loss``, ``critic/value``, ``actor/loss``, ``actor/entropy``, ``actor/alpha``; ``episode/return``,
 ``episode/length``, ``episode/success`` of the exploring policy; ``evaluate/<name>``; ``elapsed_s``.
@@ -28,19 +28,22 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import RandomActions
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_reward
-from aerial_il.algorithms.off_policy.settings import Critics, Prior, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent, sampled
-from aerial_il.algorithms.rl.bc_pretraining import bc_loss, bc_pretrain
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.cloning import bc_loss, bc_pretrain
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.data.episode import Episode
@@ -66,43 +69,49 @@ class SAC(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
     critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
     reward: Source = "environment"
-    prior: Prior | None = None
+    reward_patience: int = 200_000
+    prior: str | None = None
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
     obs_norm: bool = False
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        scheme = reward_scheme(self)
-        return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
+        return from_reward_or_prior(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes, smoothness=self.smoothness)
-        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
+        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
+        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
 
-        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
-            return agent.update(replay.sample(self.replay.batch_size), improve=improve)
+        def update(improve: bool) -> dict[str, float]:
+            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
 
-        pilot = None if self.prior else blind
-        return learn_off_policy(run, self, agent, update, pilot=pilot, obs_norm=self.obs_norm)
+        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
+        return run.finish()
 
 
 class SoftSettings(Protocol):
     """What the agent reads of an algorithm's settings; :class:`DAC` and :class:`SQIL` train it too."""
 
-    gamma: float
-    lr: float
-    alpha: float
-    entropy: float
-    actor_every: int
-    critics: Critics
-    replay: Replay
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def lr(self) -> float: ...
+    @property
+    def alpha(self) -> float: ...
+    @property
+    def entropy(self) -> float: ...
+    @property
+    def actor_every(self) -> int: ...
+    @property
+    def critics(self) -> Critics: ...
+    @property
+    def replay(self) -> Replay: ...
 
 
-class SoftActorCritic(Agent):
+class SoftActorCritic(Agent[SquashedGaussianNetwork]):
     """Actor, critics, slowly following target networks and the temperature alpha.
 
     Args:
@@ -121,15 +130,15 @@ class SoftActorCritic(Agent):
         smoothness: Smoothness | None = None,
     ) -> None:
         self.settings, self.actor = settings, actor
-        self._smoothness = smoothness or Smoothness()
+        self.smoothness = smoothness or NO_SMOOTHNESS
         critics = settings.critics.build(sizes)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
-        self._log_alpha, self._target_entropy = temperature[0], settings.entropy * sizes[1]
+        self.log_alpha, self.target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
-        self._actor_state = TrainState(improved, adam(improved, settings.lr))
-        self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._targets = Target(critics)
-        super().__init__({"actor": self._actor_state, "critics": self._critics}, {"targets": self._targets})
+        self.actor_state = TrainState(improved, adam(improved, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.targets = Target(critics)
+        super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Sample actions (n, Da) for encoded observations (n, Do)."""
@@ -137,7 +146,7 @@ class SoftActorCritic(Agent):
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
         """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""
-        bc_pretrain(self._actor_state, self.actor, demos, steps=steps, batch_size=self.settings.replay.batch_size)
+        bc_pretrain(self.actor_state, self.actor, demos, steps=steps, batch_size=self.settings.replay.batch_size)
 
     def update(
         self, batch: Batch, *, demos: Batch | None = None, bc_weight: float = 0.0, improve: bool = True
@@ -150,41 +159,38 @@ class SoftActorCritic(Agent):
             improve: whether the actor is updated; otherwise the critics alone learn the value of the policy.
         """
         critic_loss, metrics = self.critic_loss(batch)
-        self._critics.descend(critic_loss)
+        self.critics.descend(critic_loss)
         self.updates += 1
         if improve and self.updates % self.settings.actor_every == 0:
             pull = bc_weight * bc_loss(self.actor, demos) if demos is not None else 0.0
-            pull += self._smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
-            actor_loss, alpha_loss, found = self.actor_and_alpha_loss(batch)
-            self._actor_state.descend(actor_loss + pull + alpha_loss)  # the first two reach the actor, the last alpha
-            metrics |= found
-        self._targets.follow(self.settings.critics.tau)
+            pull += self.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
+            actor_loss, alpha_loss, means = self.actor_and_alpha_loss(batch)
+            self.actor_state.descend(actor_loss + pull + alpha_loss)  # the first two reach the actor, the last alpha
+            metrics |= means
+        self.targets.follow(self.settings.critics.tau)
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error of both critics."""
-        targets = self.bellman_targets(batch)
-        values = self._critics.network(batch.obs, batch.actions)
-        loss = ((values - targets) ** 2).mean(1).sum()
-        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+        return squared_error(self.critics.network, batch, self.bellman_targets(batch))
 
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
         """Return ``r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
         alive = 1.0 - batch.next_obs[:, -1]
         actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])
-        worth = self._targets.network(batch.next_obs, alive[:, None] * actions).min(0).values
-        soft_value = worth - self._log_alpha.exp() * alive * log_prob
-        return batch.rewards + self.settings.gamma * batch.continues * soft_value
+        values = self.targets.network(batch.next_obs, alive[:, None] * actions).min(0).values
+        soft_values = values - self.log_alpha.exp() * alive * log_prob
+        return batch.rewards + self.settings.gamma * batch.continues * soft_values
 
     def actor_and_alpha_loss(self, batch: Batch) -> tuple[Tensor, Tensor, dict[str, float]]:
         """Return ``alpha log pi - min Q`` and alpha's loss, both without the absorbing state, where none is chosen."""
         alive = 1.0 - batch.obs[:, -1]
-        share, alpha = alive / alive.sum().clamp(min=1.0), self._log_alpha.detach().exp()
+        share, alpha = alive / alive.sum().clamp(min=1.0), self.log_alpha.detach().exp()
         actions, _, log_prob = self.actor.sample(batch.obs[:, None, :-1])
-        worth = self._critics.network(batch.obs, actions).min(0).values
-        actor_loss = (share * (alpha * log_prob - worth)).sum()
+        values = self.critics.network(batch.obs, actions).min(0).values
+        actor_loss = (share * (alpha * log_prob - values)).sum()
         entropy = -(share * log_prob.detach()).sum()
-        alpha_loss = self._log_alpha * (entropy - self._target_entropy)
-        found = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
-        return actor_loss, alpha_loss, found
+        alpha_loss = self.log_alpha * (entropy - self.target_entropy)
+        means = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
+        return actor_loss, alpha_loss, means

@@ -15,51 +15,71 @@ Source: S. Reddy, A. Dragan, S. Levine, "SQIL: Imitation Learning via Reinforcem
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from aerial_il.algorithms.rl.imitation import Imitation
-from aerial_il.algorithms.rl.off_policy import RandomActions, SoftOffPolicy, collect_step
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer, concatenated
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import RandomActions
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.problems import check_warmup
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problems import from_demonstrations
+from aerial_il.algorithms.online.replay_buffer import alive, concatenated
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.sac import SoftActorCritic
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
 @dataclass(frozen=True, kw_only=True)
-class SQIL(Imitation, SoftOffPolicy):
-    """Settings of a run; see :class:`Imitation` and :class:`SoftOffPolicy`."""
+class SQIL(Algorithm):
+    """Soft Q imitation learning (Reddy et al. 2020)."""
 
     name: ClassVar[str] = "sqil"
+    rewarded: ClassVar[bool] = False
+    demonstrated: ClassVar[bool] = True
+
+    steps: int = 300_000
+    warmup: int = 5_000
+    gamma: float = 0.99
+    lr: float = 3e-4
+    lr_floor: float = 1.0
+    actor_every: int = 2
+    alpha: float = 0.1
+    entropy: float = -1.0
+    replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
+    critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
+    demonstrations: Demonstrations = Demonstrations(
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
+    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
+    threads: int = 1
+
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        check_warmup(self, env)
+        return from_demonstrations(self, dataset, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
+        absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
-        expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=self.absorbing, reward=1.0)
-        buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
-        parts = {"agent": agent, "expert_buffer": expert_buffer, "replay_buffer": buffer, "random_actions": blind}
-        run.begin(agent.actor, parts)
+        demos = run.demos.buffer(run.interface, run.rng("expert"), absorbing=absorbing, reward=1.0)
+        flights = ExperienceReplay(run, self.replay.capacity, absorbing=absorbing, rewarded=False)
+        pilot = RandomActions(run.sizes[1], run.rng("warm-up"))
 
-        while run.goes_on():
-            warming_up = run.collector.steps < self.warmup
-            step = collect_step(run.collector, run.interface, blind if warming_up else agent)
-            step = step._replace(rewards=np.zeros(run.collector.n))
-            buffer.add(step.rows(absorbing=self.absorbing))
+        def update(improve: bool) -> dict[str, float]:
+            del improve  # nothing is learned in the warm-up
+            if self.demonstrations.control == "constant_reward":
+                return agent.update(alive(flights.buffer.sample(self.replay.batch_size)))
+            near = demos.sample(half)
+            return agent.update(concatenated(near, flights.buffer.sample(self.replay.batch_size - half)))
 
-            agent.set_lr(self.lr_at(run.left))
-            for _ in range(0 if warming_up else run.updates_due(self.utd_ratio)):
-                run.log(agent.update(self._minibatch(expert_buffer, buffer)))
-            run.end_turn()
-
+        learn_off_policy(run, self, agent, flights, update, pilot=pilot, parts={"expert_buffer": demos})
         return run.finish()
-
-    def _minibatch(self, expert_buffer: ReplayBuffer, buffer: ReplayBuffer) -> Batch:
-        """Return demonstrations and the agent's transitions, half of each; in the control run, rewarded for living."""
-        if self.control == "constant_reward":
-            batch = buffer.sample(self.batch_size)
-            return batch._replace(rewards=1.0 - batch.obs[:, -1])
-        half = self.batch_size // 2
-        return concatenated(expert_buffer.sample(half), buffer.sample(self.batch_size - half))

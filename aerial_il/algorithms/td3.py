@@ -1,7 +1,7 @@
 """Twin delayed deep deterministic policy gradient (TD3): a deterministic actor, and two critics against overestimation.
 
 Each turn takes one step in every world with the actor's action and Gaussian noise on it, stores it, and takes
-``utd_ratio`` gradient steps for each environment step on minibatches of the buffer. Two critics learn
+``replay.updates_per_step`` gradient steps for each environment step on minibatches of the buffer. Two critics learn
 
     ``Q(s, a) = r + gamma * min Q'(s', a')``,    a' = clip(mu'(s') + clip(eps, -c, c), -1, 1),    eps ~ N(0, sigma'),
 
@@ -27,19 +27,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.critics import Target, ascent, squared_error
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
+from aerial_il.algorithms.off_policy.exploration import ExplorationNoise, RandomActions
+from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_reward
-from aerial_il.algorithms.off_policy.settings import Critics, Prior, Replay, Source, reward_scheme
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.critics import Target
-from aerial_il.algorithms.rl.exploration import ExplorationNoise
-from aerial_il.algorithms.rl.off_policy import RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun, Problem
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
-from aerial_il.algorithms.rl.smoothness import Smoothness
-from aerial_il.algorithms.run.algorithm import Algorithm, Cadence
+from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
+from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.online.smoothness import Smoothness
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.contracts import BatchEnv
@@ -76,13 +78,12 @@ class TD3(Algorithm):
     replay: Replay = Replay(capacity=1_000_000, batch_size=256, updates_per_step=1.0)
     critics: Critics = Critics(count=2, hidden=(256, 256), layer_norm=False, tau=0.005)
     reward: Source = "environment"
-    prior: Prior | None = None
+    reward_patience: int = 200_000
+    prior: str | None = None
     hindsight: Hindsight = Hindsight(goals=0, strategy="future", tolerance=1.0)
-    smoothness: Smoothness = Smoothness()
+    smoothness: Smoothness = Smoothness(temporal=0.0, spatial=0.0, radius=0.05, rate_penalty=0.0, jerk_penalty=0.0)
     obs_norm: bool = False
-    cadence: Cadence = Cadence(
-        log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2, reward_patience=200_000
-    )
+    cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -91,21 +92,21 @@ class TD3(Algorithm):
         require_not_negative(self, "noise", "target_noise", "noise_clip")
 
     def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        scheme = reward_scheme(self)
-        return from_reward(self.name, policy, env, seed, scheme, prior=self.prior, norm=self.obs_norm)
+        return from_reward_or_prior(self, policy, env, seed)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        blind = RandomActions(run.sizes[1], run.rng("warm-up"))
+        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
+        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
 
-        def update(replay: ExperienceReplay, improve: bool) -> dict[str, float]:
-            return agent.update(replay.sample(self.replay.batch_size), improve=improve)
+        def update(improve: bool) -> dict[str, float]:
+            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
 
-        pilot = None if self.prior else blind
-        return learn_off_policy(run, self, agent, update, pilot=pilot, obs_norm=self.obs_norm)
+        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
+        return run.finish()
 
 
-class TwinDelayedAgent(Agent):
+class TwinDelayedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and two critics, with slowly following target networks of all of them.
 
     Args:
@@ -117,13 +118,13 @@ class TwinDelayedAgent(Agent):
     def __init__(self, settings: TD3, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
         critics = settings.critics.build(sizes)
-        self._actor_state = TrainState(actor, adam(actor, settings.lr))
-        self._critics = TrainState(critics, adam(critics, settings.lr))
-        self._actor_target, self._critic_targets = Target(actor), Target(critics)
+        self.actor_state = TrainState(actor, adam(actor, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.actor_target, self.targets = Target(actor), Target(critics)
         self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
         super().__init__(
-            {"actor": self._actor_state, "critics": self._critics},
-            {"actor_target": self._actor_target, "critic_targets": self._critic_targets},
+            {"actor": self.actor_state, "critics": self.critics},
+            {"actor_target": self.actor_target, "critic_targets": self.targets},
             {"exploration": self._noise},
         )
 
@@ -134,36 +135,31 @@ class TwinDelayedAgent(Agent):
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of all targets and, to ``improve``, of the actor."""
         critic_loss, metrics = self.critic_loss(batch)
-        self._critics.descend(critic_loss)
+        self.critics.descend(critic_loss)
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
             if improve:
                 actor_loss = self.actor_loss(batch)
-                self._actor_state.descend(actor_loss)
+                self.actor_state.descend(actor_loss)
                 metrics["actor/loss"] = actor_loss.item()
-            for target in (self._actor_target, self._critic_targets):
+            for target in (self.actor_target, self.targets):
                 target.follow(self.settings.critics.tau)
         return metrics
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error of both critics."""
-        targets = self.bellman_targets(batch)
-        values = self._critics.network(batch.obs, batch.actions)
-        loss = ((values - targets) ** 2).mean(1).sum()
-        return loss, {"critic/loss": loss.item(), "critic/value": values.mean().item()}
+        return squared_error(self.critics.network, batch, self.bellman_targets(batch))
 
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
         """Return ``r + gamma * min Q'(s', a')`` (B,), with actions a' sampled around the target's."""
-        actions = self._actor_target.network(batch.next_obs[:, None, :-1])[:, 0]
+        actions = self.actor_target.network(batch.next_obs[:, None, :-1])[:, 0]
         noise = self.settings.target_noise * torch.randn_like(actions)
         limit = self.settings.noise_clip
         actions = (actions + noise.clamp(-limit, limit)).clamp(-1, 1)
-        worth = self._critic_targets.network(batch.next_obs, actions).min(0).values
-        return batch.rewards + self.settings.gamma * batch.continues * worth
+        values = self.targets.network(batch.next_obs, actions).min(0).values
+        return batch.rewards + self.settings.gamma * batch.continues * values
 
     def actor_loss(self, batch: Batch) -> Tensor:
         """Return ``-Q1(s, mu(s))``, plus the smoothness loss."""
-        obs = batch.obs[:, :-1]
-        worth = self._critics.network(batch.obs, self.actor(obs[:, None])[:, 0])[0]
-        return -worth.mean() + self.settings.smoothness.loss(self.actor, obs, batch.next_obs[:, :-1])
+        return ascent(self.actor, self.critics.network, batch, self.settings.smoothness)

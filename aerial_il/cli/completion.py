@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
-from aerial_il.cli import commands, launchers
-from aerial_il.cli.configuration import groups, keys
-from aerial_il.cli.configuration.flags import FLAGS
-from aerial_il.cli.configuration.overrides import known_keys
+from aerial_il.cli import commands, words
+from aerial_il.cli.known import known, of_choice
+from aerial_il.core import presets
 from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.schema import Key, options
 
 ACTION = "action"
 CELL = {"robot": "task", "task": "robot"}  # what each must fit
@@ -45,9 +43,9 @@ def candidates(line: list[str]) -> list[str]:
     Args:
         line: the words of the command line so far, ``aerial-il`` first; the last one may be unfinished or ``''``.
     """
-    words = [word for word in line if word not in ("", "''")]
+    typed = [word for word in line if word not in ("", "''")]
     last = "" if not line or line[-1] in ("", "''") else line[-1]
-    before = words[1:-1] if last else words[1:]
+    before = typed[1:-1] if last else typed[1:]
     if not before:
         every = [*commands.names(), "completion", "help", "--help", "--version"]
         return [name for name in every if name.startswith(last)]
@@ -58,42 +56,45 @@ def candidates(line: list[str]) -> list[str]:
 
 def _words(name: str, typed: list[str], last: str) -> list[str]:
     command = commands.find(name)
-    chosen = dict(command.choices)
-    if keys.output_key(command.config):
-        chosen["launcher"] = launchers.USUAL
-    chosen |= {k: v for k, _, v in (word.partition("=") for word in typed) if k in chosen}
+    said = {key: value for key, _, value in (word.partition("=") for word in typed)}
+    there = known(command.settings, {key: [value] for key, value in said.items() if value and value[0] not in "[{"})
+    if command.output:
+        launcher = said.get("launcher", "serial")
+        there["launcher"] = Key("launcher", launcher, "", "choice", kind="launcher")
+        there |= {f"launcher.{key.name}": key for key in of_choice("launcher", launcher)}
     key, equals, _ = last.partition("=")
     if not equals:
-        given = {word.partition("=")[0] for word in typed}
-        inner = [k for k in known_keys(command, chosen) if k not in given and ("." not in k or "." in last)]
-        bare = [option for k in keys.positional(command.config)[:1] if k in chosen for option in groups.options(k)]
-        return bare + [f"{k}=" for k in inner] + [flag for flag in (*FLAGS, "--help") if last.startswith("-")]
-    field = next((f for f in fields(command.config) if f.name == key), None)
-    if key in chosen:
-        return [f"{key}={option}" for option in _fitting(key, typed)]
-    if field is not None and key == ACTION:
+        own = {each.partition(".")[0] if "." not in last else each for each in there} - said.keys()
+        few = [option for each in command.bare[:1] if each in there for option in _options(there[each])]
+        flags = [flag for flag in words.FLAGS if last.startswith("-")]
+        return few + [f"{each}=" for each in sorted(own)] + flags
+    if key in CELL:
+        return [f"{key}={option}" for option in _fitting(key, said)]
+    if key == ACTION:
         return [f"{key}={level}" for level in _levels()]
-    if field is None:
-        return []
-    if keys.type_text(command.config, field) == "true or false":
-        return [f"{key}=true", f"{key}=false"]
-    return [f"{key}={choice}" for choice in field.metadata.get("choices", ())]
+    return [f"{key}={option}" for option in (_options(there[key]) if key in there else ())]
 
 
-def _fitting(group: str, typed: list[str]) -> list[str]:
-    """Return what may be chosen in a group; of robots and tasks, only those that fit the other one that was typed.
+def _options(key: Key) -> tuple[str, ...]:
+    """Return what may be said of a key, where it is one of a few; nothing where it is a place or a number."""
+    if key.takes == "place":
+        return presets.names(key.name)
+    return options(key.kind) if key.kind else key.options
+
+
+def _fitting(kind: str, said: dict[str, str]) -> list[str]:
+    """Return robots or tasks; only those that fit the other one that was typed.
 
     Robots say themselves what they decline: only then is the suite imported, half a second.
     """
-    said = dict(word.split("=", 1) for word in typed if "=" in word)
-    options = list(groups.options(group))
-    if group not in CELL or said.get(CELL[group]) not in groups.options(CELL[group]):
-        return options
+    few, other = list(options(kind)), CELL[kind]
+    if said.get(other) not in options(other):
+        return few
     from aerial_il.suite import tasks
 
     cells: list[dict[str, str]] = [{"robot": robot, "task": task} for robot, task in tasks.cells()]
-    fitting = {cell[group] for cell in cells if cell[CELL[group]] == said[CELL[group]]}
-    return [option for option in options if option in fitting]
+    fitting = {cell[kind] for cell in cells if cell[other] == said[other]}
+    return [option for option in few if option in fitting]
 
 
 def _levels() -> list[str]:

@@ -1,29 +1,22 @@
-"""Help texts, made from the commands' dataclasses and the files of ``conf/``; nothing heavy is imported for them."""
+"""Help texts, read from the commands' dataclasses and from those of what is chosen."""
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+import textwrap
+from collections.abc import Iterable
 from importlib import metadata
-from typing import get_type_hints
 
-from aerial_il.cli import commands, launchers
+from aerial_il.cli import commands
 from aerial_il.cli.commands import Command
-from aerial_il.cli.configuration import groups, keys
+from aerial_il.cli.known import known, of_choice
+from aerial_il.core import presets, registry
+from aerial_il.core.schema import Key, options
 
 _ORDER = (
-    "demo",
-    "list",
-    "view",
-    "collect",
-    "train",
-    "evaluate",
-    "report",
-    "compare",
-    "replay",
-    "validate",
-    "recover",
+    "demo", "list", "view", "collect", "train", "evaluate", "report", "compare", "replay", "validate", "recover",
     "convert",
-)
+)  # fmt: skip
+_WIDTH, _COLUMNS = 34, 120
 
 
 def version() -> str:
@@ -41,29 +34,34 @@ def overview() -> str:
             "",
             *lines,
             "",
-            "aerial-il COMMAND --help   its keys, groups and an example",
+            "aerial-il COMMAND --help   its keys with defaults and meanings, and an example",
+            "aerial-il train policy=act algorithm=dagger --help   those of what is chosen",
             "aerial-il COMMAND -m ...   one run for each combination: seed=0,1,2 policy.chunk=10,20 launcher=processes",
             'eval "$(aerial-il completion bash)"   tab completion (zsh: completion zsh)',
         ]
     )
 
 
-def of_command(command: Command) -> str:
-    """Return what ``aerial-il COMMAND --help`` prints."""
-    sections = [command.doc, f"Usage: aerial-il {command.name} key=value ...", _keys(command), _groups(command)]
-    sections.append(_launching(command))
-    sections.append("Options: -m (sweep over comma-separated values), --cfg job (print the configuration), --help")
+def of_command(command: Command, typed: Iterable[str] = ()) -> str:
+    """Return what ``aerial-il COMMAND ... --help`` prints: the keys of the command, and of what is chosen."""
+    said = dict(word.split("=", 1) for word in typed if "=" in word)
+    there = known(command.settings, {name: [value] for name, value in said.items() if value[:1] not in ("{", "")})
+    choices = [key for key in there.values() if key.takes == "choice"]
+    titles = {key.name: f"{key.name}={said.get(key.name, key.default)}" for key in choices}
+    own = [key for key in there.values() if not any(key.name.startswith(f"{name}.") for name in titles)]
+    sections = [command.doc, f"Usage: aerial-il {command.name} key=value ...", _table("Keys", own)]
+    for name, title in titles.items():
+        deeper = tuple(f"{other}." for other in titles if other.startswith(f"{name}."))
+        inside = [key for each, key in there.items() if each.startswith(f"{name}.") and not each.startswith(deeper)]
+        sections.append(_table(title, inside))
+    if command.output:
+        launcher = said.get("launcher", "serial")
+        few = ", ".join(registry.names("launcher"))
+        keys = [Key(f"launcher.{k.name}", k.default, k.meaning) for k in of_choice("launcher", launcher)]
+        chosen = Key("launcher", launcher, f"how the jobs of a sweep are started: {few}")
+        sections.append(_table("Sweeps (-m)", [chosen, *keys]))
+    sections.append("Options: -m (sweep over comma-separated values), --cfg job (print the settings), --help")
     return "\n\n".join(section for section in sections if section)
-
-
-def _launching(command: Command) -> str:
-    """Return how a sweep's jobs can be launched, of a command whose jobs get folders of their own."""
-    if not keys.output_key(command.config):
-        return ""
-    usual = groups.read_option("launcher", launchers.USUAL)
-    return _table(
-        "Sweeps (-m)", [(f"launcher={launchers.USUAL}", _group_help("launcher", "how its jobs are started", usual))]
-    )
 
 
 def reference() -> str:
@@ -77,37 +75,21 @@ def ordered_names() -> list[str]:
     return sorted(commands.names(), key=lambda n: (_ORDER.index(n) if n in _ORDER else len(_ORDER), n))
 
 
-def _keys(command: Command) -> str:
-    rows = []
-    for field in fields(command.config):
-        if not keys.is_group(field):
-            default = keys.default_text(field) or "(required)"
-            rows.append((f"{field.name}={default}", field.metadata.get("help", "")))
-    return _table("Keys", rows)
+def meaning_of(key: Key) -> str:
+    """Return what a key means, and what may be said."""
+    few = ""
+    if key.takes == "choice" or key.kind in ("robot", "task"):
+        few = f"one of: {', '.join(options(key.kind))}"
+    elif key.takes == "place" and presets.names(key.name):
+        few = f"or one of: {', '.join(presets.names(key.name))}"
+    elif key.options and key.options != ("true", "false"):
+        few = f"one of: {', '.join(key.options)}"
+    return "; ".join(filter(None, (key.meaning.removesuffix("."), few)))
 
 
-def _groups(command: Command) -> str:
-    chosen = command.choices
-    helps = {f.name: f.metadata.get("help", "") for f in fields(command.config)}
-    hints = get_type_hints(command.config)
-    rows = []
-    for name in [*(f.name for f in fields(command.config) if keys.is_group(f)), *(g for g in chosen if g not in helps)]:
-        if name not in chosen and is_dataclass(hints.get(name)):
-            rows.append((f"{name}=PATH", helps[name]))
-            continue
-        content = groups.read_option(name, str(chosen[name])) if chosen.get(name) else {}
-        rows.append((f"{name}={chosen[name] or 'null'}", _group_help(name, helps.get(name), content)))
-    return _table("Groups (GROUP=CHOICE; GROUP.KEY=VALUE changes one value)", rows)
-
-
-def _group_help(name: str, text: str | None, content: dict[str, object]) -> str:
-    inner = ", ".join(leaf for leaf in groups.leaf_keys(content) if leaf not in ("", "name", "defaults"))
-    of = f"one of: {', '.join(groups.options(name)) or 'none yet'}"
-    if text is None:  # the group has no key of its own: its files set the command's
-        return "; ".join(filter(None, ("a set of values", of, inner and f"sets: {inner}")))
-    return "; ".join(filter(None, (text, of, inner and f"keys: {inner}")))
-
-
-def _table(title: str, rows: list[tuple[str, str]]) -> str:
-    width = min(32, max((len(left) for left, _ in rows), default=0))
-    return "\n".join([f"{title}:", *(f"  {left:<{width}}  {right}".rstrip() for left, right in rows)]) if rows else ""
+def _table(title: str, keys: list[Key]) -> str:
+    rows = [(f"{key.name}={key.default or '(required)'}", meaning_of(key)) for key in keys]
+    width = min(_WIDTH, max((len(left) for left, _ in rows), default=0))
+    indent = " " * (width + 4)
+    lines = (textwrap.fill(f"  {left:<{width}}  {right}", _COLUMNS, subsequent_indent=indent) for left, right in rows)
+    return "\n".join([f"{title}:", *lines]) if rows else ""

@@ -81,10 +81,8 @@ def _dispatch(words: list[str]) -> int:
         print(help.version())
     elif name == "_job":
         _run_job(rest)
-    elif name == "train":
-        _train(rest)
     elif {"-h", "--help"} & set(rest):
-        print(help.of_command(commands.find(name)))
+        print(help.of_command(commands.find(name), rest))
     else:
         command = commands.find(name)
         _log_to_stderr()
@@ -107,22 +105,9 @@ def _completed(name: str, words: list[str]) -> str:
     )
 
 
-def _train(words: list[str]) -> None:
-    from aerial_il.cli.typed import compose, help_of
-    from aerial_il.workflows.train import Train, train
-
-    if {"-h", "--help"} & set(words):
-        print(help_of(Train, words))
-        return
-    _log_to_stderr()
-    settings = compose(Train, words)
-    train(settings)
-    print(f"Policy: {settings.run}/policy")
-
-
 def _run_job(words: list[str]) -> None:
     """Run one job of a sweep: a command, and its words as Hydra reads them."""
-    from aerial_il.cli.configuration.compose import perform
+    from aerial_il.cli.compose import perform
     from aerial_il.cli.sweeps.job import end_with_parent
 
     _log_to_stderr()

@@ -1,15 +1,17 @@
-"""Pages of the commands for the site, from what help and completion read: dataclasses and the files of ``conf/``."""
+"""Pages of the commands for the site, from what help and completion read: the dataclasses."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import fields
 
 from aerial_il.cli import commands
 from aerial_il.cli.commands import Command
-from aerial_il.cli.configuration import groups, keys
-from aerial_il.cli.help import ordered_names
+from aerial_il.cli.help import meaning_of, ordered_names
+from aerial_il.cli.known import of_choice
+from aerial_il.core import schema
+from aerial_il.core.schema import Key
 
+KINDS = ("policy", "algorithm", "gate", "launcher", "sweeper")
 EXAMPLE = re.compile(r"^Example: (.*)$", re.MULTILINE)
 INTRODUCTION = """\
 # Commands
@@ -20,61 +22,46 @@ INTRODUCTION = """\
 
 
 def pages() -> dict[str, str]:
-    """Return path on the site -> text: one page for each command, one for each group of choices, and a list."""
+    """Return path on the site -> text: one page for each command, one for each kind of choice, and a list."""
     found = [commands.find(name) for name in ordered_names()]
     rows = [f"| [`{command.name}`]({command.name}.md) | {_prose(command.summary)} |" for command in found]
-    groups_row = "What may be chosen where a key is a group: [groups](groups.md)."
+    groups_row = "What may be chosen by name, with its keys: [choices](groups.md)."
     index = "\n".join([INTRODUCTION, "", "| command | |", "|---|---|", *rows, "", groups_row, ""])
     of_commands = {f"commands/{command.name}.md": _page(command) for command in found}
-    return {"commands/index.md": index, "commands/groups.md": _groups_page(), **of_commands}
+    return {"commands/index.md": index, "commands/groups.md": _choices_page(), **of_commands}
 
 
 def _page(command: Command) -> str:
     examples = "\n".join(EXAMPLE.findall(command.doc))
     text = EXAMPLE.sub("", command.doc).strip()
-    parts = [f"# aerial-il {command.name}", _prose(text), f"```sh\n{examples}\n```" if examples else "", _keys(command)]
-    return "\n\n".join(part for part in [*parts, _groups(command)] if part) + "\n"
-
-
-def _keys(command: Command) -> str:
-    rows = []
-    for field in fields(command.config):
-        if not keys.is_group(field):
-            choices = ", ".join(f"`{choice}`" for choice in field.metadata.get("choices", ()))
-            told = _prose(field.metadata.get("help", ""))
-            rows.append((f"`{field.name}`", _value(keys.default_text(field)), "; ".join(filter(None, (told, choices)))))
-    return f"## Keys\n\n{_table(('key', 'default', ''), rows)}" if rows else ""
-
-
-def _groups(command: Command) -> str:
-    helps = {field.name: field.metadata.get("help", "") for field in fields(command.config)}
-    chosen = {name: choice for name, choice in command.choices.items() if name in groups.groups()}
-    rows = [
-        (f"[`{name}`](groups.md#{name})", f"`{choice or 'null'}`", _prose(helps.get(name, "a set of values")))
-        for name, choice in chosen.items()
+    keys = _keys(list(schema.keys(command.settings)))
+    parts = [
+        f"# aerial-il {command.name}",
+        _prose(text),
+        f"```sh\n{examples}\n```" if examples else "",
+        f"## Keys\n\n{keys}",
     ]
-    return f"## Groups\n\n{_table(('group', 'default', ''), rows)}" if rows else ""
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _groups_page() -> str:
+def _keys(keys: list[Key]) -> str:
+    rows = [
+        (f"`{key.name}`", f"`{key.default}`" if key.default else "required", _prose(meaning_of(key))) for key in keys
+    ]
+    return _table(("key", "default", ""), rows)
+
+
+def _choices_page() -> str:
     head = (
-        "# Groups of choices\n\nA group is a key whose value is one of several names: `policy=act` chooses, "
-        "`policy.chunk=20` changes one value of the choice."
+        "# Choices\n\nA choice is a key whose value is one of several names: `policy=act` chooses, `policy.chunk=20` "
+        "changes one value of what is chosen."
     )
-    return "\n\n".join([head, *(_group(name) for name in groups.groups())]) + "\n"
+    return "\n\n".join([head, *(_choices(kind) for kind in KINDS)]) + "\n"
 
 
-def _group(name: str) -> str:
-    rows = []
-    for option in groups.options(name):
-        content = groups.read_option(name, option)
-        leaves = [leaf for leaf in groups.leaf_keys(content) if leaf not in ("", "name", "defaults", "_target_")]
-        rows.append((f"`{option}`", ", ".join(f"`{leaf}`" for leaf in leaves) or "–"))
-    return f"## {name}\n\n{_table(('choice', 'its keys'), rows)}"
-
-
-def _value(text: str) -> str:
-    return f"`{text}`" if text else "required"
+def _choices(kind: str) -> str:
+    each = [f"### {kind}={name}\n\n{_keys(of_choice(kind, name))}" for name in schema.options(kind)]
+    return "\n\n".join([f"## {kind}", *each])
 
 
 def _prose(text: str) -> str:

@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 from aerial_il.control import controller_state as layout
+from aerial_il.control import controllers
 from aerial_il.control.actions import ActionLevel, action_spec
 from aerial_il.control.allocation import allocate
 from aerial_il.control.dynamics import (
     forward_kinematics,
-    inverse_dynamics,
     momentum,
     put,
     rotational_inertia,
@@ -23,16 +23,11 @@ from aerial_il.control.dynamics import (
     vec,
 )
 from aerial_il.control.flight import (
-    attitude_loop,
-    desired_attitude,
+    feed_arm_forward,
     hasten_rotors,
     observe_disturbance,
-    position_loop,
     rotor_wrench,
 )
-from aerial_il.control.laws import Law
-from aerial_il.control.lqr import lqr_wrench
-from aerial_il.control.pid import pid_wrench
 from aerial_il.control.reference import (
     advance_tool,
     displaced_target,
@@ -41,8 +36,10 @@ from aerial_il.control.reference import (
     steer_rotation,
 )
 from aerial_il.control.scratch import make_scratch
+from aerial_il.control.steering import STEERING, call_steer
 from aerial_il.control.vehicle import GRAVITY, Gains, Vehicle, record_of
 from aerial_il.control.whole_body import advance_base, plan_reference, seat_references, solve_arm
+from aerial_il.core.addresses import numbers_at
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
@@ -60,7 +57,6 @@ from aerial_il.core.rotations import (
 )
 
 EE_POSE, EE_DELTA, BASE_JOINT, VELOCITY, CTBR, ROTOR = (int(level) for level in ActionLevel)
-PID = int(Law.PID)  # the laws from here on take the vehicle for one rigid body
 LEASH = 0.3  # m: how far a velocity command may run ahead of the base
 GRIP_RESPONSE = 10.0  # 1/s: how fast the observer takes the gripper for closed
 
@@ -90,12 +86,12 @@ def receive_action(vehicle, gains, scratch, level, action, qpos, state, interval
 
 
 @kernel
-def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, state, dt, thrust, servo):
+def tick(vehicle, gains, steering, scratch, level, action, qpos, qvel, thrust_now, state, dt, thrust, servo):
     """Compute rotor and servo commands for the next ``dt`` seconds.
 
     Args:
-        vehicle, gains: nominal model and tuning. scratch: working memory.
-        level: an :class:`ActionLevel` as an integer. action: (Da,).
+        vehicle, gains: nominal model and tuning. steering: record of ``STEERING``, the flight law's addresses.
+        scratch: working memory. level: an :class:`ActionLevel` as an integer. action: (Da,).
         qpos: base position (m), base quaternion (w, x, y, z), joint positions (rad).
         qvel: base velocity (world, m/s), base angular velocity (body, rad/s), joint velocities (rad/s).
         thrust_now: (R,) measured rotor thrusts, N.
@@ -114,43 +110,33 @@ def tick(vehicle, gains, scratch, level, action, qpos, qvel, thrust_now, state, 
     feed_forward = _advance_references(vehicle, gains, scratch, level, action, pos, rot, state, dt)
     forward_kinematics(vehicle, pos, rot, qpos, 7, frames)
     lever = _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, state, dt)
-    textbook = gains.law >= PID and level <= VELOCITY
-    if level > VELOCITY:
-        acc = _thrust_acceleration(vehicle, rot, thrust_now)
-    elif textbook:
-        acc = (0.0, 0.0, 0.0)
+    put(scratch.base_pos, 0, pos)
+    put(scratch.base_vel, 0, vel)
+    put(scratch.rate, 0, omega_body)
+    put(scratch.omega, 0, omega)
+    for k in range(9):
+        scratch.base_rot[k] = rot[k]
+    for j in range(count):
+        scratch.joint_vel[j] = joint_vel[j]
+    if level <= VELOCITY:
+        put(scratch.feed_forward, 0, feed_forward)
+        put(scratch.lever, 0, lever)
+        scratch.dt = dt
+        call_steer(steering.steer, numbers_at(steering.own), vehicle, gains, scratch, state)
     else:
-        acc = scale(vehicle.base_mobility, position_loop(gains, state, pos, vel, feed_forward))
-    force, torque = inverse_dynamics(
-        vehicle, frames, pos, rot, omega, joint_vel, acc, (0.0, 0.0, 0.0), scratch.rest, scratch.servo_torque
-    )
+        _, torque = feed_arm_forward(vehicle, scratch, _thrust_acceleration(vehicle, rot, thrust_now))
+        if level == CTBR:
+            torque = sub(sub(torque, vec(state, layout.TORQUE)), cross(lever, vec(state, layout.FORCE)))
+            alpha = scale(gains.rate, sub(vec(action, 1), omega_body))
+            torque = add(torque, rotational_inertia(vehicle, frames, pos, rot, rotate(rot, alpha)))
+            put(scratch.force, 0, (0.0, 0.0, action[0]))
+            put(scratch.torque, 0, rotate_back(rot, torque))
     if level == ROTOR:
         for i in range(thrust.size):
             thrust[i] = clip(action[i], vehicle.rotor_min[i], vehicle.rotor_max[i])
-    elif textbook:
-        if gains.law == PID:
-            body_force, torque = pid_wrench(vehicle, gains, state, pos, vel, rot, omega_body, feed_forward, dt)
-        else:
-            body_force, torque = lqr_wrench(vehicle, gains, state, pos, vel, rot, omega_body)
-        body_force = _limit_lateral(body_force, vehicle.lateral_limit)
-        allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, body_force, torque, thrust)
-        hasten_rotors(vehicle, gains, thrust_now, thrust)
     else:
-        disturbance = vec(state, layout.FORCE)
-        torque = sub(sub(torque, vec(state, layout.TORQUE)), cross(lever, disturbance))
-        if level == CTBR:
-            rate_error = sub(vec(action, 1), omega_body)
-            alpha = scale(gains.rate, rate_error)
-            body_force = (0.0, 0.0, action[0])
-        else:
-            force = sub(force, disturbance)
-            wanted = desired_attitude(force, state[layout.BASE_YAW], vehicle.lateral_limit, gains.max_tilt)
-            alpha = attitude_loop(gains, rot, omega_body, wanted, state[layout.BASE_YAW_RATE])
-            body_force = rotate_back(rot, force)
-        torque = add(torque, rotational_inertia(vehicle, frames, pos, rot, rotate(rot, alpha)))
-        body_force = _limit_lateral(body_force, vehicle.lateral_limit)
-        torque = rotate_back(rot, torque)
-        allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, body_force, torque, thrust)
+        force = _limit_lateral(vec(scratch.force, 0), vehicle.lateral_limit)
+        allocate(vehicle.mixer, vehicle.rotor_min, vehicle.rotor_max, force, vec(scratch.torque, 0), thrust)
         hasten_rotors(vehicle, gains, thrust_now, thrust)
     for j in range(count):
         wanted_torque = scratch.servo_torque[j] + vehicle.joint_damping[j] * scratch.servo_vel[j]
@@ -251,6 +237,18 @@ def _limit_lateral(force, limit):
     return (sideways[0], sideways[1], force[2])
 
 
+class Steering:
+    """A flight law for a vehicle, as :func:`tick` calls it.
+
+    Attributes:
+        record: (1,) of ``STEERING``: addresses, one of them of the law's numbers, which live as long as this.
+    """
+
+    def __init__(self, law: str, vehicle: Vehicle) -> None:
+        self._own = controllers.get(law)().record(vehicle)
+        self.record = np.array([(controllers.address(law, self._own), self._own.ctypes.data)], STEERING)
+
+
 class Controller:
     """Fly one vehicle from measured states: the public face of the compiled controller.
 
@@ -270,12 +268,13 @@ class Controller:
         self, vehicle: Vehicle, *, level: str = "ee_pose", law: str = "geometric_observer",
         gains: Gains | None = None, dt: float = 0.004, ticks_per_action: int = 5,
     ) -> None:  # fmt: skip
-        self.vehicle, self.law = vehicle, Law.parse(law)
-        self.gains = (gains or self.law.gains)._replace(law=int(self.law)).fitted(vehicle)
+        self.vehicle, self.law = vehicle, law
+        self.gains = (gains or controllers.get(law)().gains).fitted(vehicle)
         self.level = ActionLevel.parse(level)
         self.spec = action_spec(self.level, vehicle)
         self.dt, self.ticks_per_action = dt, ticks_per_action
-        self._record, self._tuning, self._scratch = self.law.record(vehicle), record_of(self.gains), make_scratch()
+        self._record, self._tuning, self._scratch = vehicle.record, record_of(self.gains), make_scratch()
+        self._steering = Steering(law, vehicle)
         self.reset()
 
     def reset(self) -> None:
@@ -318,7 +317,7 @@ class Controller:
         self._ticks += 1
         thrust, servo = np.empty(self.vehicle.num_rotors), np.empty(self.vehicle.num_joints)
         tick(
-            self._record, self._tuning, self._scratch, int(self.level), action, qpos, qvel, thrust_now, self.state,
-            self.dt, thrust, servo,
+            self._record, self._tuning, self._steering.record[0], self._scratch, int(self.level), action, qpos, qvel,
+            thrust_now, self.state, self.dt, thrust, servo,
         )  # fmt: skip
         return thrust, servo

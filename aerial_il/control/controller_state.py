@@ -17,6 +17,6 @@ LINEAR, ANGULAR = 49, 52  # observer: momentum at the last tick
 FORCE, TORQUE = 55, 58  # observer: estimated disturbance (N, N m) about the centre of mass
 CLOSED = 61  # low-passed gripper command: 1 closed, 0 open
 TOOL_ACC = 62  # acceleration of the end-effector reference until the next action
-POSITION_INTEGRAL, ATTITUDE_INTEGRAL = 65, 68  # PID: accelerations it has added so far (m/s², world; rad/s²)
+LAW, LAW_SIZE = 65, 6  # what a flight law remembers
 TARGET_ROT = 71  # last commanded orientation, world from tool; kept at the level ee_delta
 CONTROLLER_STATE_SIZE = 80

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from aerial_il.control import controller_state as layout
-from aerial_il.control.dynamics import put, row, vec
+from aerial_il.control.dynamics import inverse_dynamics, put, row, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (
     add,
@@ -26,6 +26,27 @@ from aerial_il.core.rotations import (
     scale,
     sub,
 )
+
+
+@kernel
+def mat(numbers):
+    """Nine numbers, row by row, as a matrix."""
+    m = numbers
+    return (m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8])
+
+
+@kernel
+def feed_arm_forward(vehicle, scratch, acc):
+    """Let the arm's servos reckon with an acceleration of the base, world, m/s²; ``scratch``: see ``SCRATCH``.
+
+    Returns:
+        force (N) and torque (N m, about the base origin) that this takes, world frame.
+    """
+    pos, rot, omega = vec(scratch.base_pos, 0), mat(scratch.base_rot), vec(scratch.omega, 0)
+    still, servo = (0.0, 0.0, 0.0), scratch.servo_torque
+    return inverse_dynamics(
+        vehicle, scratch.frames, pos, rot, omega, scratch.joint_vel, acc, still, scratch.rest, servo
+    )
 
 
 @kernel

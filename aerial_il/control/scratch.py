@@ -23,6 +23,15 @@ SCRATCH = np.dtype(
         *((name, np.float64, (7 + MAX_JOINTS,)) for name in ("pos", "measured_pos")),  # of whoever calls the tick
         *((name, np.float64, (6 + MAX_JOINTS,)) for name in ("vel", "measured_vel")),
         ("thrust", np.float64, (MAX_ROTORS,)),
+        # What a flight law is given, and what it writes: position (m), velocity (m/s) and rotation of the base, world;
+        # angular velocity in the base frame and the world's (rad/s); acceleration of the reference, world (m/s²);
+        # centre of mass minus base origin, world (m); time between two ticks (s); then force (N) and torque (N m).
+        *((name, np.float64, (3,)) for name in ("base_pos", "base_vel")),
+        ("base_rot", np.float64, (9,)),
+        *((name, np.float64, (3,)) for name in ("rate", "omega", "feed_forward", "lever")),
+        ("joint_vel", np.float64, (MAX_JOINTS,)),
+        ("dt", np.float64),
+        *((name, np.float64, (3,)) for name in ("force", "torque")),  # base frame, about the base origin
     ],
     align=True,
 )

@@ -100,7 +100,7 @@ class Vehicle(NamedTuple):
                 f"{self.num_joints} and {self.num_rotors}."
             )
         block = np.zeros(1, RECORD)
-        for name in set(RECORD.names or ()) - set(OF_LAWS):
+        for name in RECORD.names or ():
             value = np.asarray(getattr(self, name))
             block[name][(0, *(slice(0, n) for n in value.shape))] = value
         return block.view(np.recarray)[0]
@@ -140,7 +140,6 @@ def alone(record: np.record) -> np.ndarray:
     return np.array([record], record.dtype)
 
 
-OF_LAWS = ("hover_com", "hover_inertia", "feedback")  # of a record; written by the flight laws that need them
 _PER_JOINT, _PER_ROTOR = (MAX_JOINTS,), (MAX_ROTORS,)
 RECORD = np.dtype(
     [
@@ -156,8 +155,6 @@ RECORD = np.dtype(
         *((name, np.float64, (MAX_ROTORS, 3)) for name in ("rotor_pos", "rotor_axis")),
         *((name, np.float64, _PER_ROTOR) for name in ("rotor_drag_ratio", "rotor_min", "rotor_max")),
         ("mixer", np.float64, (MAX_ROTORS, 6)),
-        *((name, np.float64, (3,)) for name in ("hover_com", "hover_inertia")),
-        ("feedback", np.float64, (6, 12)),
     ],
     align=True,
 )
@@ -180,7 +177,6 @@ class Gains(NamedTuple):
         reference_speed, reference_acceleration: m/s, m/s², of the end-effector reference.
         reference_turn: rad/s, its angular speed.
         orientation_weight: m/rad, how much the arm gives up in position for orientation.
-        law: a :class:`~aerial_il.control.laws.Law` as an integer: how the base is flown to its reference.
         integral, attitude_integral: 1/s³, of the PID law's position loop, and of its roll and pitch loops.
         heading, heading_integral, heading_rate: 1/s², 1/s³ and 1/s, of its yaw loop; torque about yaw is the weakest
             that rotors have.
@@ -201,7 +197,6 @@ class Gains(NamedTuple):
     reference_acceleration: float = 2.0
     reference_turn: float = 1.5
     orientation_weight: float = 0.05
-    law: int = 0
     integral: float = 10.0
     attitude_integral: float = 300.0
     heading: float = 16.0
@@ -232,3 +227,6 @@ class Gains(NamedTuple):
             heading_integral=slowest * self.heading_integral,
             heading_rate=slow * self.heading_rate,
         )
+
+
+GAINS = record_of(Gains()).dtype

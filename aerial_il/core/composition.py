@@ -1,108 +1,218 @@
-"""Settings from plain values and back: what Hydra composes, a run's config.yaml holds, or Python gives as mappings.
-
-The dataclasses are the schema: names, types, defaults and meanings (``Attributes`` of docstrings) are read from them.
-"""
+"""Settings from plain values and back: what Hydra composes, a preset holds, or Python gives as mappings."""
 
 from __future__ import annotations
 
-import inspect
+import os
 import re
 import types
-import typing
-from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, asdict, dataclass, fields, is_dataclass, replace
-from typing import Any, Union, get_args, get_origin
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass, replace
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+from aerial_il.core import presets, registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.fitting import fits, in_words
-from aerial_il.core.renamed import MOVED
+from aerial_il.core.schema import Choice, Name, bare, default_of, group_of, hints_of, keys, marked, options, unknown_key
 
-_MEANING = re.compile(r"^    ((?:\w+, )*\w+): (.+(?:\n {8,}.+)*)", re.MULTILINE)
-
-
-@dataclass(frozen=True)
-class Key:
-    """One setting: its dotted name, default, and what it means."""
-
-    name: str
-    default: Any
-    meaning: str
+_PLAIN: dict[type, tuple[type, ...]] = {bool: (bool,), int: (int,), float: (int, float), str: (str,)}
+_IN_WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
 def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, at: str = "") -> S:
     """Return settings of ``kind``: those of ``base``, or the defaults, with what is ``given`` changed, nested likewise.
 
     Args:
+        kind: a dataclass; its ``PRESETS`` names keys beside its own, each of which sets several of them.
+        given: key -> value; mappings for groups, lists for tuples, names or mappings with a name for choices.
         at: where they stand, e.g. ``algorithm.``, for errors.
 
     Raises:
-        UnknownNameError: there is no such setting. InvalidValueError: a value does not fit, or one is missing.
+        UnknownNameError: there is no such setting or choice.
+        InvalidValueError: a value does not fit, or one is missing.
     """
-    hints, known = typing.get_type_hints(kind), {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    sets = getattr(kind, "PRESETS", ())
+    if said := next((name for name in sets if given.get(name) is not None), None):
+        return _over_preset(kind, {**given}, said, base, at)
+    hints, known = hints_of(kind), {f.name: f for f in fields(kind) if f.init}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for name, value in given.items():
+        if name in sets:  # null
+            continue
         if name not in known:
-            if (new := MOVED.get(name, "")).partition(".")[0] in known:
-                raise InvalidValueError(f"{at}{name} is called {at}{new} now.")
-            raise UnknownNameError("key", f"{at}{name}", [f"{at}{each}" for each in known])
-        before = getattr(base, name) if base is not None else _default(known[name])
+            raise unknown_key(f"{at}{name}", [key.name for key in keys(kind, base=base, at=at)])
+        before = getattr(base, name) if base is not None else default_of(known[name])
         values[name] = _value(hints[name], value, None if before is MISSING else before, f"{at}{name}")
-    lacking = [f"{at}{n}" for n, f in known.items() if base is None and n not in values and _default(f) is MISSING]
+    lacking = sorted(n for n, f in known.items() if base is None and n not in values and default_of(f) is MISSING)
     if lacking:
-        raise InvalidValueError(f"{', '.join(lacking)} must be given.")
+        wanted = " ".join(f"{at}{name}=..." for name in lacking)
+        raise InvalidValueError(f"{(at[:-1] or kind.__name__).lower()} needs {wanted}")
     try:
         return replace(base, **values) if base is not None else kind(**values)  # type: ignore[type-var]
     except InvalidValueError as error:
-        raise type(error)(f"{at}{error}") from error
+        named = re.split(r"\W", str(error), maxsplit=1)[0] in known
+        raise type(error)(f"{at if named else ''}{error}") from error
+
+
+def _over_preset[S](kind: type[S], given: dict[str, Any], preset: str, base: S | None, at: str) -> S:
+    """Return settings in which what is ``given`` stands over what the preset says that is named in it."""
+    name = given.pop(preset)
+    below = presets.read(preset, name)
+    try:
+        return build(kind, _over(below, given), base=base, at=at)
+    except UnknownNameError as error:
+        group, _, inner = str(error.value).partition(".")
+        if error.kind != "key" or inner.partition(".")[0] not in (below.get(group) or ()):
+            raise
+        choice = given.get(group)
+        choice = choice.get("name") if isinstance(choice, Mapping) else choice
+        raise InvalidValueError(
+            f"{preset}={name} sets {error.value}, which {group}={choice} does not have: leave out {preset}={name}, and "
+            "set what you want of it."
+        ) from error
+
+
+def chosen(kind: str, value: Any, before: Any = None, at: str = "") -> Any:
+    """Return the settings that ``value`` stands for: settings themselves, a name, or a mapping with a name.
+
+    Args:
+        before: what a mapping without a name changes: settings, or the name of some. at: as of :func:`build`.
+    """
+    value = {"name": value} if isinstance(value, str) else value
+    if is_dataclass(value) and not isinstance(value, type):
+        return value
+    if not isinstance(value, Mapping):
+        raise UnknownNameError(kind, value, options(kind))
+    changes, name = {key: each for key, each in value.items() if key != "name"}, value.get("name", before)
+    if is_dataclass(name) and not isinstance(name, type):
+        return build(type(name), changes, base=name, at=at)
+    if not isinstance(name, str) or name not in options(kind):
+        raise UnknownNameError(kind, name, options(kind), registry.KINDS[kind].hint)
+    said = presets.read(kind, name) if name in presets.names(kind) else {}
+    settings = registry.get(kind, said.pop("name", name))
+    base = build(settings, said, at=at)
+    return build(settings, changes, base=base, at=at) if changes else base
 
 
 def plain(settings: Any) -> dict[str, Any]:
     """Return settings as nested plain values, of which :func:`build` makes the same again."""
-    return asdict(settings)
-
-
-def keys(kind: type, *, base: Any = None, at: str = "") -> Iterator[Key]:
-    """Yield every setting of ``kind``, nested ones in their place, with the defaults of ``base`` or its own."""
-    said, hints = meanings(kind), typing.get_type_hints(kind)
-    for field in fields(kind):
-        default = getattr(base, field.name) if base is not None else _default(field)
-        inner = _group(hints[field.name])
-        if inner is None or default is None:
-            yield Key(f"{at}{field.name}", default, said.get(field.name, ""))
-        if inner is not None:
-            yield from keys(inner, base=None if default in (None, MISSING) else default, at=f"{at}{field.name}.")
-
-
-def meanings(kind: type) -> dict[str, str]:
-    """Return what the docstrings of ``kind`` and of its bases say of each setting."""
-    found: dict[str, str] = {}
-    for each in reversed(kind.__mro__):
-        _, _, said = inspect.cleandoc(each.__doc__ or "").partition("Attributes:\n")
-        for names, text in _MEANING.findall(said):
-            found |= dict.fromkeys(names.split(", "), " ".join(text.split()))
+    hints, found = hints_of(type(settings)), dict[str, Any]()
+    for field in fields(settings):
+        value, choice = getattr(settings, field.name), marked(hints[field.name], Choice)
+        if is_dataclass(value):
+            name = {"name": registry.name_of(choice.kind, type(value))} if choice is not None else {}
+            found[field.name] = name | plain(value)
+        elif field.init:
+            found[field.name] = _listed(value)
     return found
 
 
-def _default(field: Field[Any]) -> Any:
-    return field.default if field.default_factory is MISSING else field.default_factory()
+def fits(value: Any, hint: Any) -> bool:
+    """Whether ``value``, of plain types and objects built already, may stand where ``hint`` is declared."""
+    if hint in _PLAIN:
+        return isinstance(value, _PLAIN[hint]) and (hint is bool or not isinstance(value, bool))
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return fits(value, inner[0])
+    if origin in (Union, types.UnionType):
+        return any(fits(value, each) for each in inner)
+    if origin is Literal:
+        return value in inner
+    if hint in (None, types.NoneType):
+        return value is None
+    if origin in (tuple, list) or hint in (tuple, list):
+        return isinstance(value, (list, tuple)) and _items_fit(value, origin, inner)
+    if origin is not None and issubclass(origin, Mapping):
+        return isinstance(value, Mapping) and all(fits(each, inner[1]) for each in value.values())
+    return not is_dataclass(hint) or not isinstance(value, (bool, int, float, str, list, tuple, types.NoneType))
+
+
+def in_words(hint: Any) -> str:
+    """Return what a type is called in an error, e.g. ``a whole number or null``."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return in_words(inner[0])
+    if origin in (Union, types.UnionType):
+        return " or ".join(map(in_words, inner))
+    if origin is Literal:
+        return "one of " + ", ".join(map(str, inner))
+    if origin in (tuple, list):
+        return "a list such as [a,b]"
+    return "null" if hint is types.NoneType else _IN_WORDS.get(hint, getattr(hint, "__name__", str(hint)))
 
 
 def _value(hint: Any, value: Any, before: Any, at: str) -> Any:
-    inner = _group(hint)
-    if inner is not None and isinstance(value, Mapping):
-        return build(inner, value, base=before, at=f"{at}.")
-    if inner is not None and isinstance(value, str) and "path" in inner.__dataclass_fields__:  # prior=PATH: prior.path
-        return build(inner, {"path": value}, base=before, at=f"{at}.")
+    """Return a value as its hint wants it, checked."""
+    nothing = value is None and types.NoneType in get_args(bare(hint))
+    if (choice := marked(hint, Choice)) is not None and not nothing:
+        return chosen(choice.kind, value, before, f"{at}.")
+    inner = group_of(hint, before)
+    if isinstance(value, os.PathLike):  # never a preset's name
+        value = {"path": os.fspath(value)} if inner is not None else os.fspath(value)
     if inner is not None and value is not None and not is_dataclass(value):
-        inside = ", ".join(f"{at}.{field.name}" for field in fields(inner))
-        raise InvalidValueError(f"{at}={value!r}: it is a group; set one of its keys, {inside}.")
-    value = tuple(value) if isinstance(value, list) else value
-    if not fits(value, hint):
-        raise InvalidValueError(f"{at}={value!r} is not {in_words(hint)}.")
+        return _nested(inner, value, before, at)
+    if isinstance(before, Mapping) and isinstance(value, Mapping):
+        return _merged(hint, value, before, at)
+    if isinstance(value, list) or not fits(value, hint):
+        given, value = value, _coerced(value, bare(hint))
+        if not fits(value, hint):
+            raise InvalidValueError(f"{at}={repr(given)[:80]} is not {in_words(hint)}.")
+    if value is not None and (named := marked(hint, Name)) is not None:
+        named.check(value)
     return value
 
 
-def _group(hint: Any) -> type | None:
-    """Return the dataclass that a hint stands for, ``Prior`` of ``Prior | None``; None for a single value."""
-    options = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
-    return next((each for each in options if is_dataclass(each) and isinstance(each, type)), None)
+def _nested(inner: type, value: Any, before: Any, at: str) -> Any:
+    """Return a group of settings from a mapping, a preset's name or, where the group has one, its path."""
+    known = inner.__dataclass_fields__
+    if isinstance(value, str) and value in presets.names(at):
+        value = {"name": value}
+    if isinstance(value, str) and "path" in known:
+        value = {"path": value}
+    if not isinstance(value, Mapping):
+        inside = ", ".join(f"{at}.{name}" for name in known)
+        raise InvalidValueError(f"{at}={repr(value)[:80]}: it is a group; set one of its keys, {inside}.")
+    if "name" in value and "name" not in known and presets.names(at):
+        said = {name: each for name, each in value.items() if name != "name"}
+        value = _over(presets.read(at, value["name"]), said)
+    return build(inner, value, base=before, at=f"{at}.")
+
+
+def _merged(hint: Any, value: Mapping[str, Any], before: Mapping[str, Any], at: str) -> dict[str, Any]:
+    """Return a mapping with what is given changed or added; null takes an entry out unless it is a value."""
+    inside = (get_args(bare(hint)) or (Any, Any))[-1]
+    gone = {name for name, each in value.items() if each is None and not fits(None, inside)}
+    given = {n: _value(inside, v, before.get(n), f"{at}.{n}") for n, v in value.items() if n not in gone}
+    return {name: each for name, each in {**before, **given}.items() if name not in gone}
+
+
+def _coerced(value: Any, hint: Any) -> Any:
+    """Return lists as tuples, and a single value as a tuple of it where the hint wants several."""
+    if isinstance(value, list):
+        return tuple(_coerced(each, None) for each in value)
+    several = get_origin(hint) is tuple or any(get_origin(each) is tuple for each in get_args(hint))
+    single = isinstance(value, str | int | float) and not isinstance(value, bool)
+    return (value,) if several and single and fits((value,), hint) else value
+
+
+def _over(base: Mapping[str, Any], said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``base`` with what is said over it; a name over a mapping chooses, and the mapping changes the choice."""
+    merged = dict(base)
+    for key, value in said.items():
+        if isinstance(merged.get(key), Mapping) and isinstance(value, Mapping | str):
+            merged[key] = _over(merged[key], {"name": value} if isinstance(value, str) else value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _listed(each) for name, each in value.items()}
+    return [_listed(each) for each in value] if isinstance(value, tuple | list) else value
+
+
+def _items_fit(value: list[Any] | tuple[Any, ...], origin: Any, inner: tuple[Any, ...]) -> bool:
+    if not inner:
+        return True
+    if origin is list or inner[-1] is Ellipsis:
+        return all(fits(each, inner[0]) for each in value)
+    return len(value) == len(inner) and all(map(fits, value, inner))

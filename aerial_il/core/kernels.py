@@ -18,9 +18,16 @@ from numba.core.ccallback import CFunc
 
 PACKAGE = Path(__file__).parent.parent
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}  # division by zero gives infinity
-WHOLE_ROOMS = ("control", "suite/physics")  # their constants are compiled in, too
-TASK_ROOMS = ("suite/tasks", "suite/props")
-TASK_MODULES = ("aerial_il.suite.tasks", "aerial_il.suite.props", "aerial_il.experts")  # whose kernels use theirs
+WHOLE = ("control", "suite/physics")  # their constants are compiled in, too
+# Folders whose kernels are called by address, so that nothing else is compiled anew for them, and whose they use.
+CALLED = {
+    "suite/tasks": ("suite/tasks", "suite/props"),
+    "suite/props": ("suite/tasks", "suite/props"),
+    "experts": ("suite/tasks", "suite/props"),
+    "suite/disturbances": ("suite/disturbances",),
+    "suite/sensors": ("suite/sensors",),
+    "control/controllers": ("control/controllers",),
+}
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -67,8 +74,12 @@ def _mark(cache: Any, function: Callable[..., Any]) -> None:
 
 
 def _sources_of(function: Callable[..., Any]) -> str:
-    in_task = function.__module__.startswith(TASK_MODULES)
-    return _kernel_sources() + (_task_sources() if in_task else "")
+    """Digests of what a kernel may contain: those of other packages use whatever we have, and their own folder."""
+    file = Path(function.__code__.co_filename)
+    if not file.is_relative_to(PACKAGE):
+        return _kernel_sources() + "".join(map(_folder_sources, sorted({*map(PACKAGE.joinpath, CALLED), file.parent})))
+    used = CALLED.get(file.parent.relative_to(PACKAGE).as_posix(), ())
+    return _kernel_sources() + "".join(_folder_sources(PACKAGE / folder) for folder in used)
 
 
 @cache
@@ -82,19 +93,18 @@ def _kernel_sources() -> str:
 
 
 def _kernel_files() -> set[Path]:
-    whole = (path for room in WHOLE_ROOMS for path in (PACKAGE / room).glob("*.py"))
-    some = (path for room in ("core", "suite", "suite/episode") for path in (PACKAGE / room).glob("*.py"))
-    return {*whole, *(path for path in some if path.name == "timing.py" or b"@kernel" in path.read_bytes())}
+    whole = (path for folder in WHOLE for path in (PACKAGE / folder).glob("*.py"))
+    some = (path for folder in ("core", "suite", "suite/episode") for path in (PACKAGE / folder).glob("*.py"))
+    return {
+        *whole,
+        *(path for path in some if path.name in ("timing.py", "addresses.py") or b"@kernel" in path.read_bytes()),
+    }
 
 
 @cache
-def _task_sources() -> str:
-    """The same of the tasks and their props, which change more often than what flies."""
-    return _digest(_task_files())
-
-
-def _task_files() -> set[Path]:
-    return {path for room in TASK_ROOMS for path in (PACKAGE / room).glob("*.py")}
+def _folder_sources(folder: Path) -> str:
+    """The same of the files in one folder, which change more often than what flies."""
+    return _digest(folder.glob("*.py"))
 
 
 def _digest(paths: Iterable[Path]) -> str:

@@ -11,11 +11,13 @@ Names are listed without importing what they name.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -29,28 +31,48 @@ class Kind:
     Attributes:
         package: whose modules they are; packages inside it hold what they share.
         defines: the module's attribute; empty for a class that is called as the file is, whatever its capitals:
-            ``SAC`` in ``sac.py``.
+            ``SAC`` in ``sac.py``, ``CoinGate`` in ``coin.py``.
         besides: modules of that package which are none of them.
+        inside: the module that defines it lies in a folder that has its name; empty where files have the names.
         hint: where to look, said beside an unknown name.
     """
 
     package: str
     defines: str = ""
     besides: frozenset[str] = frozenset()
+    inside: str = ""
     hint: str = ""
 
 
 KINDS: Mapping[str, Kind] = {
     "robot": Kind(
-        "aerial_il.robots", "ROBOT", frozenset({"robot", "figures"}), "Run `aerial-il list` to see what each can do."
+        "aerial_il.robots",
+        "ROBOT",
+        frozenset({"robot", "figures"}),
+        hint="Run `aerial-il list` to see what each can do.",
     ),
     "task": Kind(
-        "aerial_il.suite.tasks", "TASK", frozenset({"task"}), "Run `aerial-il list` to see which robot can do which."
+        "aerial_il.suite.tasks",
+        "TASK",
+        frozenset({"task", "fields"}),
+        hint="Run `aerial-il list` to see which robot can do which.",
     ),
+    "controller": Kind("aerial_il.control.controllers", "", frozenset({"law"})),
+    "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
+    "sensor": Kind("aerial_il.suite.sensors", "", frozenset({"sensor"})),
     "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook"})),
     "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),
+    "gate": Kind("aerial_il.algorithms.interactive.gates", besides=frozenset({"gate"})),
+    "launcher": Kind("aerial_il.cli.launchers"),
+    "sweeper": Kind("aerial_il.cli.sweepers"),
+    "study": Kind(
+        "experiments",
+        inside="study",
+        hint="Studies are run from a checkout, which an installed package is not: clone the repository, run make setup "
+        "there, and call .venv/bin/aerial-il bench NAME.",
+    ),
 }
 
 
@@ -86,23 +108,44 @@ def get(kind: str, name: str) -> Any:
         return _defined(found, kind, wanted)
     plain = name.replace("_", "").lower()
     own = (value for value in vars(found).values() if isinstance(value, type) and value.__module__ == found.__name__)
-    if (match := next((value for value in own if value.__name__.lower() == plain), None)) is None:
+    if (match := next((value for value in own if value.__name__.lower() in (plain, f"{plain}{kind}")), None)) is None:
         raise InvalidValueError(f"{found.__name__} defines no class that is called as its file, {name}.")
     return match
 
 
+def place(kind: str, name: str) -> str | None:
+    """Return the module that defines ``name``, None where nothing is registered by it."""
+    return _modules(kind).get(name)
+
+
+def name_of(kind: str, settings: type) -> str:
+    """Return the name by which a class of a kind is registered; empty where it is not."""
+    return next((name for name, module in _modules(kind).items() if module == settings.__module__), "")
+
+
+def kernel(kind: str, name: str, function: str, *, needed: bool = True) -> Any:
+    """Return a compiled function that the file ``name`` defines; None where it has none and none is ``needed``.
+
+    Raises:
+        UnknownNameError: nothing of that kind has the name.
+        InvalidValueError: it is missing, or a plain Python function.
+    """
+    place = module(kind, name)
+    found = _defined(place, kind, function) if needed else getattr(place, function, None)
+    if found is not None and not hasattr(found, "py_func"):
+        raise InvalidValueError(f"{place.__name__}.{function} must be compiled: write @kernel above it.")
+    return found
+
+
 def _defined(found: ModuleType, kind: str, attribute: str) -> Any:
     if not hasattr(found, attribute):
-        raise InvalidValueError(f"{found.__name__} defines no {attribute}, by which a {kind} is registered.")
+        raise InvalidValueError(f"{found.__name__} defines no {attribute}, which a {kind} must have.")
     return getattr(found, attribute)
 
 
 def _modules(kind: str) -> dict[str, str]:
     """Return name -> module."""
-    here = KINDS[kind]
-    files = pkgutil.iter_modules(importlib.import_module(here.package).__path__)
-    own = (each.name for each in files if not each.ispkg and each.name not in here.besides)
-    found = {name: f"{here.package}.{name}" for name in own}
+    found = _own(KINDS[kind])
     for name, place in outside(kind).items():
         if name in found:
             raise InvalidValueError(
@@ -111,6 +154,18 @@ def _modules(kind: str) -> dict[str, str]:
             )
         found[name] = place
     return found
+
+
+def _own(here: Kind) -> dict[str, str]:
+    """Return name -> module of what lies in the folder of a kind; none where that is not installed, as studies."""
+    if importlib.util.find_spec(here.package) is None:
+        return {}
+    folders = importlib.import_module(here.package).__path__
+    if here.inside:
+        files = (file for folder in folders for file in Path(folder).glob(f"*/{here.inside}.py"))
+        return {file.parent.name: f"{here.package}.{file.parent.name}.{here.inside}" for file in files}
+    files = (each for each in pkgutil.iter_modules(folders) if not each.ispkg and each.name not in here.besides)
+    return {each.name: f"{here.package}.{each.name}" for each in files}
 
 
 @cache

@@ -17,6 +17,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 Group = Literal["proprio", "task", "image"]
 CONDITIONS = ("tier", "disturbances", "controller", "options")  # of a specification: what may change under a policy
 FIRST_NAMED = ("robot", "task", "tier", "controller", "action.level")  # of what differs between two
+DESCRIBES = ("frame", "meaning", "noise", "real")  # a field, and may be said otherwise
 UNKNOWN = "unknown"  # what a foreign dataset does not tell
 NO_CONTROLLER = "none"  # of environments from outside the suite, whose actions are their own
 
@@ -32,6 +33,9 @@ class Field:
         dtype: NumPy dtype name.
         unit: SI unit, empty if dimensionless.
         labels: one label per element for one-dimensional fields.
+        frame: in which it is given, e.g. ``world``; ``world from tool`` for a rotation; empty where none matters.
+        meaning: what it is, a clause. noise: how it differs from the truth, and when. real: a robot could measure it.
+            These four describe the field; two that differ in nothing else are alike.
     """
 
     name: str
@@ -40,15 +44,34 @@ class Field:
     dtype: str = "float64"
     unit: str = ""
     labels: tuple[str, ...] = ()
+    frame: str = field(default="", compare=False)
+    meaning: str = field(default="", compare=False)
+    noise: str = field(default="", compare=False)
+    real: bool = field(default=True, compare=False)
 
     @property
     def size(self) -> int:
         return int(np.prod(self.shape))
 
+    @property
+    def is_colour(self) -> bool:
+        """Whether it is a colour image, (H, W, 3) uint8; depth is (H, W) float metres, segmentation (H, W) ids."""
+        return self.group == "image" and self.dtype == "uint8" and self.shape[2:] == (3,)
+
     def element_labels(self) -> tuple[str, ...]:
         """One label per element: ``name.label``, or ``name.index`` where the field has no labels."""
         labels = self.labels or tuple(str(i) for i in range(self.size))
         return tuple(f"{self.name}.{label}" for label in labels)
+
+
+def image_name(camera: str) -> str:
+    """Return what the colour image of ``camera`` is called: a name alone, its :class:`Field` says what it shows."""
+    return f"{camera}_rgb"
+
+
+def camera_name(image: str) -> str:
+    """Return the camera whose colour image :func:`image_name` called so."""
+    return image.removesuffix("_rgb")
 
 
 @dataclass(frozen=True)
@@ -233,6 +256,7 @@ class EnvSpec:
             f"{key}: {mine.get(key)!r} != {theirs.get(key)!r}"
             for key in (*FIRST_NAMED, *others)
             if key.split(".")[0] not in skip and mine.get(key) != theirs.get(key)
+            if key.rpartition(".")[2] not in DESCRIBES
             if not key.startswith(implied) or key.endswith(".shape")
         ]
 

@@ -44,7 +44,7 @@ HOLD_S = 0.6  # at the end
 
 @dataclass(frozen=True, kw_only=True)
 class Waypoints:
-    """Settings; by default nothing is relabelled.
+    """How flights by hand are relabelled.
 
     Attributes:
         lookahead_s: how much later the pose is reached that becomes the action, s of steps that are not left out; 0
@@ -53,8 +53,8 @@ class Waypoints:
             of ``anyone``, for recordings from elsewhere that do not tell.
     """
 
-    lookahead_s: float = 0.0
-    flown_by: FlownBy = "hand"
+    lookahead_s: float
+    flown_by: FlownBy
 
     def __post_init__(self) -> None:
         if not 0 <= self.lookahead_s < np.inf:

@@ -110,12 +110,12 @@ class Windows:
             self._is_pad_runs[self._action_row[index]],
         )
 
-    def images(self, index: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Gather the images that the windows at ``index`` (B,) show, each ``(B, To, *shape)``."""
+    def images(self, index: np.ndarray) -> dict[str, np.ndarray]:
+        """Gather the images that the windows at ``index`` (B,) show, by name, each ``(B, To, *shape)``."""
         behind = np.arange(1 - self.history, 1)
         rows = np.maximum(self._step[index, None] + behind, 0)
         places = list(zip(self.episode[index].tolist(), rows, strict=True))
-        return tuple(np.stack([frames[e][r] for e, r in places]) for frames in self.frames.values())
+        return {name: np.stack([frames[e][r] for e, r in places]) for name, frames in self.frames.items()}
 
     def batches(self, size: int, rng: np.random.Generator) -> Iterator[Batch]:
         """Yield one epoch in random order, without the incomplete last batch."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from aerial_il.core.bounded import parse_json, read_text
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.renamed import METRICS
 from aerial_il.evaluation.result import EvaluationResult
 
 CURVE_POINTS = 300
@@ -99,8 +98,8 @@ def read_rows(path: Path) -> Iterable[dict[str, Any]]:
         if not line.endswith("\n"):
             return  # a row cut short by a kill
         try:
-            row = {METRICS.get(name, name): value for name, value in parse_json(line).items()}
-            yield row | {"step": float(row["step"])}
+            row = parse_json(line)
+            yield {**row, "step": float(row["step"])}
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InvalidValueError(f"{path}, line {number}: not a row of metrics ({error!r}).") from error
 

@@ -51,7 +51,7 @@ def predict(policy: ChunkPolicy, episode: Episode) -> Prediction:
     starts = np.arange(0, steps, policy.config.chunk)
     behind = np.maximum(starts[:, None] + np.arange(1 - policy.config.history, 1), 0)
     with torch_rng(0, "predictions"):
-        images = [image[:steps][behind] for image in policy.interface.layout.look(episode.obs)]
+        images = {n: image[:steps][behind] for n, image in policy.interface.layout.look(episode.obs).items()}
         chunks = policy.predict(frames[behind], images=images)
     unasked = np.isnan(episode.expert_actions)
     return Prediction(

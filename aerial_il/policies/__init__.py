@@ -59,7 +59,7 @@ def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
         return ResidualPolicy.around(saved, _rebuilt)
 
     kind = get(saved.config["policy"])
-    settings = {**kind.before, **saved.config["settings"]}
+    settings = saved.config["settings"]
     if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
         raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")
     policy = ChunkPolicy.from_checkpoint(saved, kind(**settings))

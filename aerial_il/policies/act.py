@@ -27,7 +27,8 @@ from torch import Tensor, nn
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.heads import DISTANCES, Loss
 from aerial_il.policies.parts.layers import check_choice, check_dropout, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, masked_mean
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, masked_mean
+from aerial_il.policies.parts.normaliser import Scaling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,9 @@ class ACT(PolicySettings):
     """Sizes of the transformer and weight of its latent variable.
 
     Attributes:
-        width: of each token. heads: of attention. feedforward: width between the two linear maps of a layer.
+        width: of each token.
+        heads: of attention.
+        feedforward: width between the two linear maps of a layer.
         encoder_layers: over what is seen, and again in the network that reads the style off a chunk.
         decoder_layers: from what is seen to the chunk.
         latent: numbers in the style z.
@@ -45,7 +48,20 @@ class ACT(PolicySettings):
         loss: distance between predicted and demonstrated actions, both normalised.
     """
 
+    history: int = 1
     chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     width: int = 128
     heads: int = 4
     feedforward: int = 256

@@ -21,7 +21,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.policies.parts.layers import check_choice, check_layers
-from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork, masked_mean
+from aerial_il.policies.parts.network import Encoder, PolicySettings, StochasticNetwork, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 from aerial_il.policies.squashed_gaussian import ACTIVATIONS, Activation
 
@@ -40,11 +40,20 @@ class Categorical(PolicySettings):
         dueling: scores are the value of the state plus each action's advantage over their mean.
     """
 
+    history: int = 1
     chunk: int = 1
+    execute: int = 1
     ensemble: float | None = None
     anchor: str | None = None
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
     blind_to: tuple[str, ...] = ()
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
     action_scaling: Scaling = "minmax"
+    obs_clip: float = 10.0
     hidden: tuple[int, ...] = (64, 64)
     activation: Activation = "tanh"
     choices: Choices = "one_hot"

@@ -34,7 +34,8 @@ from torch.nn import functional
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.layers import check_choice, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
+from aerial_il.policies.parts.normaliser import Scaling
 
 Sampler = Literal["ddim", "ddpm"]
 Target = Literal["noise", "sample", "velocity"]
@@ -46,7 +47,8 @@ class Diffusion(PolicySettings):
     """Sizes of the network, the schedule and how it is run backwards.
 
     Attributes:
-        width: of each hidden layer. blocks: residual blocks of two hidden layers each, after a first one.
+        width: of each hidden layer.
+        blocks: residual blocks of two hidden layers each, after a first one.
         noise_steps: steps of the schedule.
         denoise_steps: how many of them are taken when flying, evenly chosen.
         sampler: ``ddim`` (noise at the start only) or ``ddpm`` (at every step).
@@ -56,6 +58,20 @@ class Diffusion(PolicySettings):
         redraw: draw noise anew for each chunk rather than once per episode.
     """
 
+    history: int = 1
+    chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     width: int = 512
     blocks: int = 1
     noise_steps: int = 20

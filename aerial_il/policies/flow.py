@@ -19,9 +19,8 @@ Flow Model for General Robot Control", 2024, appendix B (velocity; times with s 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from typing import Literal, get_args
 
 import torch
 from torch import Tensor
@@ -29,7 +28,8 @@ from torch.nn import functional
 
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.layers import check_choice, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
+from aerial_il.policies.parts.normaliser import Scaling
 
 Target = Literal["sample", "velocity"]
 BETA, LATEST = 1.5, 0.999
@@ -40,20 +40,34 @@ class Flow(PolicySettings):
     """Sizes of the network and how a chunk is reached from noise.
 
     Attributes:
-        width: of each hidden layer. blocks: residual blocks of two hidden layers each, after a first one.
+        width: of each hidden layer.
+        blocks: residual blocks of two hidden layers each, after a first one.
         euler_steps: steps N from noise to a chunk.
         predict: what the network answers with: the ``velocity`` towards the actions, or the actions (``sample``).
         clip: limit of normalised actions at the end, in deviations of the data under ``standard`` scaling.
         redraw: draw noise anew for each chunk rather than once per episode.
     """
 
+    history: int = 1
+    chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     width: int = 512
     blocks: int = 1
     euler_steps: int = 10
     predict: Target = "velocity"
     clip: float = 5.0
     redraw: bool = True
-    before: ClassVar[Mapping[str, object]] = {"predict": "velocity"}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -18,7 +18,8 @@ from torch import Tensor, nn
 
 from aerial_il.policies.parts.heads import GaussianHead
 from aerial_il.policies.parts.layers import check_layers, check_positive, hidden_layers
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
+from aerial_il.policies.parts.normaliser import Scaling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,20 @@ class Gaussian(PolicySettings):
         min_std: smallest deviation of a normalised action.
     """
 
+    history: int = 1
+    chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     hidden: tuple[int, ...] = (256, 256)
     dropout: float = 0.0
     min_std: float = 0.007

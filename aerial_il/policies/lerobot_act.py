@@ -18,7 +18,8 @@ from torch import Tensor
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.policies.parts.layers import check_dropout, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
+from aerial_il.policies.parts.normaliser import Scaling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,14 +27,30 @@ class LerobotACT(PolicySettings):
     """Sizes of lerobot's ACT, under its own names.
 
     Attributes:
-        dim_model: width of the transformer. n_heads: attention heads, a divisor of it.
+        dim_model: width of the transformer.
+        n_heads: attention heads, a divisor of it.
         dim_feedforward: width between its attention layers.
         n_encoder_layers, n_decoder_layers, n_vae_encoder_layers: depths.
-        use_vae: train a style variable, zero in flight. latent_dim: its size. kl_weight: how narrow it is kept.
+        use_vae: train a style variable, zero in flight.
+        latent_dim: size of the style variable.
+        kl_weight: how narrow the style variable is kept.
         dropout: while training.
     """
 
+    history: int = 1
     chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     dim_model: int = 128
     n_heads: int = 4
     dim_feedforward: int = 256

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
 
@@ -28,13 +28,27 @@ class LerobotDiffusion(PolicySettings):
 
     Attributes:
         down_dims: widths of the U-Net's levels; it sees the chunk rounded up to a multiple of 2 to their number.
-        kernel_size: of its convolutions. n_groups: of its normalisation, a divisor of every width.
+        kernel_size: of its convolutions.
+        n_groups: of its normalisation, a divisor of every width.
         diffusion_step_embed_dim: width of the encoded noise level.
-        num_train_timesteps: noise levels. num_inference_steps: of them visited in flight.
+        num_train_timesteps: noise levels.
+        num_inference_steps: noise levels visited in flight.
     """
 
+    history: int = 1
     chunk: int = 16
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
     action_scaling: Scaling = "minmax"
+    obs_clip: float = 10.0
     down_dims: tuple[int, ...] = (64, 128)
     kernel_size: int = 5
     n_groups: int = 8

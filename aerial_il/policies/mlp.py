@@ -13,7 +13,8 @@ from torch import Tensor, nn
 
 from aerial_il.policies.parts.heads import DISTANCES, Loss
 from aerial_il.policies.parts.layers import check_choice, check_layers, hidden_layers
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, masked_mean
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, masked_mean
+from aerial_il.policies.parts.normaliser import Scaling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +27,20 @@ class MLP(PolicySettings):
         loss: distance between predicted and demonstrated actions, both normalised.
     """
 
+    history: int = 1
+    chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     hidden: tuple[int, ...] = (256, 256)
     dropout: float = 0.0
     loss: Loss = "l1"

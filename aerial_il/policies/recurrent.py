@@ -21,7 +21,8 @@ from torch import Tensor, nn
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.heads import GaussianHead, Head, Loss, MixtureHead, PointHead
 from aerial_il.policies.parts.layers import check_choice, check_dropout, check_positive
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
+from aerial_il.policies.parts.normaliser import Scaling
 
 Cell = Literal["lstm", "gru"]
 End = Literal["point", "gaussian", "gmm"]
@@ -44,6 +45,19 @@ class Recurrent(PolicySettings):
     """
 
     history: int = 10
+    chunk: int = 20
+    execute: int = 1
+    ensemble: float | None = 0.01
+    anchor: str | None = "ee_pos"
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
+    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
+    action_scaling: Scaling = "standard"
+    obs_clip: float = 10.0
     cell: Cell = "lstm"
     units: int = 128
     layers: int = 1

@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.layers import check_choice, check_layers
-from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork, masked_mean
+from aerial_il.policies.parts.network import Encoder, PolicySettings, StochasticNetwork, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 
 Activation = Literal["relu", "tanh"]
@@ -41,11 +41,20 @@ class SquashedGaussian(PolicySettings):
         log_std: log standard deviation of pre-tanh samples before training, in normalised actions.
     """
 
+    history: int = 1
     chunk: int = 1
+    execute: int = 1
     ensemble: float | None = None
     anchor: str | None = None
+    relative: bool = False
+    obs_names: tuple[str, ...] = ()
     blind_to: tuple[str, ...] = ()
+    images: tuple[str, ...] = ()
+    encoder: Encoder = "cnn"
+    image_features: int = 64
+    crop: float = 0.9
     action_scaling: Scaling = "minmax"
+    obs_clip: float = 10.0
     hidden: tuple[int, ...] = (256, 256)
     activation: Activation = "relu"
     spread: Spread = "state"

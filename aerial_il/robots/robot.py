@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -19,17 +19,15 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import IDENTITY, mat_from_quat
 from aerial_il.robots.parts.arm import Arm, Vector
 from aerial_il.robots.parts.base import Base
-from aerial_il.robots.parts.camera import look_along
+from aerial_il.robots.parts.camera import Camera, standard_cameras
 from aerial_il.robots.parts.gripper import Gripper
 
 Actuation = Literal["under", "full", "over", "fixed"]
-AHEAD = (1.0, 0.0, 0.0)
-NEAR_M = 0.7
-BRACKET_M = 0.12  # the base's camera looks past the arm from at least this far to its side
 LATERAL_SHARE = 0.9  # of the sideways force at level hover that the controller uses before it tilts
 LEAST_THRUST_TO_WEIGHT = 1.5  # to turn and to climb with something in the gripper
 REACHED_M, REACHED_RAD = 1e-3, 0.01  # how near a posture must bring the tool to a pose that counts as within reach
 LEAST_REACH_SHARE = 0.2  # of the arm's length, between a pose and the axis of a fixed base
+STANDARD_SENSORS: Mapping[str, Mapping[str, Any]] = {"base": {}, "arm": {}, "gripper": {}, "tool": {}}
 LEAST_REASON_WORDS = 3  # of why a task is declined
 JOINT_ROOM_RAD = 0.08  # that it must keep from its joints' limits
 
@@ -45,12 +43,15 @@ class Robot:
         arm: serial arm on the base; without links, the base itself is the tool.
         gripper: parallel gripper at the arm's end, or ``NO_GRIPPER``.
         rest_forward, rest_down: (J,) postures with the tool horizontal and pointing straight down, rad.
+        cameras: that it carries; None for ``wrist`` and ``base``, placed by its size.
+        sensors: name -> settings of what it knows of itself, in the order in which it is observed; each gives as much
+            as base, arm and gripper have.
         declines: task -> why the robot cannot do it, a clause that a user reads, e.g. ``its arm cannot turn about two
             axes``: for what no rule of the task finds.
 
     Raises:
-        InvalidValueError: the rotors are too weak for base and arm, a gripper has no arm to sit on, or a task is
-            declined without a reason.
+        InvalidValueError: the rotors are too weak for base and arm, a gripper has no arm to sit on, two cameras have
+            one name, or a task is declined without a reason.
     """
 
     name: str
@@ -60,10 +61,15 @@ class Robot:
     gripper: Gripper
     rest_forward: tuple[float, ...]
     rest_down: tuple[float, ...]
+    cameras: tuple[Camera, ...] | None = None
+    sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(STANDARD_SENSORS), hash=False)
     declines: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         self._check_declines()
+        names = [camera.name for camera in self.cameras or ()]
+        if len(set(names)) < len(names):
+            raise InvalidValueError(f"{self.name}: each camera needs a name of its own, got {', '.join(names)}.")
         if self.has_gripper and not self.arm.links:
             raise InvalidValueError(f"{self.name}: a gripper needs an arm of at least one joint to sit on.")
         vehicle = self.vehicle
@@ -223,6 +229,13 @@ class Robot:
         beside = float(np.hypot(pos[0] - self.base.pose[0], pos[1] - self.base.pose[1]))
         return beside >= LEAST_REACH_SHARE * self.arm.reach and self.posture_for(pos, rot) is not None
 
+    @cached_property
+    def mounted_cameras(self) -> tuple[Camera, ...]:
+        """The cameras that it carries."""
+        if self.cameras is not None:
+            return self.cameras
+        return standard_cameras(self.base, self.arm, self.tool_offset, self.tool_at(self.rest_down)[0])
+
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Add bodies, joints, actuators, sensors and cameras to a scene, free at the origin or on the pedestal.
 
@@ -234,28 +247,8 @@ class Robot:
         if self.has_gripper:
             self.gripper.add_to(spec, last, self.arm.tip)
         last.add_site(name="tool", pos=self.tool_offset, size=[0.004] * 3, rgba=[1, 0.5, 0, 0.6], group=4)
-        self._add_cameras(base, last)
-
-    def _add_cameras(self, base: mujoco.MjsBody, last: mujoco.MjsBody) -> None:
-        """``wrist`` looks past the fingers at what they grasp, ``base`` from the base's left at the whole arm.
-
-        On a bare base, ``wrist`` looks ahead and down from its nose and ``base`` straight down from below.
-        """
-        if not self.arm.links:
-            nose, belly = [self.base.hub_size[0], 0.0, 0.0], [0.0, 0.0, -self.base.hub_size[2]]
-            base.add_camera(name="wrist", pos=nose, quat=look_along(np.array([1.0, 0.0, -0.6])), fovy=75)
-            base.add_camera(name="base", pos=belly, quat=look_along(np.array([0.0, 0.0, -1.0]), up=AHEAD), fovy=75)
-            return
-        reach = self.tool_offset[0]
-        wrist = np.array([0.1 * reach, 0.0, 0.75 * reach])
-        ahead = np.array([1.3 * reach, 0.0, 0.1 * reach]) - wrist
-        last.add_camera(name="wrist", pos=wrist, quat=look_along(ahead), fovy=75)
-        span, (tool, _) = self.arm.reach, self.tool_at(self.rest_down)
-        height = max(-self.base.hub_size[2], tool[2] + 0.5 * span)
-        pos = np.array([0.25 * span, max(0.4 * span, BRACKET_M), height])
-        centre = np.array([1.75 * tool[0], 0.0, 0.9 * tool[2]])
-        view = min(75.0, 75.0 * NEAR_M / float(np.linalg.norm(centre - pos)))  # a far gripper is looked at more closely
-        base.add_camera(name="base", pos=pos, quat=look_along(centre - pos, up=AHEAD), fovy=view)
+        for camera in self.mounted_cameras:
+            camera.add_to(last if camera.on == "tool" else base)
 
     def _wrench_matrix(self) -> np.ndarray:
         return wrench_matrix(self.base.rotor_pos, self.base.rotor_axis, self.base.rotor_drag_ratio)

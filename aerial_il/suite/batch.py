@@ -17,7 +17,7 @@ from aerial_il.suite.episode.assessment import Assessment
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
 from aerial_il.suite.physics.physics_model import physics_model
-from aerial_il.suite.rendering import CAMERAS, CameraRequest, FrameRenderer
+from aerial_il.suite.rendering import CameraRequest, FrameRenderer
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import PHYSICS_DT_S
 
@@ -57,10 +57,7 @@ class BatchEnvironment:
         self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
         self._shown: mujoco.MjData | None = None  # made when somebody looks
         self._renderers: dict[tuple[int, int], FrameRenderer] = {}
-        height, width = scenario.image_size
-        self._images = {
-            r.key: np.zeros((num_envs, height, width, *r.channels), r.dtype) for r in scenario.camera_requests
-        }
+        self._images = {r.key: np.zeros((num_envs, *r.shape), r.dtype) for r in scenario.camera_requests}
 
     @property
     def spec(self) -> EnvSpec:
@@ -83,7 +80,7 @@ class BatchEnvironment:
 
     @property
     def camera_names(self) -> tuple[str, ...]:
-        return CAMERAS
+        return self.scenario.camera_names
 
     @property
     def ctrl(self) -> np.ndarray:
@@ -174,23 +171,22 @@ class BatchEnvironment:
 
     def _seen(self, mask: np.ndarray | None) -> dict[str, np.ndarray]:
         """Observations of all worlds, of which those of ``mask`` (n,) have moved: none but these are rendered anew."""
-        requests, (height, width) = self.scenario.camera_requests, self.scenario.image_size
-        if not requests:
+        if not (requests := self.scenario.camera_requests):
             return self.simulation.observations
         for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
             for request in requests:
-                self._images[request.key][i] = self.shoot(int(i), request, height, width)
+                self._images[request.key][i] = self.shoot(int(i), request)
         return {**self.simulation.observations, **{key: images.copy() for key, images in self._images.items()}}
 
     def render(
         self, world: int = 0, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb"
     ) -> np.ndarray:
         """Image of one world: (H, W, 3) uint8 colour, (H, W) float32 depth in m, or (H, W) int32 geom ids."""
-        return self.shoot(world, CameraRequest(camera, modality), height, width)
+        return self.shoot(world, self.scenario.camera(camera, modality, (height, width)))
 
-    def shoot(self, world: int, request: CameraRequest, height: int, width: int) -> np.ndarray:
+    def shoot(self, world: int, request: CameraRequest) -> np.ndarray:
         """Render one request of one world."""
-        renderer = self._renderers.setdefault((height, width), FrameRenderer(self.model, height, width))
+        renderer = self._renderers.setdefault(request.size, FrameRenderer(self.model, *request.size))
         return renderer.shoot(self.data(world), request)
 
     def data(self, world: int) -> mujoco.MjData:

@@ -15,7 +15,7 @@ from aerial_il.suite.batch import info_of
 from aerial_il.suite.episode.assessment import CRASH, DROPPED, REWARD
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.physics_batch import Physics, PhysicsBatch
-from aerial_il.suite.rendering import CAMERAS, CameraRequest, FrameRenderer
+from aerial_il.suite.rendering import CameraRequest, FrameRenderer
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import SUBSTEPS
 
@@ -53,12 +53,12 @@ class SuiteTask(control.Task):
 
     def get_observation(self, physics: Physics) -> OrderedDict[str, np.ndarray]:
         obs, scenario = OrderedDict(self.simulation.observation(0)), self.simulation.scenario
-        obs.update((r.key, self.shoot(physics, r, *scenario.image_size)) for r in scenario.camera_requests)
+        obs.update((r.key, self.shoot(physics, r)) for r in scenario.camera_requests)
         return obs
 
-    def shoot(self, physics: Physics, request: CameraRequest, height: int, width: int) -> np.ndarray:
+    def shoot(self, physics: Physics, request: CameraRequest) -> np.ndarray:
         """Render one image of the world."""
-        renderer = self._renderers.setdefault((height, width), FrameRenderer(physics.model.ptr, height, width))
+        renderer = self._renderers.setdefault(request.size, FrameRenderer(physics.model.ptr, *request.size))
         return renderer.shoot(physics.data.ptr, request)
 
     def close(self) -> None:
@@ -104,7 +104,7 @@ class AerialEnvironment(control.Environment):
 
     @property
     def camera_names(self) -> tuple[str, ...]:
-        return CAMERAS
+        return self.scenario.camera_names
 
     @property
     def info(self) -> dict[str, np.ndarray]:
@@ -134,7 +134,7 @@ class AerialEnvironment(control.Environment):
 
     def render(self, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb") -> np.ndarray:
         """Image (H, W, 3) uint8, depth (H, W) float32 in m, or geom ids (H, W) int32."""
-        return self._suite_task.shoot(self.physics, CameraRequest(camera, modality), height, width)
+        return self._suite_task.shoot(self.physics, self.scenario.camera(camera, modality, (height, width)))
 
     def close(self) -> None:
         """Free graphics contexts."""

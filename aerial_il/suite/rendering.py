@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import atexit
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from weakref import WeakSet
@@ -13,21 +13,25 @@ import numpy as np
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
-CAMERAS = ("scene", "wrist", "base")
+SCENE = "scene"  # the camera that every scene has; all others are the robot's
 MODALITIES = ("rgb", "depth", "segmentation")
+_MEANINGS = {"rgb": "colour image", "depth": "distance along the view, m", "segmentation": "geom ids, -1 for the sky"}
 _DTYPES = {"rgb": "uint8", "depth": "float32", "segmentation": "int32"}
 
 
 @dataclass(frozen=True)
 class CameraRequest:
-    """A camera and what it should see: ``rgb`` (H, W, 3), ``depth`` in m (H, W) or geom ids (H, W), -1 for the sky."""
+    """A camera and what it should see: ``rgb`` (H, W, 3), ``depth`` in m (H, W) or geom ids (H, W), -1 for the sky.
+
+    Attributes:
+        size: height and width, pixels.
+    """
 
     camera: str
-    modality: str = "rgb"
+    modality: str
+    size: tuple[int, int]
 
     def __post_init__(self) -> None:
-        if self.camera not in CAMERAS:
-            raise UnknownNameError("camera", self.camera, CAMERAS)
         if self.modality not in MODALITIES:
             raise UnknownNameError("image modality", self.modality, MODALITIES)
 
@@ -37,23 +41,31 @@ class CameraRequest:
         return f"{self.camera}_{self.modality}"
 
     @property
+    def meaning(self) -> str:
+        return _MEANINGS[self.modality]
+
+    @property
     def dtype(self) -> str:
         return _DTYPES[self.modality]
 
     @property
-    def channels(self) -> tuple[int, ...]:
-        return (3,) if self.modality == "rgb" else ()
+    def shape(self) -> tuple[int, ...]:
+        """Of one image."""
+        return (*self.size, 3) if self.modality == "rgb" else self.size
 
 
-def parse_cameras(cameras: Sequence[str]) -> tuple[CameraRequest, ...]:
+def parse_cameras(cameras: Sequence[str], request: Callable[..., CameraRequest]) -> tuple[CameraRequest, ...]:
     """Read camera requests written as ``"wrist"`` or ``"wrist:depth"``.
+
+    Args:
+        request: makes one of the name of a camera and, perhaps, a modality.
 
     Raises:
         UnknownNameError: unknown camera or modality. InvalidValueError: one camera image asked for twice.
     """
     if isinstance(cameras, str):
         raise InvalidValueError(f"cameras is a list of names, got the text {cameras!r}; write cameras=({cameras!r},).")
-    requests = tuple(CameraRequest(*text.split(":", 1)) for text in cameras)
+    requests = tuple(request(*text.split(":", 1)) for text in cameras)
     if len(set(requests)) < len(requests):
         raise InvalidValueError(f"Each camera image can be asked for once, got {', '.join(cameras)}.")
     return requests

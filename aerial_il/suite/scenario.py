@@ -10,17 +10,17 @@ from typing import Any
 import mujoco
 
 from aerial_il import robots
+from aerial_il.control import controllers
 from aerial_il.control.actions import ActionLevel, action_spec, check_level
-from aerial_il.control.laws import Law
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
-from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics.physics_batch import STATE
-from aerial_il.suite.physics.wind import WORK_HEIGHT_M, Air, air_about, mean_share
-from aerial_il.suite.rendering import CameraRequest, parse_cameras
+from aerial_il.suite.rendering import SCENE, CameraRequest, parse_cameras
 from aerial_il.suite.scene import build_xml
+from aerial_il.suite.sensors import robot_fields
 from aerial_il.suite.tasks.task import Task
 from aerial_il.suite.tiers import Tier
 from aerial_il.suite.timing import CONTROL_DT_S
@@ -31,6 +31,7 @@ class Scenario:
     """A cell with a tier, an action level, a flight law and cameras: everything that defines an environment.
 
     Attributes:
+        image_size: height and width of images, pixels, of cameras whose robot does not say theirs.
         horizon: episodes of so many steps of 20 ms, which success does not end; None for the task's time limit, and
             an end at success.
 
@@ -54,12 +55,11 @@ class Scenario:
         tasks.check_cell(self.robot_name, self.task_name)
         object.__setattr__(self, "tier_name", self.tier.name)
         check_level(self.level, self.robot.vehicle, self.robot_name)
-        Law.parse(self.controller)
-        parse_cameras(self.cameras)
-        object.__setattr__(self, "cameras", tuple(self.cameras))
+        controllers.get(self.controller)
         object.__setattr__(self, "image_size", tuple(self.image_size))
-        if len(self.image_size) != 2 or not (0 < self.image_size[0] <= 960 and 0 < self.image_size[1] <= 1280):
-            raise InvalidValueError(f"image_size is (height, width) up to (960, 1280), got {self.image_size}.")
+        check_size(self.image_size)
+        parse_cameras(self.cameras, self.camera)
+        object.__setattr__(self, "cameras", tuple(self.cameras))
         limit = limit_of(self.task)
         if self.horizon is not None and not 1 <= self.horizon <= limit:
             hint = f"{self.task_name} has a time limit of {limit} steps."
@@ -77,40 +77,42 @@ class Scenario:
     def level(self) -> ActionLevel:
         return ActionLevel.parse(self.action)
 
-    @property
-    def law(self) -> Law:
-        return Law.parse(self.controller)
-
     @cached_property
     def camera_requests(self) -> tuple[CameraRequest, ...]:
-        return parse_cameras(self.cameras)
+        return parse_cameras(self.cameras, self.camera)
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Names of all cameras: the scene's, then the robot's."""
+        return (SCENE, *(camera.name for camera in self.robot.mounted_cameras))
+
+    def camera(self, name: str, modality: str = "rgb", size: tuple[int, int] | None = None) -> CameraRequest:
+        """Return a request of one camera's image, of ``size`` (height, width) pixels, its own or ``image_size``.
+
+        Raises:
+            UnknownNameError: no such camera or modality.
+        """
+        if name not in self.camera_names:
+            raise UnknownNameError("camera", name, self.camera_names)
+        own = {camera.name: camera.size for camera in self.robot.mounted_cameras}
+        return CameraRequest(name, modality, size or own.get(name) or self.image_size)
 
     @property
     def tier(self) -> Tier:
         return tiers.get(self.tier_name)
 
     @property
-    def air(self) -> Air:
-        """The air about this robot, with the tier's wind."""
-        return air_about(self.robot.vehicle, self.tier.wind.share if self.tier.wind else 0.0)
-
-    @property
     def disturbances(self) -> dict[str, Any]:
-        """The tier's components as plain values, the wind with its strength on this robot."""
+        """The tier's components as plain values: strengths, what they amount to on this robot, numbers remembered."""
         found = self.tier.to_dict()
-        if "wind" in found:
-            air = self.air
-            found["wind"] |= {
-                "speed_at_6m_m_s": air.speed,
-                "speed_at_work_m_s": air.speed * mean_share(WORK_HEIGHT_M),
-                "quadratic_drag_n_s2_m2": air.quadratic_drag,
-            }
+        for name, part in self.tier.parts.items():
+            found[name] |= part.about(self.robot) | ({"memory": part.memory} if part.memory else {})
         return found
 
     @cached_property
     def xml(self) -> str:
         """The scene as stand-alone MJCF."""
-        return build_xml(self.robot, self.task)
+        return build_xml(self.robot, self.task, self.tier.userdata_size)
 
     def compile(self) -> mujoco.MjModel:
         """Compile the scene from its XML, so that a stored XML gives the same model bit for bit."""
@@ -120,7 +122,8 @@ class Scenario:
     def spec(self) -> EnvSpec:
         """Specification of observations and actions."""
         images = tuple(
-            Field(c.key, (*self.image_size, *c.channels), "image", dtype=c.dtype) for c in self.camera_requests
+            Field(c.key, c.shape, "image", dtype=c.dtype, frame=f"camera {c.camera}", meaning=c.meaning)
+            for c in self.camera_requests
         )
         state = (*robot_fields(self.robot), *self.task.fields())
         return EnvSpec(

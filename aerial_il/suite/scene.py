@@ -23,12 +23,16 @@ SCENE_SPAN_M, SCENE_RETREAT = 1.1, 0.4  # widest robot that fits the picture, an
 SCENE_AWAY = np.array([1.55, -1.75, 1.40 - 0.9])  # m, from what it looks at to the camera
 
 
-def build_xml(robot: Robot, task: Task) -> str:
-    """Return the scene as stand-alone MJCF, the one text from which every environment compiles its model."""
+def build_xml(robot: Robot, task: Task, memory: int = USERDATA_SIZE) -> str:
+    """Return the scene as stand-alone MJCF, the one text from which every environment compiles its model.
+
+    Args:
+        memory: numbers that an episode remembers beyond the physics.
+    """
     spec = mujoco.MjSpec()
     spec.modelname = f"{robot.name}-{task.name}"
     spec.compiler.degree = False
-    spec.nuserdata = USERDATA_SIZE
+    spec.nuserdata = memory
     spec.memory = ARENA_BYTES
     set_physics(spec)
     _set_visuals(spec)

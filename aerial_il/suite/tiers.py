@@ -1,203 +1,93 @@
 """Disturbance tiers: what an episode is disturbed by, as names that can be taken apart and put together.
 
-A tier is written ``NAME`` or ``NAME+COMPONENT-COMPONENT…``: ``gusts``, ``calm+latency``, ``hard-payload``. A component
-that is added has the strength it has in ``hard``. Strengths are relative to the vehicle or the object they act on, so
-that one tier fits all. ``docs/tiers.md`` explains every number.
+A tier is written ``NAME`` or ``NAME+COMPONENT-COMPONENT…``: ``gusts``, ``calm+latency``, ``hard-payload``. Components
+are the disturbances of :mod:`aerial_il.suite.disturbances`, each of which says how strong it is in which tier; one that
+is added has the strength it has in ``hard``, or that of its defaults if hard has none. Strengths are relative to the
+vehicle or the object they act on, so that one tier fits all. ``docs/tiers.md`` explains every number.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass, replace
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache, cached_property
 from typing import Any
+from zlib import crc32
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.suite.physics.episode_state import MAX_LAG
-from aerial_il.suite.physics.sensing import Sensors
+from aerial_il.suite import disturbances
+from aerial_il.suite.disturbances.disturbance import Disturbance
+from aerial_il.suite.physics import episode_state as layout
 
-
-@dataclass(frozen=True)
-class Wind:
-    """Mean wind with Dryden turbulence.
-
-    See :mod:`aerial_il.suite.physics.wind`.
-
-    Attributes:
-        share: by how much of the vehicle's weight the largest gust changes its drag.
-    """
-
-    share: float
-
-
-@dataclass(frozen=True)
-class Payload:
-    """Masses that the controller does not know.
-
-    Attributes:
-        object_mass: half width of the range of an object's mass, as a share of the nominal one.
-        base_mass: largest additional mass somewhere in the hub, as a share of the vehicle's.
-    """
-
-    object_mass: float = 0.3
-    base_mass: float = 0.05
-
-
-@dataclass(frozen=True)
-class Friction:
-    """Friction that is not the nominal one.
-
-    Attributes:
-        contact: half width of the range of all contacts' sliding friction, as a share of the nominal one.
-        joint: the same for the dry friction of hinges and slides of fixtures.
-    """
-
-    contact: float = 0.3
-    joint: float = 0.3
-
-
-@dataclass(frozen=True)
-class Latency:
-    """Actions that arrive late by a whole number of control steps of 20 ms, the same for a whole episode.
-
-    Attributes:
-        least, most: control steps.
-    """
-
-    least: int = 1
-    most: int = 2
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Errors of the state that the flight controller measures.
-
-    Attributes:
-        scale: multiple of the standard deviations of :class:`aerial_il.suite.physics.sensing.Sensors`.
-    """
-
-    scale: float = 1.0
-
-
-@dataclass(frozen=True)
-class Estimation:
-    """Errors of what a policy is shown, in the place of the truth.
-
-    The robot's own pose is shown as the flight controller estimates it, with the errors of :class:`Noise`. Objects are
-    seen: each has a pose error of its own, which moves all of it as one, and is seen late. Biases stay the same for an
-    episode, noise is Gauss–Markov; all are standard deviations along or about each axis. ``docs/tiers.md`` has the
-    sources.
-
-    Attributes:
-        frame_bias: m, between the frame of the robot's estimate and that in which objects are seen; common to all.
-        position_bias, position_noise: m. angle_bias, angle_noise: rad.
-        time: correlation time of the noise, s.
-        lag: control steps of 20 ms by which objects are seen late.
-        force_bias, force_noise: N, of force sensors; this noise is independent from one control step to the next.
-
-    Raises:
-        InvalidValueError: a negative number, or more lag than the episode's memory holds.
-    """
-
-    frame_bias: float = 0.002
-    position_bias: float = 0.002
-    position_noise: float = 0.001
-    angle_bias: float = 0.01
-    angle_noise: float = 0.005
-    time: float = 0.1
-    lag: int = 3
-    force_bias: float = 0.1
-    force_noise: float = 0.1
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value < 0 or (name == "time" and value == 0):
-                raise InvalidValueError(f"Estimation's {name} is {value}; it must not be negative, nor time zero.")
-        if self.lag > MAX_LAG:
-            raise InvalidValueError(f"Estimation's lag is {self.lag} control steps; at most {MAX_LAG} are remembered.")
-
-
-@dataclass(frozen=True)
-class Motors:
-    """Rotors that push more or less than commanded.
-
-    Attributes:
-        gain: half width of the range of each rotor's thrust, as a share of the commanded one.
-    """
-
-    gain: float = 0.05
+MARKED = layout.USERDATA_SIZE  # memories from here on are marked
+NAMES = ("calm", "breeze", "gusts", "hard")
+FIRST = ("wind", "payload", "friction", "latency", "noise", "motors", "estimation")  # in names of recorded tiers
+_TERM = re.compile(r"([+-])([^+-]*)")
 
 
 @dataclass(frozen=True)
 class Tier:
-    """Disturbances of an episode by component; None for a component that is absent.
+    """Disturbances of an episode by component.
 
     Attributes:
         name: canonical name; equal tiers that are put together differently have equal names.
+        parts: component -> strength, in the order of :func:`components`.
     """
 
     name: str
-    wind: Wind | None = None
-    payload: Payload | None = None
-    friction: Friction | None = None
-    latency: Latency | None = None
-    noise: Noise | None = None
-    motors: Motors | None = None
-    estimation: Estimation | None = None
+    parts: Mapping[str, Disturbance] = field(default_factory=dict, hash=False)
 
     @property
     def components(self) -> tuple[str, ...]:
         """Names of the components that are present."""
-        return tuple(name for name in COMPONENTS if getattr(self, name) is not None)
+        return tuple(self.parts)
+
+    @cached_property
+    def memories(self) -> dict[str, slice]:
+        """Where what each component remembers lies in an episode's memory: in all tiers alike, or behind a mark."""
+        found, end = {}, layout.USERDATA_SIZE
+        for name, part in self.parts.items():
+            if name in layout.MEMORIES:
+                found[name] = layout.MEMORIES[name]
+            elif part.memory:
+                found[name] = slice(end + 1, end := end + 1 + part.memory)
+        return found
 
     @property
-    def sensors(self) -> Sensors:
-        """Errors of the state estimate."""
-        scale, nominal = self.noise.scale if self.noise else 0.0, Sensors()
-        errors = (scale * error for error in nominal[:-1])
-        return Sensors(*errors, time=nominal.time)
+    def marks(self) -> dict[int, float]:
+        """Place -> number in an episode's memory, which tell those behind it from what other tiers have there."""
+        return {at.start - 1: float(crc32(name.encode())) for name, at in self.memories.items() if at.start > MARKED}
+
+    @property
+    def userdata_size(self) -> int:
+        """Numbers of an episode's memory."""
+        return max([layout.USERDATA_SIZE, *(memory.stop for memory in self.memories.values())])
+
+    def with_part(self, name: str, part: Disturbance | None) -> Tier:
+        """Return the same with another strength of a component; None for without."""
+        parts = {**self.parts, name: part}
+        return replace(self, parts={key: parts[key] for key in components() if parts.get(key) is not None})
 
     def to_dict(self) -> dict[str, Any]:
-        """The components with their strengths as plain values."""
-        return {name: asdict(getattr(self, name)) for name in self.components}
-
-
-COMPONENTS = ("wind", "payload", "friction", "latency", "noise", "motors", "estimation")
-ROUGH_SIGHT = Estimation(  # half as much again as in gusts
-    frame_bias=0.003,
-    position_bias=0.003,
-    position_noise=0.0015,
-    angle_bias=0.015,
-    angle_noise=0.0075,
-    lag=4,
-    force_bias=0.15,
-    force_noise=0.15,
-)
-HARD = Tier(
-    "hard",
-    wind=Wind(0.13),
-    payload=Payload(),
-    friction=Friction(),
-    latency=Latency(),
-    noise=Noise(1.5),
-    motors=Motors(),
-    estimation=ROUGH_SIGHT,
-)
-_TIERS = {
-    tier.name: tier
-    for tier in (
-        Tier("calm", noise=Noise()),
-        Tier("breeze", wind=Wind(0.06), noise=Noise()),
-        Tier("gusts", wind=HARD.wind, noise=Noise(), estimation=Estimation()),
-        HARD,
-    )
-}
-_TERM = re.compile(r"([+-])([^+-]*)")
+        """Return the components with their strengths as plain values."""
+        return {name: asdict(part) for name, part in self.parts.items()}  # type: ignore[call-overload]
 
 
 def names() -> tuple[str, ...]:
     """Names of all tiers, from calm to rough."""
-    return tuple(_TIERS)
+    return NAMES
+
+
+def components() -> tuple[str, ...]:
+    """Names of all components, in the order in which a tier's name has them."""
+    known = disturbances.names()
+    return (*FIRST, *(name for name in known if name not in FIRST))
+
+
+def standard(component: str) -> Disturbance:
+    """Return a component with the strength with which it is added to a tier."""
+    return disturbances.strengths(component).get("hard") or disturbances.get(component)()
 
 
 @cache
@@ -209,33 +99,34 @@ def get(name: str) -> Tier:
         InvalidValueError: a component is added that is there, or removed that is not.
     """
     base, changes = re.split(r"[+-]", name, maxsplit=1)[0], _TERM.findall(name)
-    if base not in _TIERS:
-        raise UnknownNameError("tier", base, names(), f"Components may be added or removed: {_example()}.")
-    tier = _TIERS[base]
+    if base not in NAMES:
+        raise UnknownNameError("tier", base, NAMES, f"Components may be added or removed: {_example()}.")
+    there = {component: disturbances.strengths(component) for component in components()}
+    tier = plain = Tier(base, {name: strengths[base] for name, strengths in there.items() if base in strengths})
     for sign, component in changes:
         tier = _changed(tier, sign, component)
-    return replace(tier, name=_canonical(tier, _TIERS[base]))
+    return replace(tier, name=_canonical(tier, plain))
 
 
 def _changed(tier: Tier, sign: str, component: str) -> Tier:
-    if component not in COMPONENTS:
-        raise UnknownNameError("tier component", component, COMPONENTS, f"For example: {_example()}.")
-    wanted = getattr(HARD, component) if sign == "+" else None
-    if getattr(tier, component) == wanted:
+    if component not in components():
+        raise UnknownNameError("tier component", component, components(), f"For example: {_example()}.")
+    wanted = standard(component) if sign == "+" else None
+    if tier.parts.get(component) == wanted:
         state = "has" if wanted else "has no"
         raise InvalidValueError(
             f"Tier {tier.name!r} {state} {component} anyway; its components: {', '.join(tier.components) or 'none'}."
         )
-    return replace(tier, **{component: wanted})
+    return tier.with_part(component, wanted)
 
 
 def _canonical(tier: Tier, base: Tier) -> str:
-    """Name of a tier: that of its base, then what was added, then what was removed, each in the order of COMPONENTS."""
-    changed = [name for name in COMPONENTS if getattr(tier, name) != getattr(base, name)]
-    added = [f"+{name}" for name in changed if getattr(tier, name) is not None]
-    removed = [f"-{name}" for name in changed if getattr(tier, name) is None]
+    """Name of a tier: that of its base, then what was added, then what was removed, each in their order."""
+    changed = [name for name in components() if tier.parts.get(name) != base.parts.get(name)]
+    added = [f"+{name}" for name in changed if name in tier.parts]
+    removed = [f"-{name}" for name in changed if name not in tier.parts]
     return "".join([base.name, *added, *removed])
 
 
 def _example() -> str:
-    return f"gusts+latency, hard-payload ({', '.join(COMPONENTS)})"
+    return f"gusts+latency, hard-payload ({', '.join(components())})"

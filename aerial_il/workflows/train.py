@@ -1,18 +1,23 @@
-"""Train a policy on demonstrations; killed at any moment, the same call continues."""
+"""Train a policy on demonstrations or from reward; killed at any moment, the same call continues."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from aerial_il.core.composition import build, chosen
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.workflows.parts.names import Algorithm, MaybeRobot, MaybeTask, MaybeTier, Policy, at_least
 
 if TYPE_CHECKING:
-    from aerial_il.cli.flights.environments import EnvironmentReference
-    from aerial_il.core.contracts import Policy
     from aerial_il.data.episode import Episode
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.workflows.parts.environments import EnvironmentReference
+
+COMMAND = "command.json"  # in the run's folder: what leads to it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +26,8 @@ class Dataset:
 
     Attributes:
         path: their folder.
-        episodes: how many; null for all.
-        by_hand: whether a person flew them; null for what they say.
+        episodes: how many of the successful ones (null: all).
+        by_hand: whether a person flew them (null: what they say).
     """
 
     path: str | None = None
@@ -35,51 +40,55 @@ class Train:
     """Settings of a training.
 
     Attributes:
-        run: folder of the run.
         dataset: folder of demonstrations.
         policy: class of policy to train.
         algorithm: training algorithm.
+        robot, task: where it flies without a dataset; with one, what the dataset must be of.
+        run: folder of the run.
         env: external environment instead of robot and task, e.g. gymnasium:Hopper-v5.
         success: what makes an episode there a success: KEY:N, return:R, survived (null: as it reports).
         max_steps: time limit there (null: its own).
-        robot, task: where reinforcement learning flies; with a dataset, what it must be of.
-        tier: how rough the air is there (null: calm, or any dataset's).
+        tier: how rough the air is where robot= and task= are (null: calm, or any dataset's).
         action: action level there (null: ee_pose, or any dataset's).
-        horizon: steps of 20 ms of an episode there, which success does not end (null: up to success).
-        seed: of the initial weights, validation split and minibatches.
-        evaluate_episodes: number of rollouts each time.
+        horizon: steps of 20 ms of an episode there, which success does not end (null: up to success, or as in any
+            dataset).
+        seed: seed of the initial weights, validation split and minibatches.
+        evaluate_every: steps between two evaluations by rollouts (null: as the algorithm says).
+        evaluate_episodes: number of episodes each time.
         evaluate_seed: first seed; those from 10000 on are kept for finished policies.
         evaluate_tier: disturbance tier of these rollouts (null: as in the dataset).
-        expert: whom an algorithm asks.
+        expert: whom an algorithm asks: a file of one from outside, module:factory, human, or driver (null: the task's
+            own).
         flight_tier: disturbance tier where it flies (null: as in the dataset).
         num_envs: worlds in which it flies at once (null: its own default).
-        threads: of its flights; 0 for all cores.
-        port: of the page of expert=human.
-        tracker: trackers of the metrics: tensorboard, wandb, mlflow.
+        threads: threads of its flights, or processes of external environments; 0 for all cores.
+        port: of the page of expert=human; another one where it is taken.
+        tracker: trackers of the metrics: tensorboard, wandb, mlflow; []: none.
         resume: continue what the run folder holds.
         progress: show a progress bar.
     """
 
-    CHOICES: ClassVar[dict[str, str]] = {"policy": "mlp", "algorithm": "bc"}
+    PRESETS: ClassVar[dict[str, str]] = {"experiment": "a set of values"}
 
-    run: str
     dataset: Dataset = Dataset()
-    policy: Any = "mlp"
-    algorithm: Any = "bc"
+    policy: Policy = "mlp"
+    algorithm: Algorithm = "bc"
+    robot: MaybeRobot = None
+    task: MaybeTask = None
+    run: str
     env: str | None = None
     success: str | None = None
     max_steps: int | None = None
-    robot: str | None = None
-    task: str | None = None
-    tier: str | None = None
+    tier: MaybeTier = None
     action: str | None = None
     horizon: int | None = None
     seed: int = 0
+    evaluate_every: int | None = None
     evaluate_episodes: int = 20
     evaluate_seed: int = 5000
-    evaluate_tier: str | None = None
+    evaluate_tier: MaybeTier = None
     expert: str | None = None
-    flight_tier: str | None = None
+    flight_tier: MaybeTier = None
     num_envs: int | None = None
     threads: int = 0
     port: int = 8642
@@ -87,53 +96,94 @@ class Train:
     resume: bool = True
     progress: bool = True
 
+    def __post_init__(self) -> None:
+        at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0, port=0)
 
-def train(settings: Train) -> Policy:
-    """Train as ``settings`` say, and return the policy."""
+
+def train(settings: Train) -> ChunkPolicy:
+    """Train as ``settings`` say, and return the policy.
+
+    Raises:
+        AerialError: settings that do not go together, or demonstrations that cannot be learned from.
+    """
     from aerial_il.algorithms.run.trackers import track_with
-    from aerial_il.cli.flights.by_hand import suited
-    from aerial_il.cli.flights.environments import EnvironmentReference, given
-    from aerial_il.cli.flights.rollout_evaluator import RolloutEvaluator
-    from aerial_il.cli.flights.training_resources import training_resources
-    from aerial_il.workflows.chosen import chosen
+    from aerial_il.workflows.parts.by_hand import suited
+    from aerial_il.workflows.parts.environments import EnvironmentReference, given
+    from aerial_il.workflows.parts.rollout_evaluator import RolloutEvaluator
+    from aerial_il.workflows.parts.training_resources import training_resources
 
-    dataset = settings.dataset
-    policy, algorithm = chosen("policy", settings.policy), chosen("algorithm", settings.algorithm)
+    dataset, threads = settings.dataset, settings.threads
+    policy = chosen("policy", settings.policy, at="policy.")
+    algorithm = chosen("algorithm", settings.algorithm, at="algorithm.")
+    if settings.evaluate_every is not None:
+        algorithm = _evaluated(algorithm, settings.evaluate_every)
+    if dataset.path is None and algorithm.demonstrated:
+        hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
+        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
     if dataset.path is not None:
         algorithm, policy = suited(dataset.path, algorithm, policy, by_hand=dataset.by_hand)
-    options = given(success=settings.success, max_steps=settings.max_steps)
     own = {name: getattr(settings, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}
-    where = EnvironmentReference(options=options, **own)
-    rollouts = RolloutEvaluator(
-        settings.evaluate_episodes, settings.evaluate_seed, settings.evaluate_tier, threads=settings.threads
+    where = EnvironmentReference(options=given(success=settings.success, max_steps=settings.max_steps), **own)
+    episodes = _demonstrations(dataset, policy.images, where, failures=getattr(algorithm, "failures", False))
+    rollouts = (settings.evaluate_episodes, settings.evaluate_seed, settings.evaluate_tier)
+    evaluating = (
+        RolloutEvaluator(*rollouts, threads=threads, env=settings.env).open()
+        if algorithm.evaluate_every
+        else nullcontext()
     )
     resources = training_resources(
         algorithm, dataset.path, reference=where, images=policy.images, expert=settings.expert,
-        tier=settings.flight_tier, num_envs=settings.num_envs, threads=settings.threads, port=settings.port,
+        tier=settings.flight_tier, num_envs=settings.num_envs, threads=threads, port=settings.port,
     )  # fmt: skip
-    evaluating = rollouts.open() if algorithm.evaluate_every else nullcontext()
-    with track_with(list(settings.tracker)), evaluating as evaluator, resources as handed:
+    kept = _command_kept(settings.run, dataset, lambda: command(settings))
+    with track_with(list(settings.tracker)), kept, evaluating as evaluate, resources as handed:
         return algorithm.train(
-            _demonstrations(settings.dataset, algorithm, policy, where), policy, run=settings.run, seed=settings.seed,
-            evaluate=evaluator, resume=settings.resume, progress=settings.progress, **handed,
+            episodes, policy, run=settings.run, seed=settings.seed, evaluate=evaluate,
+            resume=settings.resume, progress=settings.progress, **handed,
         )  # fmt: skip
 
 
+def command(settings: Train) -> str:
+    """Return the command line that leads to ``settings``."""
+    from aerial_il.workflows.spelling import command_line, words_of
+
+    return command_line(["train", *words_of(settings, without=("resume", "progress", "tracker"))])
+
+
+def _evaluated(algorithm: Any, every: int) -> Any:
+    """Return the algorithm with rollouts on the way, as often as was asked for."""
+    own = {"evaluate_every": every}
+    changes = own if "evaluate_every" in type(algorithm).__dataclass_fields__ else {"cadence": own}
+    return build(type(algorithm), changes, base=algorithm)
+
+
 def _demonstrations(
-    dataset: Dataset, algorithm: Any, policy: Any, where: EnvironmentReference
+    dataset: Dataset, images: Sequence[str], where: EnvironmentReference, *, failures: bool
 ) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
-    from aerial_il.cli.flights import demonstrations
+    from aerial_il.workflows.parts import demonstrations
 
-    path = dataset.path
-    if path is not None:
-        if said := [*where.options, *(["horizon"] if where.horizon else [])]:
-            raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
-        demonstrations.check_origin(path, where.expected)
-        demonstrations.warn_of_changes(path)
-        limit = dataset.episodes
-        return demonstrations.open_demonstrations(path, limit=limit, images=policy.images, algorithm=algorithm)
-    if algorithm.demonstrated:
-        hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
-        raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
-    return None
+    if (path := dataset.path) is None:
+        return None
+    if said := [*where.options, *(["horizon"] if where.horizon else [])]:
+        raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
+    demonstrations.check_origin(path, where.expected)
+    demonstrations.warn_of_changes(path)
+    return demonstrations.open_demonstrations(path, limit=dataset.episodes, images=images, failures=failures)
+
+
+@contextmanager
+def _command_kept(run: str, dataset: Dataset, said: Callable[[], str]) -> Iterator[None]:
+    """Keep in the run's folder what leads to it, once the training has ended or been stopped: then the run is ours."""
+    from aerial_il.core.files import write_json
+
+    def keep() -> None:
+        learned_from = {"path": dataset.path, "episodes": dataset.episodes}
+        write_json(Path(run) / COMMAND, {"command": said(), "dataset": learned_from})
+
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):
+        keep()
+        raise
+    keep()

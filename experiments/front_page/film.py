@@ -24,7 +24,7 @@ from experiments.by_hand.fly import served, stranger_at
 from tests.teleop.chromium import Tab, browser
 from tests.teleop.plans import PLANS
 
-TASK, PAGE, SIZE, FPS, FASTER, LIMIT_S = "pick_place", (1280, 720), (800, 450), 8.0, 1.5, 60.0
+TASK, PAGE, SIZE, FPS, FASTER, LIMIT_S = "pick_place", (1280, 800), (768, 480), 8.0, 1.5, 60.0
 Shot = tuple[float, Image.Image]
 
 
@@ -43,6 +43,8 @@ async def flown(seed: int, out: Path, run: str | None) -> list[Shot]:
         await tab.look(width=PAGE[0], height=PAGE[1])
         person = await stranger_at(tab, "keys")
         await person.record()
+        if run:
+            await tab.tap("KeyN")  # nobody needs the numbers
         camera = asyncio.create_task(shooting(tab, shots))
         try:
             if run:
@@ -82,7 +84,7 @@ def main() -> None:
     parser.add_argument("--unseen", type=int, default=920_001)
     parser.add_argument("--scratch", type=Path, default=Path("runs/film/scratch"))
     parser.add_argument("--out", type=Path, default=Path("docs/front_page.webp"))
-    parser.add_argument("--quality", type=int, default=42)
+    parser.add_argument("--quality", type=int, default=30)
     args = parser.parse_args()
     by_keys = frames(asyncio.run(flown(args.seed, args.scratch / "keys", None)), "1  Flown by keys, and recorded")
     learned = f"2  The policy that learned from {args.demonstrations} such flights, on a seed that it has not seen"

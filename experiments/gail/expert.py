@@ -16,6 +16,7 @@ import numpy as np
 
 import aerial_il
 from aerial_il.algorithms.ppo import PPO
+from aerial_il.core.composition import build
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
@@ -24,16 +25,15 @@ FILES = ("config.yaml", "provenance.json", "policy")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--task", default="Walker2d-v5")
     parser.add_argument("--steps", type=int, default=2_000_000)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--runs", default="runs/experts")
     options = parser.parse_args()
     run = Path(options.runs) / options.task
-    algorithm = PPO(
-        steps=options.steps, rollout=4096, lr=3e-4, log_every=40_960, checkpoint_every=204_800, keep_checkpoints=1
-    )
+    cadence = {"log_every": 40_960, "checkpoint_every": 204_800, "keep_checkpoints": 1}
+    algorithm = build(PPO, {"steps": options.steps, "rollout": {"steps": 4096}, "cadence": cadence})
     network = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free", log_std=-0.5)
     env = aerial_il.load_gymnasium(options.task, num_envs=16, processes=options.processes)
     expert = algorithm.train(None, network, env=env, run=run)

@@ -16,6 +16,8 @@ its folder ``benchmarking`` (there for ten million steps of an environment of fi
 GAIL example in its documentation.
 """
 
+# pyright: reportMissingImports=false
+# What it imports of the other library is in the other environment.
 from __future__ import annotations
 
 import argparse
@@ -63,7 +65,7 @@ def main() -> None:
 
 
 def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--study", default="runs/benchmarks/gail", help="folder of our study, with its record")
     parser.add_argument("--task", default="Hopper-v5")
     parser.add_argument("--settings", choices=tuple(LEARNER), default="published")
@@ -82,13 +84,12 @@ def export(study: Path, task: str, draw: int, folder: Path) -> None:
     """Write the demonstrations of one draw as plain arrays."""
     import numpy as np
 
-    from aerial_il.benchmarks.parts.records.record import Record
-    from aerial_il.cli.configuration import groups
-    from aerial_il.cli.configuration.build import build
+    from experiments.common.record import Record
+    from experiments.gail.study import Gail
 
-    episodes = build(groups.read_option("bench", "gail")).demonstrations(task, draw, Record(study), progress=True)
+    episodes = Gail().demonstrations(task, draw, Record(study), progress=True)
     names = episodes[0].spec.observation.names
-    arrays = {f"obs_{i}": e.flat_obs(names).astype(np.float64) for i, e in enumerate(episodes)}
+    arrays: dict[str, Any] = {f"obs_{i}": e.flat_obs(names).astype(np.float64) for i, e in enumerate(episodes)}
     arrays |= {f"acts_{i}": e.executed_actions.astype(np.float32) for i, e in enumerate(episodes)}
     ends = np.array([bool(e.terminated[-1]) for e in episodes])
     folder.mkdir(parents=True, exist_ok=True)

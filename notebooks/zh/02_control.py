@@ -27,7 +27,7 @@ from PIL import Image
 import aerial_il
 from aerial_il import robots
 from aerial_il.control.hover import hover_body
-from aerial_il.control.lqr import feedback_matrix, hover_model
+from aerial_il.control.controllers.lqr import feedback_matrix, hover_model
 from aerial_il.core.rendering import can_render
 from aerial_il.robots.figures import chain, stances
 
@@ -175,7 +175,7 @@ for stance in stances(robot):
 # $$ a = \ddot p_{ref} + k_p e + k_v \dot e + k_i\!\int\! e, \quad \theta_d = \frac{a_x}{g},\ \phi_d=-\frac{a_y}{g}\ (\psi=0), \quad
 #    \tau = J_0\,(k_R e_\theta - k_\omega \omega + k_I\!\int\! e_\theta). $$
 #
-# 没有积分项时，恒定扰动 $d$ 会留下稳态误差 $e = d/(m k_p)$；积分项会慢慢把它消除。位置环为 $\ddot e + k_v\dot e + k_p e = 0$，所以增益就是频率与阻尼：$\omega_0=\sqrt{k_p}$，$\zeta = k_v/2\sqrt{k_p}$。这里取 20 与 9.8，即 $\omega_0=4.5$ rad/s，$\zeta=1.1$。代码：`aerial_il/control/pid.py`。
+# 没有积分项时，恒定扰动 $d$ 会留下稳态误差 $e = d/(m k_p)$；积分项会慢慢把它消除。位置环为 $\ddot e + k_v\dot e + k_p e = 0$，所以增益就是频率与阻尼：$\omega_0=\sqrt{k_p}$，$\zeta = k_v/2\sqrt{k_p}$。这里取 20 与 9.8，即 $\omega_0=4.5$ rad/s，$\zeta=1.1$。代码：`aerial_il/control/controllers/pid.py`。
 #
 # ## 2.6 LQR：由模型和代价得到增益
 #
@@ -183,7 +183,7 @@ for stance in stances(robot):
 #
 # $$ u=-R^{-1}B^\top P\,x = -Kx, \qquad\text{且}\qquad A^\top P+PA-PBR^{-1}B^\top P+Q=0 , $$
 #
-# 后者就是代数黎卡提方程（Bryson、Ho，*Applied Optimal Control*，1975，第 5 章）。$Q$ 与 $R$ 按 Bryson 规则选取：可接受误差平方的倒数。代码：`aerial_il/control/lqr.py`。
+# 后者就是代数黎卡提方程（Bryson、Ho，*Applied Optimal Control*，1975，第 5 章）。$Q$ 与 $R$ 按 Bryson 规则选取：可接受误差平方的倒数。代码：`aerial_il/control/controllers/lqr.py`。
 
 # %%
 body = hover_body(vehicle)

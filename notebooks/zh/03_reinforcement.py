@@ -131,10 +131,10 @@ print("last change", f"{changes[-1]:.1e}")
 
 # %%
 ALGORITHMS = {
-    "reinforce": {"steps": 24_000, "rollout": 512},
+    "reinforce": {"steps": 24_000, "rollout": {"steps": 512}},
     "a2c": {"steps": 24_000},
-    "ppo": {"steps": 14_000, "rollout": 1024},
-    "dqn": {"steps": 10_000, "warmup": 1_000, "utd_ratio": 0.5, "batch_size": 64, "target_every": 100},
+    "ppo": {"steps": 14_000, "rollout": {"steps": 1024}},
+    "dqn": {"steps": 10_000, "warmup": 1_000, "replay": {"updates_per_step": 0.5, "batch_size": 64}, "target_every": 100},
 }
 SEEDS = (10_000, 10_001, 10_002)
 runs = Path(tempfile.mkdtemp())
@@ -142,7 +142,7 @@ for name, settings in ALGORITHMS.items():
     for seed in SEEDS:
         with contextlib.redirect_stdout(io.StringIO()):
             aerial_il.train(
-                algorithm={"name": name, "log_every": 1000, **settings}, policy="categorical",
+                algorithm={"name": name, "cadence": {"log_every": 1000}, **settings}, policy="categorical",
                 env="gymnasium:CartPole-v1", run=runs / f"{name}_{seed}", seed=seed,
             )  # fmt: skip
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import torch
 
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
+from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussian, SquashedGaussianNetwork
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import time
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +45,8 @@ def test_chunks_solve_what_single_steps_do_not(demos: list[Episode], tmp_path: P
 
 
 def test_a_run_tells_what_it_did(demos: list[Episode], tmp_path: Path) -> None:
-    settings = BC(steps=45, batch_size=32, log_every=10, validate_every=20, checkpoint_every=15)
+    cadence = replace(BC.cadence, log_every=10, checkpoint_every=15)
+    settings = BC(steps=45, batch_size=32, validate_every=20, cadence=cadence)
     run = tmp_path / "run"
     settings.train(demos, MLP(hidden=(16,)), run=run, seed=5, progress=False, expect={"robot": "point"})
     rows = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
@@ -98,9 +99,7 @@ def test_other_data_than_asked_for_is_refused(demos: list[Episode], tmp_path: Pa
         BC().train(demos, MLP(), run=tmp_path, expect=expect)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"steps": 0}, {"lr": -1.0}, {"ema": 1.0}, {"minutes": 0.0}, {"checkpoint_every": -1}]
-)
+@pytest.mark.parametrize("wrong", [{"steps": 0}, {"lr": -1.0}, {"ema": 1.0}, {"minutes": 0.0}, {"validate_every": -1}])
 def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InvalidValueError, match=next(iter(wrong))):
         BC(**wrong)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Interactive learning: who flies, who is asked, what it costs, what it brings, and that a kill costs nothing."""
+"""Dagger learning: who flies, who is asked, what it costs, what it brings, and that a kill costs nothing."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def test_what_does_not_fit_together_is_refused(whole: Path, demos: list[Episode]
         (ThriftyGate, {"novelty": False, "risk": False}),
         (Corrector, {"take": 0.1, "give": 0.2}),
         (type(DAGGER), {"rounds": 0}),
-        (type(DAGGER), {"training": replace(BC, evaluate_every=10)}),
+        (type(DAGGER), {"training": replace(BC, cadence=replace(BC.cadence, evaluate_every=10))}),
         (type(DART), {"scale": 0.0}),
     ],
 )

@@ -190,7 +190,11 @@ def test_another_run_in_the_same_folder_is_refused(whole: Path, demos: list[Epis
         train_tiny.train(str(whole), demos, settings=replace(train_tiny.SETTINGS, lr=0.01))
     with pytest.raises(InvalidValueError, match=r"dataset\.demonstrations: 12 -> 11"):
         train_tiny.train(str(whole), demos[:11])
-    train_tiny.train(str(whole), demos, settings=replace(train_tiny.SETTINGS, log_every=9))
+    train_tiny.train(
+        str(whole),
+        demos,
+        settings=replace(train_tiny.SETTINGS, cadence=replace(train_tiny.SETTINGS.cadence, log_every=9)),
+    )
 
 
 def test_starting_over_forgets_everything(tmp_path: Path, demos: list[Episode]) -> None:

@@ -13,6 +13,7 @@ from aerial_il.algorithms.sac import SAC
 from aerial_il.algorithms.sqil import SQIL
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, demonstrations
+from tests.algorithms.made import made
 
 POLICY = SquashedGaussian(hidden=(8,))
 STOP = 300
@@ -27,13 +28,14 @@ OFF: dict[str, Any] = {
 }
 ON: dict[str, Any] = {**EVERY, "rollout": 48, "epochs": 2, "critic_hidden": (8,)}
 JUDGE: dict[str, Any] = {"reward_hidden": (8,), "dropout": 0.2, "spectral_norm": True}
+CLONED: dict[str, Any] = {"bc_pretrain_steps": 5, "action_noise": True}
 SETTINGS: dict[str, Any] = {
-    "sac": SAC(**OFF),
-    "dac": DAC(**OFF, **JUDGE, expert_share=0.25, bc_pretrain_steps=5, bc_weight=1.0, action_noise=True),
-    "sqil": SQIL(**OFF),
-    "ppo": PPO(**ON),
-    "gail": GAIL(**ON, **JUDGE, reward_batch=32, buffer_size=200, bc_pretrain_steps=5, warmup=100, action_noise=True),
-    "airl": AIRL(**ON, **JUDGE, reward_batch=32, buffer_size=200),
+    "sac": made(SAC, OFF),
+    "dac": made(DAC, {**OFF, **JUDGE, **CLONED, "expert_share": 0.25, "bc_weight": 1.0}),
+    "sqil": made(SQIL, OFF),
+    "ppo": made(PPO, ON),
+    "gail": made(GAIL, {**ON, **JUDGE, **CLONED, "reward_batch": 32, "buffer_size": 200, "warmup": 100}),
+    "airl": made(AIRL, {**ON, **JUDGE, "reward_batch": 32, "buffer_size": 200}),
 }
 
 

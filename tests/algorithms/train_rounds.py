@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,14 @@ from tests.algorithms.corridor import Corridor, Pilot, success_rate
 
 POLICY = MLP(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
 BC = BC(
-    steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.98, validation=0.0, validate_every=0, checkpoint_every=40
+    steps=300,
+    batch_size=64,
+    lr=3e-3,
+    warmup_steps=10,
+    ema=0.98,
+    validation=0.0,
+    validate_every=0,
+    cadence=replace(BC.cadence, checkpoint_every=40),
 )
 DAGGER = DAgger(rounds=3, episodes=5, gate=CoinGate(), training=BC, between_steps=100)
 THRIFTY = DAgger(

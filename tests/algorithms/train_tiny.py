@@ -7,13 +7,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.data.episode import Episode
 from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 
 POLICY = MLP(hidden=(32, 32), chunk=8, history=2, dropout=0.1)
 SETTINGS = BC(
-    steps=120, batch_size=32, log_every=7, validate_every=25, evaluate_every=40, checkpoint_every=10, obs_noise=0.01
+    steps=120,
+    batch_size=32,
+    validate_every=25,
+    obs_noise=0.01,
+    cadence=Cadence(log_every=7, evaluate_every=40, checkpoint_every=10, keep_checkpoints=3),
 )
 
 

@@ -15,18 +15,16 @@ import time
 import traceback
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration.compose import compose
-from aerial_il.cli.configuration.keys import is_group
-from aerial_il.cli.configuration.overrides import known_keys
+from aerial_il.cli.compose import compose
+from aerial_il.cli.known import known
 from aerial_il.cli.main import main
 from aerial_il.core.errors import AerialError
-from tests.cli.composed_once import composed_once
 from tests.safety.bounds import MAX_BYTES, MAX_CPU_S, peak
 
 VALUES = (
@@ -56,14 +54,13 @@ class TooSlowError(BaseException):
 def cases() -> Iterator[Case]:
     """Yield command, key and value; keys of what a group holds by default are among them."""
     for name in commands.names():
-        command = commands.find(name)
-        yield from ((name, key, value) for key in known_keys(command, command.choices) for value in VALUES)
+        yield from ((name, key, value) for key in known(commands.find(name).settings, {}) for value in VALUES)
 
 
 def typed(name: str, key: str, value: str) -> list[str]:
     """Return the words of a case: places that are not there stand in what else must be said."""
-    wanted = [f.name for f in fields(commands.find(name).config) if f.default == "???" and not is_group(f)]
-    wanted += ["policy"] * (name == "evaluate") + ["dataset"] * (name == "train")
+    needed = (f for f in fields(commands.find(name).settings) if f.default is f.default_factory is MISSING)
+    wanted = [f.name for f in needed] + ["dataset"] * (name == "train")
     places = {name: f"{name}=nowhere" for name in wanted} | ({"kind": "kind=task"} if name == "new" else {})
     beside = [*places.values(), *BESIDE.get(name, [])]
     if name == "new":
@@ -138,14 +135,13 @@ def _child(folder: Path, part: int, parts: int) -> None:
     out = _rows(folder, part, parts).open("a")
     os.chdir(home)
     sys.stdout = sys.stderr = open(os.devnull, "w", errors="backslashreplace")  # noqa: SIM115
-    with composed_once():
-        for case in (case for case in every(parts, part) if case not in done):
-            (home / ".trying").write_text(json.dumps(case))
-            found = outcome(case)
-            if found in ("slow", "memory"):
-                found = outcome(case)  # the first time may have paid for what is imported
-            out.write(json.dumps([*case, "owned" if (home / "owned").exists() else found]) + "\n")
-            out.flush()
+    for case in (case for case in every(parts, part) if case not in done):
+        (home / ".trying").write_text(json.dumps(case))
+        found = outcome(case)
+        if found in ("slow", "memory"):
+            found = outcome(case)  # the first time may have paid for what is imported
+        out.write(json.dumps([*case, "owned" if (home / "owned").exists() else found]) + "\n")
+        out.flush()
 
 
 def _rows(folder: Path, part: int, parts: int) -> Path:

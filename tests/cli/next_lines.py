@@ -6,10 +6,10 @@ import shlex
 from typing import Any
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.compose import compose
 
 
 def next_commands(said: str) -> list[Any]:
-    """Return the configuration that each ``Next:`` line of an output leads to; one that does not parse raises."""
+    """Return the settings that each ``Next:`` line of an output leads to; one that does not parse raises."""
     lines = (shlex.split(line.removeprefix("Next:")) for line in said.splitlines() if line.startswith("Next:"))
     return [compose(commands.find(name), words) for program, name, *words in lines if program == "aerial-il"]

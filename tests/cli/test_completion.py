@@ -12,14 +12,14 @@ import pytest
 
 import aerial_il
 from aerial_il.cli import commands, completion
-from aerial_il.cli.configuration import groups
+from aerial_il.core import schema
 
 
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
         (["aerial-il", "trai"], ["train"]),
-        (["aerial-il", "train", "policy="], [f"policy={name}" for name in groups.options("policy")]),
+        (["aerial-il", "train", "policy="], [f"policy={name}" for name in schema.options("policy")]),
         (["aerial-il", "train", "policy.hid"], ["policy.hidden="]),
         (["aerial-il", "evaluate", "robot=ua"], ["robot=ua_quad_arm4"]),
         (["aerial-il", "list", "json="], ["json=true", "json=false"]),
@@ -51,17 +51,24 @@ def test_action_levels_are_offered() -> None:
     assert completion.candidates(["aerial-il", "evaluate", "action=ee_d"]) == ["action=ee_delta"]
 
 
-def test_no_choice_is_shown_by_importing_anything_heavy() -> None:
-    code = """
+AGAIN = """
 import sys
-from aerial_il.cli.configuration import groups
-for group in groups.groups():
-    for name in groups.options(group):
-        groups.read_option(group, name)
-        loaded = {"numba", "torch", "mujoco"} & set(sys.modules)
-        assert not loaded, f"{group}={name} imports {loaded}"
+from aerial_il.cli import completion
+assert "algorithm.critics.count=" in completion.candidates(["aerial-il", "train", "algorithm=rlpd", "algorithm.cri"])
+assert ("torch" in sys.modules) == (sys.argv[1] == "first"), sys.argv
 """
-    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+
+
+def test_what_a_choice_has_is_remembered_until_its_file_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for time in ("first", "second"):
+        subprocess.run([sys.executable, "-c", AGAIN, time], check=True)
+    (file,) = tmp_path.glob("aerial_il/algorithm-rlpd.json")
+    for spoilt in ('{"state": null}', "[", file.read_text().replace('"state": [', '"state": [1, ')):
+        file.write_text(spoilt)
+        subprocess.run([sys.executable, "-c", AGAIN, "first"], check=True)
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")

@@ -7,9 +7,6 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration.compose import compose
-from aerial_il.core.errors import AerialError
-from tests.cli.composed_once import composed_once
 from tests.cli.hostile_values import VALUES, Case, answered, cases, every, typed
 
 SHARE, MORE = 601, 17  # one case of so many: by default, and among the slow tests
@@ -53,20 +50,6 @@ def test_more_values_are_answered(name: str, tmp_path: Path, monkeypatch: pytest
     wrong = [case for case in every(MORE) if case[0] == name and not answered(*case)]
     assert wrong == []
     assert not (tmp_path / "owned").exists()
-
-
-@pytest.mark.parametrize("case", every(1201), ids=lambda case: f"{case[0]}-{case[1]}-{VALUES.index(case[2])}")
-def test_what_is_composed_once_is_what_hydra_composes(case: Case) -> None:
-    alone = _composed(case)
-    with composed_once():
-        assert [_composed(case) for _ in range(2)] == [alone, alone]
-
-
-def _composed(case: Case) -> object:
-    try:
-        return compose(commands.find(case[0]), typed(*case))
-    except AerialError as error:
-        return str(error)
 
 
 def test_a_command_that_did_not_answer_would_be_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

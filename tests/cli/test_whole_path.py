@@ -159,7 +159,7 @@ def test_bad_input_is_answered(
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_a_training_that_is_stopped_continues(home: Path, tmp_path: Path, number: int, status: int) -> None:
     words = [SCRIPT, "train", f"dataset={home / 'demos'}", f"run={tmp_path / 'run'}", "algorithm.steps=600", QUIET]
-    words += ["policy.hidden=[32]", "algorithm.validate_every=0", "algorithm.log_every=10"]
+    words += ["policy.hidden=[32]", "algorithm.validate_every=0", "algorithm.cadence.log_every=10"]
     metrics = tmp_path / "run" / "metrics.jsonl"
     started = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     while started.poll() is None and not (metrics.exists() and metrics.stat().st_size):

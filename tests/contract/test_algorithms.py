@@ -10,7 +10,7 @@ import os
 import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,22 +21,18 @@ import torch
 import aerial_il
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.rl.algorithm import OnlineAlgorithm
-from aerial_il.algorithms.rl.on_policy import OnPolicy
-from aerial_il.algorithms.rl.reinforcement import Reinforcement
-from aerial_il.algorithms.run.algorithm import Algorithm as Flying
-from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
+from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.online.algorithm import Algorithm as Flying
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
-from aerial_il.core.composition import build, keys
 from aerial_il.core.contracts import Algorithm
 from aerial_il.core.errors import AerialError, InvalidValueError, TrainingDivergedError
-from aerial_il.core.renamed import MOVED
 from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
+from tests.algorithms.made import made, names
 from tests.algorithms.point_mass import StepResult
 
 NAMES = algorithms.names()
@@ -47,7 +43,14 @@ FIRST = 24  # steps that are few, and yet more than a warm-up or a rollout
 LEAST = 0.1  # share of the demonstrator's mean reward that a training adds to what its first steps have reached
 
 CLONES = BC(
-    steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0, validate_every=0, checkpoint_every=60
+    steps=200,
+    batch_size=64,
+    lr=3e-3,
+    warmup_steps=10,
+    ema=0.9,
+    validation=0.0,
+    validate_every=0,
+    cadence=replace(BC.cadence, checkpoint_every=60),
 )
 ALONE = {"bc_pretrain_steps": 0, "bc_weight": 0.0, "action_noise": False, "lr_floor": 1.0}
 ALONE |= {"cloning": replace(CLONES, steps=1)}  # no clone does the work
@@ -57,6 +60,7 @@ OFF_POLICY = {**ONLINE, "utd_ratio": 0.5, "tau": 0.05, "actor_every": 1, "reward
 OFF_POLICY |= {"exploration": 0.5, "target_every": 1, "offline_steps": 200}
 ON_POLICY = {**ONLINE, "steps": 10_240, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
 ON_POLICY |= {"step_size": 0.1, "critic_lr": 3e-3, "noise": 0.5, "kl": 0.0, "trial": 8}
+WHOLE = {"a2c": {"epochs": 1, "batch_size": None}}  # one step by the whole of a rollout
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
 
@@ -85,20 +89,6 @@ def _one_thread() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
-def made(cls: type[Any], values: Mapping[str, Any], base: Any = None) -> Any:
-    """Return settings of ``cls`` with those of the values that are its own, in whichever group they stand."""
-    names, tree = {key.name for key in keys(cls)} | {field.name for field in fields(cls)}, dict[str, Any]()
-    for name, value in values.items():
-        moved = MOVED.get(name, name)
-        path = (moved if moved in names else name).split(".")
-        if ".".join(path) in names:
-            node = tree
-            for group in path[:-1]:
-                node = node.setdefault(group, {})
-            node[path[-1]] = value
-    return build(cls, tree, base=base)
-
-
 def known(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of the values that are settings of ``cls``."""
     names = {field.name for field in fields(cls)}
@@ -108,15 +98,14 @@ def known(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
 def small(name: str) -> Any:
     """Return settings that learn in seconds."""
     cls = algorithms.get(name)
-    if issubclass(cls, OnlineAlgorithm | Flying):
-        if not issubclass(cls, OnPolicy):
+    if issubclass(cls, Flying):
+        if not isinstance(getattr(cls, "rollout", None), Rollout):
             shown = {"steps": 600} if cls.demonstrated else {}  # half as many suffice
             return made(cls, OFF_POLICY | shown)
-        paid = {"reward": "environment"} if issubclass(cls, Reinforcement) else {}  # elsewhere it names a learned one
-        fewer = {"steps": 6_144} if known(cls, {"reward_updates": 0}) else {}  # a learned reward says more per step
-        return cls(**known(cls, ON_POLICY | paid | fewer))
-    if issubclass(cls, SupervisedAlgorithm):
-        return cls(**known(cls, {f.name: getattr(CLONES, f.name) for f in fields(CLONES)}))
+        learned = {"steps": 6_144}  # a learned reward says more per step
+        return made(cls, ON_POLICY | WHOLE.get(name, {}) | ({"reward": "environment"} if cls.rewarded else learned))
+    if cls is BC:
+        return CLONES
     return cls(**known(cls, {"rounds": 2, "episodes": 4, "training": CLONES, "between_steps": 60}))
 
 
@@ -134,6 +123,7 @@ def short(name: str, steps: int) -> Any:
         "log_every": 10,
         "buffer_size": 4096,  # the usual million takes 0.4 GB of a real cell's transitions, and some algorithms stay
     }
+    changes |= WHOLE.get(name, {})
     if "training" in {field.name for field in fields(settings)}:
         training = replace(CLONES, steps=steps, batch_size=8)
         changes = {"rounds": 2, "episodes": 2, "training": training, "between_steps": steps, "evaluate_every": 1}
@@ -227,15 +217,22 @@ def killed_in_a_fork(work: Callable[[], object]) -> bool:
 
 @each
 def test_impossible_settings_are_refused(name: str) -> None:
-    """Every number that is not negative by default must not be, and none may be no number at all."""
-    settings = algorithms.get(name)()
-    numbers = {f.name: getattr(settings, f.name) for f in fields(settings)}
-    numbers = {n: v for n, v in numbers.items() if isinstance(v, int | float) and not isinstance(v, bool) and v >= 0}
+    """Every number that is not negative by default must not be, in groups neither, and none may be no number at all."""
+    cls = algorithms.get(name)
+    values = {key: value for key, value in values_of(cls()) if key in names(cls)}  # those of a choice depend on it
+    numbers = {key: value for key, value in values.items() if type(value) in (int, float) and value >= 0}
     assert len(numbers) > 3
     for number in numbers:
         for wrong in (-1, float("nan")):
-            with pytest.raises(InvalidValueError, match=number):
-                replace(settings, **{number: wrong})
+            with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
+                made(cls, {number: wrong})
+
+
+def values_of(settings: Any, at: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted name and the value of each setting, in groups too."""
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        yield from values_of(value, f"{at}{field.name}.") if is_dataclass(value) else [(f"{at}{field.name}", value)]
 
 
 @each

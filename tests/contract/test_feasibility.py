@@ -10,13 +10,14 @@ import pytest
 
 import aerial_il
 from aerial_il import robots
-from aerial_il.cli.commands.project.list import as_text, catalogue
+from aerial_il.cli.commands.project.list import as_text
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.presentation.pages import robot_pages, task_pages
 from aerial_il.robots.parts.arm import Arm
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks
 from aerial_il.suite.tasks import CellError
+from aerial_il.workflows.catalogue import catalogue
 
 NAME, TASK = "two_joint_hexa", "rotate_valve"
 REASON = "its arm of a metre and two joints cannot follow the handwheel round"

@@ -9,19 +9,12 @@ from typing import Any, Literal
 import pytest
 
 from aerial_il.cli.main import main
-from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.fitting import check_types, fits
+from aerial_il.core.composition import fits
 
 
 @dataclass
 class Inner:
     rate: float = 0.1
-
-
-@dataclass
-class Settings:
-    steps: int = 1
-    inner: Inner | None = None
 
 
 @pytest.mark.parametrize(
@@ -46,16 +39,8 @@ def test_values_fit_or_do_not(hint: Any, good: list[Any], bad: list[Any]) -> Non
     assert [value for value in bad if fits(value, hint)] == []
 
 
-def test_the_setting_is_named() -> None:
-    check_types(Settings, {"steps": 3, "inner": Inner()})
-    with pytest.raises(InvalidValueError, match=r"steps=\[1\] is not a whole number, as Settings asks for"):
-        check_types(Settings, {"steps": [1]})
-    with pytest.raises(InvalidValueError, match=r"inner=3 is not Inner or null, as report asks for"):
-        check_types(Settings, {"inner": 3}, whose="report")
-
-
 def test_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "result=[[1]]"]) == 2
-    assert "as report asks for" in capsys.readouterr().err
+    assert "result=[[1]] is not a list such as [a,b]" in capsys.readouterr().err
     assert main(["train", "dataset=nowhere", "run=x", "algorithm.patience=[2]"]) == 2
     assert "patience=[2] is not a whole number" in capsys.readouterr().err

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -21,7 +22,7 @@ def test_the_cache_is_stamped_with_all_sources() -> None:
 
 def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     counted = ("core/rotations.py", "control/flight.py", "suite/timing.py", "suite/physics/world.py")
-    for name in ("core/kernels.py", "core/errors.py", "suite/episode/variation.py", *counted):
+    for name in ("core/kernels.py", "core/errors.py", "suite/tiers.py", *counted):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text("@kernel\n" if name == "core/rotations.py" else "x = 1\n")
@@ -42,8 +43,8 @@ def test_the_stamp_counts_every_file_that_a_kernel_takes_a_name_from() -> None:
         for path in (package / room).rglob("*.py"):
             used = _taken_by_kernels(path)
             found += len(used)
-            in_task = path.relative_to(package).as_posix().startswith(("suite/tasks", "suite/props", "experts"))
-            missing = used - stamped - (kernels._task_files() if in_task else set())
+            own = kernels.CALLED.get(path.parent.relative_to(package).as_posix(), ())
+            missing = used - stamped - {file for folder in own for file in (package / folder).glob("*.py")}
             assert not missing, f"{path} compiles what these hold: {missing}"
     assert found > 100
 
@@ -87,3 +88,15 @@ def test_an_entry_is_the_kernel_for_the_types_it_was_made_for() -> None:
     assert found[0] == 10.5
     with pytest.raises(TypeError):
         entry(_Pair(np.arange(3, dtype=np.float32), 4.0), found)
+
+
+def test_a_kernel_of_another_package_is_stale_with_the_files_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "one.py").write_text("def read(found):\n    found[0] = 1.0\n")
+    found: dict[str, Callable[..., Any]] = {}
+    exec(compile((tmp_path / "one.py").read_text(), str(tmp_path / "one.py"), "exec"), found)
+    stamps = []
+    for text in ("HELP = 1\n", "HELP = 2\n"):
+        (tmp_path / "beside.py").write_text(text)
+        kernels._folder_sources.cache_clear()
+        stamps.append(kernels._sources_of(found["read"]))
+    assert stamps[0] != stamps[1]

@@ -54,6 +54,16 @@ def test_a_file_that_defines_nothing_is_refused(plug_in: Path) -> None:
         registry.get("task", "fold")
 
 
+def test_a_function_that_is_not_compiled_is_refused(plug_in: Path) -> None:
+    (plug_in / "some_task.py").write_text("def read(own, world, seen, found):\n    found[0] = 1.0\n")
+    (plug_in / "some_package-1.0.dist-info" / "entry_points.txt").write_text("[aerial_il.sensor]\nfold = some_task\n")
+    assert registry.kernel("sensor", "fold", "no_such", needed=False) is None
+    with pytest.raises(InvalidValueError, match="some_task defines no no_such, which a sensor must have"):
+        registry.kernel("sensor", "fold", "no_such")
+    with pytest.raises(InvalidValueError, match=r"some_task\.read must be compiled: write @kernel above it"):
+        registry.kernel("sensor", "fold", "read")
+
+
 def test_a_package_outside_does_not_take_a_name_that_is_ours(plug_in: Path) -> None:
     (plug_in / "some_package-1.0.dist-info" / "entry_points.txt").write_text("[aerial_il.task]\nreach = some_task\n")
     with pytest.raises(InvalidValueError, match=r"some_task registers a task called reach, but aerial_il\.suite"):

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import aerial_il
-from aerial_il.core.specs import EnvSpec, ObservationSpec
+from aerial_il.core.specs import EnvSpec, Field, ObservationSpec, camera_name, image_name
 
 
 def spec_of(robot: str, task: str) -> EnvSpec:
@@ -30,3 +30,10 @@ def test_a_field_that_both_have_is_compared_in_full() -> None:
         f"observation.fields.{first.name}.unit: {first.unit!r} != 'km'",
     ]
     assert spec.differences(spec) == []
+
+
+def test_a_field_says_by_itself_whether_it_is_a_colour_image() -> None:
+    colour, depth = Field("front", (4, 5, 3), "image", "uint8"), Field("a_rgb", (4, 5), "image", "float32")
+    numbers = Field("b_rgb", (4, 5, 3), "proprio", "uint8")
+    assert [field.is_colour for field in (colour, depth, numbers)] == [True, False, False]
+    assert camera_name(image_name("wrist")) == "wrist"

@@ -15,12 +15,12 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data import waypoints
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
-from aerial_il.data.waypoints import GRIP_MARGIN_S, HOLD_S, Waypoints
+from aerial_il.data.waypoints import GRIP_MARGIN_S, HOLD_S
 from aerial_il.policies.mlp import MLP
 from aerial_il.teleop.driver.operator import DriverOperator
 from tests.teleop.hands import world
 
-DT, AHEAD = 0.02, Waypoints(lookahead_s=2.0)
+DT, AHEAD = 0.02, replace(BC.waypoints, lookahead_s=2.0)
 MARGIN, HOLD = round(GRIP_MARGIN_S / DT), round(HOLD_S / DT)
 SAME = ("actions", "executed_actions", "is_intervention", "rewards", "ctrl", "phase", "terminated", "truncated")
 
@@ -110,16 +110,18 @@ def test_nothing_else_changes(flight: Episode) -> None:
 
 
 def test_a_grasp_is_looked_ahead_to_and_never_beyond(flight: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not looks_beyond_a_grip(flight, Waypoints(lookahead_s=30.0).apply(flight))
+    assert not looks_beyond_a_grip(flight, replace(BC.waypoints, lookahead_s=30.0).apply(flight))
     monkeypatch.setattr(waypoints, "_near", lambda grips, margin: np.zeros(len(grips), bool))
-    assert looks_beyond_a_grip(flight, Waypoints(lookahead_s=30.0).apply(flight)), "the check finds who does"
+    assert looks_beyond_a_grip(flight, replace(BC.waypoints, lookahead_s=30.0).apply(flight)), (
+        "the check finds who does"
+    )
 
 
 def test_only_what_the_person_took_over_is_relabelled(flight: Episode) -> None:
     labels = np.full_like(flight.actions, np.nan)
     labels[40:90] = flight.actions[40:90]
     shared = replace(flight, expert_actions=labels, provenance={"policy": "learner with human:ada"})
-    found = Waypoints(lookahead_s=30.0).apply(shared)
+    found = replace(BC.waypoints, lookahead_s=30.0).apply(shared)
     left = kept(shared, found)
     assert set(range(40)) | set(range(90, len(flight))) <= set(left.tolist()), "what the policy flew is all there"
     assert left[found.asked].tolist() == [step for step in left if 40 <= step < 90]
@@ -142,8 +144,8 @@ def test_what_leads_only_to_where_the_person_let_go_is_not_learned_from(flight: 
 
 def test_what_a_script_flew_is_learned_from_bit_for_bit_as_before(scripted: Episode, flight: Episode) -> None:
     assert AHEAD.apply(scripted) is scripted
-    assert Waypoints().apply(flight) is flight
-    assert len(Waypoints(lookahead_s=2.0, flown_by="anyone").apply(scripted)) < len(scripted)
+    assert BC.waypoints.apply(flight) is flight
+    assert len(replace(BC.waypoints, lookahead_s=2.0, flown_by="anyone").apply(scripted)) < len(scripted)
 
     def digest(cloning: BC, *episodes: Episode) -> str:
         demos = cloning.divide([replace(e, success=True) for e in episodes], MLP(), seed=0)
@@ -156,7 +158,7 @@ def test_what_a_script_flew_is_learned_from_bit_for_bit_as_before(scripted: Epis
 
 def test_no_flight_is_labelled_by_another(flight: Episode) -> None:
     elsewhere = replace(flight, obs={**flight.obs, "ee_pos": flight.obs["ee_pos"] + 10.0}, uid="elsewhere")
-    cloning = BC(validation=0.0, waypoints=Waypoints(lookahead_s=60.0))
+    cloning = BC(validation=0.0, waypoints=replace(BC.waypoints, lookahead_s=60.0))
     near, far = cloning.divide([replace(e, success=True) for e in (flight, elsewhere)], MLP(), seed=0).kept
     assert near.labels[:, :3].max() < 5.0 < far.labels[:, :3].min()
 
@@ -166,9 +168,9 @@ def test_what_cannot_be_relabelled_is_refused(flight: Episode) -> None:
     with pytest.raises(InvalidValueError, match=r"velocity; only ee_pose .* dataset.by_hand=false"):
         AHEAD.apply(replace(flight, spec=spec))
     with pytest.raises(InvalidValueError, match="lookahead_s is -1"):
-        Waypoints(lookahead_s=-1.0)
+        replace(BC.waypoints, lookahead_s=-1.0)
     with pytest.raises(InvalidValueError, match="Unknown flown_by 'nobody'"):
-        Waypoints(flown_by="nobody")  # type: ignore[arg-type]
+        replace(BC.waypoints, flown_by="nobody")  # type: ignore[arg-type]
 
 
 def test_recordings_say_who_flew(flight: Episode, scripted: Episode) -> None:

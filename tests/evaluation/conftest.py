@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.cli.flights.pilots import record
 from aerial_il.core.rendering import can_render
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.outcome import subtask_flags
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.workflows.parts.pilots import record
 from tests.evaluation.hover import GoThere, HoverBatch
 
 

@@ -144,13 +144,6 @@ def test_a_setting_that_an_older_release_did_not_know_is_not_made_up(tmp_path: P
         load_policy(folder)
 
 
-def test_a_setting_whose_earlier_value_is_known_is_read_as_that(tmp_path: Path) -> None:
-    saved = fresh_policy("flow").to_checkpoint()
-    known = {name: value for name, value in saved.config["settings"].items() if name != "predict"}
-    folder = checkpoint.save(tmp_path / "policy", replace(saved, config={**saved.config, "settings": known}))
-    assert load_policy(folder).config.to_dict() == {**known, "predict": "velocity"}
-
-
 def test_a_policy_of_another_make_is_refused(tmp_path: Path) -> None:
     saved = fresh_policy("mlp").to_checkpoint()
     settings = saved.config["settings"]

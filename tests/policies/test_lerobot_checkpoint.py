@@ -12,9 +12,9 @@ import pytest
 import torch
 
 import aerial_il
-from aerial_il.cli.flights.pilots import pilot
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies import find_lerobot, load_any_policy
+from aerial_il.workflows.parts.pilots import pilot
 from tests.algorithms.point_mass import PointMassBatch
 
 STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from aerial_il.algorithms.bc import with_dropout
+from aerial_il.policies.parts.network import Seen
 from aerial_il.policies.parts.partly_blind import PartlyBlind, columns_of
 from tests.algorithms.point_mass import PointMassBatch
 from tests.policies.test_registry import fresh_policy
@@ -63,9 +64,11 @@ def test_a_hidden_field_has_no_say() -> None:
 def test_training_hides_whole_fields_at_the_chance_it_says(most: float) -> None:
     layout = fresh_policy("mlp").interface.layout
     torch.manual_seed(0)
-    found = with_dropout(torch.ones(4000, 2, layout.size + 3), layout, most)
-    assert (found[..., layout.size :] == 1).all(), "pixels are no fields"
-    state = found[..., : layout.size]
+    images = {"wrist_rgb": torch.ones(4000, 2, 1, 1, 3, dtype=torch.uint8)}
+    found = with_dropout(Seen(torch.ones(4000, 2, layout.size), images), layout, most)
+    assert isinstance(found, Seen)
+    assert found.images is images
+    state = found.state
     assert (state[:, 0] == state[:, 1]).all(), "hidden in one frame of the history and shown in the other"
     firsts = np.cumsum([0, *(layout.spec.observation[name].size for name in layout.names)])[:-1]
     fields = state[:, 0, firsts]

@@ -16,9 +16,10 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.policies.parts.network import Seen
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
-from aerial_il.policies.parts.vision import build_network, middle_part, random_part, with_pixels
+from aerial_il.policies.parts.vision import build_network, middle_part, random_part
 from tests.algorithms.point_mass import SPEC
 from tests.policies.test_registry import NAMES
 
@@ -78,8 +79,8 @@ def test_worlds_see_their_own_history() -> None:
 def test_gradients_reach_the_eyes_and_random_parts_are_looked_at_in_training_only() -> None:
     policy, rng = fresh_policy(), np.random.default_rng(0)
     network = policy.network.requires_grad_(True)
-    images = [torch.from_numpy(rng.integers(0, 256, (4, 2, SIDE, SIDE, 3), np.uint8)) for _ in range(2)]
-    obs = with_pixels(torch.randn(4, 2, 3), images)
+    images = {n: torch.from_numpy(rng.integers(0, 256, (4, 2, SIDE, SIDE, 3), np.uint8)) for n in EYES["images"]}
+    obs = Seen(torch.randn(4, 2, 3), images)
     assert torch.equal(network(obs), network(obs))
     network.train()
     assert not torch.equal(network(obs), network(obs))

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"\]\((?!https?://|mailto:|#)([^)#\s]+)[^)]*\)")
 CODE = re.compile(r"`((?:aerial_il|tests|conf|setup|docs|notebooks|experiments)/[\w./-]+\.\w+)`")
 SHOWN = re.compile(r"^`([\w./-]+)`\n\n```", re.MULTILINE)  # a file whose content follows, for the reader to write
-SAID = re.compile(r"``([\w.-]+(?:/[\w.-]+)+\.(?:py|md|toml|js|html|css))``")  # in a docstring, from the top or a room
+SAID = re.compile(r"``([\w.-]+(?:/[\w.-]+)+\.(?:py|md|toml|js|html|css))``")  # in a docstring
 FORMS = re.compile(r"\b(NAME|GROUP)\b")  # stand for any name
 HISTORY = "CHANGELOG.md"  # tells of files that are gone
 
@@ -36,7 +36,7 @@ def sources() -> list[Path]:
 
 
 def gone(text: str) -> list[str]:
-    """Return the files that code names, of rooms and folders of ours, that are not there."""
+    """Return the files that code names, of packages and folders of ours, that are not there."""
     tops = (ROOT, ROOT / "aerial_il", ROOT / "docs")
     ours = {path.name for top in tops for path in top.iterdir() if path.is_dir()}
     named = (name for name in SAID.findall(text) if name.split("/")[0] in ours and not FORMS.search(name))

@@ -15,8 +15,9 @@ import pytest
 import yaml
 
 import aerial_il
-from aerial_il import benchmarks, policies, robots
+from aerial_il import policies, robots
 from aerial_il.algorithms.bc import BC
+from aerial_il.core import registry
 from aerial_il.suite import tasks
 from aerial_il.suite.tasks import CellError
 from aerial_il.teleop import devices
@@ -26,8 +27,7 @@ from tests.contract.test_feasibility import solved
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("docs/adding.md", "docs/writing_a_task.md")
-FILE = re.compile(r"^`((?:aerial_il|conf)/[\w/]+\.\w+)`\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-COUNTED = re.compile(r"^\| \[(\w+)\].*\| (\d+) \|$", re.MULTILINE)
+FILE = re.compile(r"^`((?:aerial_il|conf|experiments)/[\w/]+\.\w+)`\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def files() -> dict[str, str]:
@@ -36,16 +36,17 @@ def files() -> dict[str, str]:
 
 
 def registries() -> tuple[object, ...]:
-    return (robots.names, robots.get, tasks.names, tasks.get, tasks.cells, benchmarks.names)
+    return (robots.get, tasks.get, tasks.cells)
 
 
 @contextmanager
 def found_beside_ours(top: Path) -> Iterator[None]:
     """Have the registries find the files below ``top`` as they would in a checkout, for a while."""
     with pytest.MonkeyPatch.context() as patch:
-        for folder in {file.parent for file in top.rglob("*.py")}:
-            room = importlib.import_module(".".join(folder.relative_to(top).parts))
-            patch.setattr(room, "__path__", [*room.__path__, str(folder)])
+        folders = {file.parent for file in top.rglob("*.py") if file.name != "study.py"}
+        for folder in folders | {top / "experiments"}:
+            package = importlib.import_module(".".join(folder.relative_to(top).parts))
+            patch.setattr(package, "__path__", [*package.__path__, str(folder)])
         known = set(sys.modules)
         _forget()
         yield
@@ -57,7 +58,7 @@ def found_beside_ours(top: Path) -> Iterator[None]:
 
 @pytest.fixture
 def added(tmp_path: Path) -> Iterator[None]:
-    """All examples, in the folders of their rooms, for one test."""
+    """All examples, in the folders of their kinds, for one test."""
     for path, text in files().items():
         file = tmp_path / path
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -68,8 +69,8 @@ def added(tmp_path: Path) -> Iterator[None]:
 
 def _forget() -> None:
     importlib.invalidate_caches()
-    for registry in registries():
-        registry.cache_clear()  # type: ignore[attr-defined]
+    for each in registries():
+        each.cache_clear()  # type: ignore[attr-defined]
 
 
 def test_the_robot_flies_and_declines(added: None) -> None:
@@ -102,8 +103,8 @@ def test_the_device_is_bound(added: None) -> None:
     assert set(bindings.controls) == set(devices.controls_of("clicker"))
 
 
-def test_the_benchmark_answers_its_question(added: None, tmp_path: Path) -> None:
-    hovering: Any = benchmarks.get("hovering")
+def test_the_study_answers_its_question(added: None, tmp_path: Path) -> None:
+    hovering: Any = registry.get("study", "hovering")
     report = hovering(episodes=2).run(tmp_path, progress=False)
     assert report.verdict == "1 of 1 targets met"
 
@@ -120,13 +121,3 @@ def test_the_task_is_solved_by_its_expert_and_judged_alike(added: None, monkeypa
     test_success.check("touch_point", test_success.judged)
     with pytest.raises(AssertionError, match="the task says True, the instruction False"):
         test_success.check("touch_point", lambda env: np.ones(env.num_envs, bool))
-
-
-def test_contributing_counts_the_lines_of_the_examples() -> None:
-    counted = dict(COUNTED.findall((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")))
-    shown = {path: len(text.splitlines()) for path, text in files().items()}
-    rooms = {"robot": "robots/", "policy": "policies/", "algorithm": "algorithms/", "benchmark": "benchmarks/"}
-    rooms |= {"device": "device", "task": "touch_point"}
-    assert counted.keys() == rooms.keys()
-    for kind, room in rooms.items():
-        assert int(counted[kind]) == sum(lines for path, lines in shown.items() if room in path), kind

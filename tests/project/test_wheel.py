@@ -22,9 +22,9 @@ assert "aerial_il" in EnvConfig.get_known_choices()
 CONFIGURATION = """
 import aerial_il
 from pathlib import Path
-from aerial_il.cli.configuration import groups
+from aerial_il.core import presets
 package = Path(aerial_il.__file__).parent
-assert "site-packages" in package.parts and groups.conf_dir() == package / "conf", groups.conf_dir()
+assert "site-packages" in package.parts and presets.folder() == package / "conf", presets.folder()
 assert (package / "py.typed").is_file()
 """
 
@@ -57,11 +57,14 @@ def test_an_installed_wheel_does_all_that_a_checkout_does(tmp_path: Path) -> Non
     ran(*install, "--constraints", tmp_path / "pins.txt", wheel, ROOT / "plugins/lerobot_env_aerial_il", cwd=home)
     (package,) = (tmp_path / "env/lib").glob("python3*/site-packages/aerial_il")
     shipped = files(package)
+    assert not [file for file in files(package.parent) if file.startswith("experiments/")], "studies do not ship"
 
     assert "aerial-il COMMAND" in ran(bin / "aerial-il", "--help", cwd=home)
     assert "fa_hexa_arm4" in ran(bin / "aerial-il", "list", cwd=home)
     ran(bin / "python", "-c", CONFIGURATION, cwd=home)
     ran(bin / "python", "-c", PLUGIN, cwd=home)
+    told = subprocess.run([bin / "aerial-il", "bench", "wind"], cwd=home, capture_output=True, text=True, check=False)
+    assert (told.returncode, "Studies are run from a checkout" in told.stderr) == (2, True)
     assert "success" in ran(bin / "aerial-il", "demo", *SMALL, "progress=false", cwd=home)
     assert (home / "runs/demo/evaluation/report.html").is_file()
     assert files(package) == shipped, "user data goes to the working directory"

@@ -12,7 +12,7 @@ from tests.safety.hostile import Sound
 ENV = "env=gymnasium:CartPole-v1"
 QUIET = "progress=false"
 CLONE = ["policy.hidden=[8]", "policy.chunk=1", "policy.ensemble=null", "algorithm.steps=2",
-         "algorithm.validate_every=0", "algorithm.log_every=1"]  # fmt: skip
+         "algorithm.validate_every=0", "algorithm.cadence.log_every=1"]  # fmt: skip
 
 
 @pytest.fixture(scope="session")

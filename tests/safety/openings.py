@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import typing
 from collections.abc import Iterator
-from dataclasses import fields
 
 from aerial_il.cli import commands
-from aerial_il.cli.configuration.keys import Located, MaybeLocated, output_key
+from aerial_il.core import schema
 from tests.safety.conftest import CLONE, ENV, QUIET
 from tests.safety.hostile import Sound
 
@@ -25,16 +23,13 @@ FLOWN = ["episodes=1", "threads=1", QUIET]
 
 
 def keys() -> Iterator[tuple[str, str]]:
-    """Yield command and key wherever a place that may be a stranger's is typed."""
+    """Yield command and key wherever a place that may be somebody else's is typed."""
     for name in commands.names():
-        command = commands.find(name)
-        hints = typing.get_type_hints(command.config)
-        for field in fields(command.config):
-            located = isinstance(hints[field.name], type) and issubclass(hints[field.name], (Located, MaybeLocated))
-            text = hints[field.name] in (str, str | None, list[str], list[str] | None, dict[int, str])
-            opens = located or field.metadata.get("path") or text
-            if opens and name not in CLOSED and field.name not in PLAIN and (name, field.name) not in WRITTEN:
-                yield name, field.name
+        for key in schema.keys(commands.find(name).settings):
+            opens = key.takes in ("place", "text", "texts", "mapping") and "." not in key.name
+            named = key.kind or key.options or key.name in PLAIN
+            if opens and not named and name not in CLOSED and (name, key.name) not in WRITTEN:
+                yield name, key.name
 
 
 def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
@@ -84,4 +79,4 @@ def words(name: str, key: str, value: object, sound: Sound) -> list[str]:
 
 def writes(name: str) -> str:
     """Return the key of a command's results."""
-    return output_key(commands.find(name).config)
+    return commands.find(name).output

@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from aerial_il.cli.main import main
-from tests.cli.composed_once import composed_once
 from tests.safety.bounds import MAX_BYTES, MAX_CPU_S, peak
 from tests.safety.hostile import ATTACKS, SCRIPT, Sound, trace
 from tests.safety.openings import beside, keys, words
@@ -34,12 +32,6 @@ EVERYWHERE = ("policy_pickled", "index_of_tags")  # against every key, by defaul
 FIRST = [(*key, attack) for attack in ATTACKS for kind, at in OWN.items() if attack.startswith(kind) for key in at]
 FIRST += [(*key, attack) for attack in EVERYWHERE for key in keys() if (*key, attack) not in FIRST]
 REST = [(*key, attack) for key in keys() for attack in ATTACKS if (*key, attack) not in FIRST]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _quick() -> Iterator[None]:
-    with composed_once():
-        yield
 
 
 def test_every_key_that_opens_something_says_how(sound: Sound) -> None:

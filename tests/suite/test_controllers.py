@@ -8,7 +8,7 @@ import pytest
 
 import aerial_il
 from aerial_il.control import controller_state as layout
-from aerial_il.control import laws
+from aerial_il.control import controllers
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from tests.contract.registered import random_actions
@@ -16,7 +16,7 @@ from tests.contract.registered import random_actions
 CELL = ("ua_quad_arm4", "reach")
 
 
-@pytest.mark.parametrize("law", laws.names())
+@pytest.mark.parametrize("law", controllers.names())
 def test_a_stored_state_resumes_and_one_world_equals_a_batch(law: str) -> None:
     batch = aerial_il.load_batch(*CELL, num_envs=3, tier="gusts", controller=law)
     single = aerial_il.load(*CELL, tier="gusts", controller=law, seed=1)
@@ -34,7 +34,7 @@ def test_a_stored_state_resumes_and_one_world_equals_a_batch(law: str) -> None:
             batch.step(actions[step])
         ends.append(batch.get_state())
     np.testing.assert_array_equal(*ends)
-    integrals = batch.simulation.view.userdata[:, layout.POSITION_INTEGRAL : layout.ATTITUDE_INTEGRAL + 3]
+    integrals = batch.simulation.view.userdata[:, layout.LAW : layout.LAW + layout.LAW_SIZE]
     assert integrals.any() == (law == "pid"), "the integrators are part of the state"
     batch.close()
     single.close()
@@ -52,5 +52,5 @@ def test_the_specification_says_who_flies_and_policies_do_not_care() -> None:
 
 
 def test_an_unknown_controller_is_answered_with_the_valid_ones() -> None:
-    with pytest.raises(UnknownNameError, match="Valid: geometric_observer, geometric, pid, lqr"):
+    with pytest.raises(UnknownNameError, match="Valid: geometric, geometric_observer, lqr, pid"):
         aerial_il.load(*CELL, controller="mpc")

@@ -12,9 +12,8 @@ from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.rotations import IDENTITY
 from aerial_il.suite.environment import AerialEnvironment
 from aerial_il.suite.physics import episode_state
-from aerial_il.suite.physics.aerodynamics import GROUND_EFFECT, air_wrench, ground_effect
-from aerial_il.suite.physics.wind import PRESSURE, VELOCITY, WIND_SIZE
-from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.physics.aerodynamics import GROUND_EFFECT, air_wrench, ground_effect, quadratic_drag
+from aerial_il.suite.physics.hooks import EFFECTS
 from tests.contract.registered import CELLS, batch, hold_actions, single
 
 DT = 0.004
@@ -152,16 +151,17 @@ def test_ground_effect_follows_its_curve() -> None:
 
 @each_in_air
 def test_the_air_brakes_and_carries(robot: str) -> None:
-    vehicle, air, still = robots.get(robot).vehicle, Scenario(robot, task_of(robot)).air, np.zeros(WIND_SIZE)
+    vehicle, still = robots.get(robot).vehicle, np.zeros(1, EFFECTS)[0]
+    air = quadratic_drag(vehicle)
     off, hover = np.zeros(len(vehicle.rotor_max)), vehicle.mixer[:, 2] * vehicle.mass * GRAVITY
     vel = (1.0, -2.0, 0.5)
     drag, torque = air_wrench(vehicle.record, air, still, (0.0, 0.0, 50.0), IDENTITY, vel, off)
-    coefficients = vehicle.drag + air.quadratic_drag * np.linalg.norm(vel)
+    coefficients = vehicle.drag + air * np.linalg.norm(vel)
     np.testing.assert_allclose(drag, -coefficients * vel)
     np.testing.assert_allclose(torque, 0.0)
     sideways = (0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # yawed by a quarter turn
     turned, _ = air_wrench(vehicle.record, air, still, (0.0, 0.0, 50.0), sideways, (1.0, 0.0, 0.0), off)
-    np.testing.assert_allclose(turned, [-vehicle.drag[1] - air.quadratic_drag, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(turned, [-vehicle.drag[1] - air, 0.0, 0.0], atol=1e-12)
     rest = (0.0, 0.0, 0.0)
     low, _ = air_wrench(vehicle.record, air, still, (0.0, 0.0, vehicle.rotor_radius), IDENTITY, rest, hover)
     high, _ = air_wrench(vehicle.record, air, still, (0.0, 0.0, 3.0), IDENTITY, rest, hover)
@@ -171,22 +171,23 @@ def test_the_air_brakes_and_carries(robot: str) -> None:
 
 @each_in_air
 def test_the_wind_pushes_as_flying_against_it_would(robot: str) -> None:
-    vehicle, air, wind = (
-        robots.get(robot).vehicle.record,
-        Scenario(robot, task_of(robot), "gusts").air,
-        np.zeros(WIND_SIZE),
-    )
+    vehicle, air = robots.get(robot).vehicle.record, quadratic_drag(robots.get(robot).vehicle)
+    still, wind = np.zeros(2, EFFECTS)
     off, high = np.zeros(vehicle.num_rotors), (0.0, 0.0, 50.0)
-    wind[VELOCITY : VELOCITY + 3] = [4.0, -3.0, 0.5]
+    wind["wind"] = [4.0, -3.0, 0.5]
     blown, torque = air_wrench(vehicle, air, wind, high, IDENTITY, (0.0, 0.0, 0.0), off)
-    flown, _ = air_wrench(vehicle, air, np.zeros(WIND_SIZE), high, IDENTITY, (-4.0, 3.0, -0.5), off)
+    flown, _ = air_wrench(vehicle, air, still, high, IDENTITY, (-4.0, 3.0, -0.5), off)
     np.testing.assert_allclose(blown, flown)
     np.testing.assert_allclose(torque, 0.0, err_msg="the centre of pressure is in the middle")
     with_it, _ = air_wrench(vehicle, air, wind, high, IDENTITY, (4.0, -3.0, 0.5), off)
     np.testing.assert_allclose(with_it, 0.0, atol=1e-12, err_msg="who drifts along feels no wind")
-    wind[PRESSURE : PRESSURE + 3] = [1.0, -0.5, 2.0]
+    wind["lever"] = [0.01, -0.005, 0.02]
     _, torque = air_wrench(vehicle, air, wind, high, IDENTITY, (0.0, 0.0, 0.0), off)
-    np.testing.assert_allclose(torque, np.cross(air.pressure_spread * np.array([1.0, -0.5, 2.0]), blown))
+    np.testing.assert_allclose(torque, np.cross(wind["lever"], blown))
+    wind["force"], wind["torque"] = [1.0, 2.0, 3.0], [0.1, 0.2, 0.3]
+    pushed, turned = air_wrench(vehicle, air, wind, high, IDENTITY, (0.0, 0.0, 0.0), off)
+    np.testing.assert_allclose(np.subtract(pushed, blown), [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(np.subtract(turned, torque), [0.1, 0.2, 0.3])
 
 
 @each_in_air
@@ -203,8 +204,7 @@ def test_an_unknown_mass_on_the_base_leaves_the_air_where_it_acts(robot: str) ->
 
 
 def test_calm_air_is_still() -> None:
-    assert Scenario("ua_quad_arm4", "reach", "calm").air.speed == 0.0
     env = single("ua_quad_arm4", "reach", "calm")
     env.reset(seed=1)
     env.step(env.spec.action.clip(np.zeros(env.spec.action.size)))
-    assert not env.simulation.view.userdata[0, episode_state.WIND].any()
+    assert not env.simulation.view.userdata[0, episode_state.MEMORIES["wind"]].any()

@@ -7,9 +7,9 @@ import json
 
 import pytest
 
+from aerial_il import robots
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import tiers
-from aerial_il.suite.physics.sensing import Sensors
 
 
 def test_the_tiers_grow_rougher() -> None:
@@ -18,19 +18,19 @@ def test_the_tiers_grow_rougher() -> None:
     assert tiers.get("calm").components == ("noise",)
     assert tiers.get("breeze").components == ("wind", "noise")
     assert tiers.get("gusts").components == ("wind", "noise", "estimation")
-    assert tiers.get("hard").components == tiers.COMPONENTS
-    shares = [tiers.get(name).wind for name in ("breeze", "gusts", "hard")]
-    assert [wind.share for wind in shares if wind] == [0.06, 0.13, 0.13]
+    assert tiers.get("hard").components == tiers.components()
+    shares = [tiers.get(name).to_dict()["wind"]["share"] for name in ("breeze", "gusts", "hard")]
+    assert shares == [0.06, 0.13, 0.13]
 
 
-@pytest.mark.parametrize("component", tiers.COMPONENTS)
+@pytest.mark.parametrize("component", tiers.components())
 def test_each_component_can_stand_alone_and_be_left_out(component: str) -> None:
     hard, alone = tiers.get("hard"), tiers.get(f"calm+{component}")
-    assert getattr(alone, component) == getattr(hard, component)
+    assert alone.parts[component] == hard.parts[component]
     assert set(alone.components) == {"noise", component}
     without = tiers.get(f"hard-{component}")
-    assert getattr(without, component) is None
-    assert dataclasses.replace(without, name="hard", **{component: getattr(hard, component)}) == hard
+    assert component not in without.parts
+    assert dataclasses.replace(without.with_part(component, hard.parts[component]), name="hard") == hard
 
 
 def test_names_are_canonical() -> None:
@@ -41,16 +41,17 @@ def test_names_are_canonical() -> None:
     assert tiers.get(tiers.get("hard-noise-wind").name) == tiers.get("hard-noise-wind")
 
 
-def test_noise_scales_the_sensors_errors() -> None:
-    assert tiers.get("gusts").sensors == Sensors()
-    assert tiers.get("hard").sensors == pytest.approx((0.003, 0.015, 0.0045, 0.015, Sensors().time))
-    assert tiers.get("calm-noise").sensors == Sensors(0.0, 0.0, 0.0, 0.0, Sensors().time)
+def test_noise_scales_the_errors_of_the_estimate() -> None:
+    robot = robots.get("quad")
+    once, more = (tiers.get(name).parts["noise"].numbers(robot) for name in ("gusts", "hard"))
+    assert once == {"position": 0.002, "velocity": 0.01, "attitude": 0.003, "rate": 0.01, "time": 0.1}
+    assert more == pytest.approx({"position": 0.003, "velocity": 0.015, "attitude": 0.0045, "rate": 0.015, "time": 0.1})
 
 
 def test_a_tier_is_fixed_and_describes_itself_in_plain_values() -> None:
     tier = tiers.get("hard-wind")
     with pytest.raises(dataclasses.FrozenInstanceError):
-        tier.wind = None  # type: ignore[misc]
+        tier.parts = {}  # type: ignore[misc]
     described = json.loads(json.dumps(tier.to_dict()))
     assert tuple(described) == tier.components
     assert described["payload"] == {"object_mass": 0.3, "base_mass": 0.05}

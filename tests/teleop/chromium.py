@@ -1,4 +1,4 @@
-"""The browser of the benchmarks, for tests that are left out where there is none."""
+"""The browser, for tests that are left out where there is none."""
 
 from __future__ import annotations
 

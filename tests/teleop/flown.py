@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aerial_il.cli.configuration import groups
+from aerial_il.core import presets
 from aerial_il.core.contracts import Policy
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.devices import drivers_of
@@ -48,7 +48,7 @@ async def flown(
 ) -> AsyncIterator[Flown]:
     """Fly, on a page, into the folder ``out``, or watch ``policy`` fly."""
     env, bindings = world(**settings), shipped(*devices)
-    drivers = drivers_of({name: groups.read_option("device", name) for name in devices}, hardware)
+    drivers = drivers_of({name: presets.read("device", name) for name in devices}, hardware)
     logbook = Logbook(env, str(out), operator="ada", first_seed=5000, policy=policy and "policy")
     cockpit = Cockpit(env, bindings, logbook, policy=policy, countdown=countdown)
     there: asyncio.Future[Server] = asyncio.get_running_loop().create_future()

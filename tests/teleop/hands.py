@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import aerial_il
-from aerial_il.cli.configuration import groups
+from aerial_il.core import presets
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.devices import bindings_of
 from aerial_il.teleop.input.mapping import Bindings
@@ -16,7 +16,7 @@ from aerial_il.teleop.input.mapping import Bindings
 
 def shipped(*names: str) -> Bindings:
     """Return the bindings of shipped devices."""
-    return bindings_of({name: groups.read_option("device", name) for name in names})
+    return bindings_of({name: presets.read("device", name) for name in names})
 
 
 def world(robot: str = "fa_hexa_arm4", task: str = "reach", **settings: Any) -> BatchEnvironment:

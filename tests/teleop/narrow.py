@@ -1,7 +1,7 @@
-"""The narrow link of the benchmarks."""
+"""The narrow link of the study of teleoperation."""
 
 from __future__ import annotations
 
-from aerial_il.benchmarks.parts.teleop.narrow import narrowed
+from experiments.teleop.narrow import narrowed
 
 __all__ = ["narrowed"]

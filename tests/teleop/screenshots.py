@@ -19,9 +19,9 @@ from PIL import Image
 
 import aerial_il
 from aerial_il.algorithms.interactive.costs import FlightCosts
-from aerial_il.cli.flights.sessions import summary
 from aerial_il.suite.physics.episode_state import FORCES
 from aerial_il.teleop.page_operator import progress_of
+from aerial_il.workflows.parts.sessions import summary
 from tests.teleop.chromium import Opener, Tab, browser
 from tests.teleop.flown import Flown, flown
 

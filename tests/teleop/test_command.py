@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.commands.flying import teleop
 from aerial_il.cli.main import BAD_USAGE, main
+from aerial_il.workflows import teleop
 
 
 @pytest.mark.render

@@ -14,11 +14,11 @@ import pytest
 import aerial_il
 from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.interactive.problem import Operator
-from aerial_il.cli.flights.page import operator
 from aerial_il.data.dataset import open_dataset
 from aerial_il.teleop.flight import Site
 from aerial_il.teleop.page_operator import PageOperator, progress_of
 from aerial_il.teleop.web.server import Server
+from aerial_il.workflows.parts.page import operator
 from tests.teleop.hands import shipped, world
 
 pytestmark = pytest.mark.render

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch, ReplayBuffer
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
 
 

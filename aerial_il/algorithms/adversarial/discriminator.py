@@ -48,7 +48,7 @@ class RunningNorm(nn.Module):
 
     @torch.no_grad()
     def add(self, inputs: Tensor) -> None:
-        """Take a batch in; see :class:`aerial_il.algorithms.rl.returns.RunningMoments`."""
+        """Take a batch in; see :class:`aerial_il.algorithms.online.moments.RunningMoments`."""
         count, away = len(inputs), inputs.mean(0) - self.mean
         total = self.count + count
         self.square += ((inputs - inputs.mean(0)) ** 2).sum(0) + away**2 * self.count * count / total

@@ -19,8 +19,8 @@ from aerial_il.algorithms.adversarial.discriminator import (
     cross_entropy,
     gradient_penalty,
 )
-from aerial_il.algorithms.rl.interface import encode, encode_actions
-from aerial_il.algorithms.rl.replay.replay_buffer import Batch
+from aerial_il.algorithms.online.interface import encode, encode_actions
+from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import Shape
-from aerial_il.algorithms.rl.imitation import Imitation
+from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.run.checks import (
     require_choice,
     require_not_negative,
@@ -17,49 +18,58 @@ from aerial_il.algorithms.run.checks import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Adversarial(Imitation):
-    """Settings of imitation against a discriminator; stands before :class:`OffPolicy` or :class:`OnPolicy`.
+class LearnedReward:
+    """The discriminator, whose output is the reward.
 
     Attributes:
-        bc_pretrain_steps: minibatches of behavioural cloning before the first flight.
-        action_noise: give the discriminator demonstrated actions with the noise that the agent explores with. Else that
-            noise is what it recognises the agent by, long before it sees where the agent errs.
-        reward: form of the discriminator's reward, ``gail``, ``airl`` or ``exit``.
-        reward_hidden: its widths. reward_lr: its learning rate. reward_updates: how often it learns.
-        gradient_penalty: weight of that penalty, 0 for none. spectral_norm: normalise its matrices.
+        form: of the reward, ``gail``, ``airl`` or ``exit``.
+        hidden: widths of the discriminator.
+        lr: its learning rate.
+        updates: how often it learns.
+        gradient_penalty: weight of that penalty; 0 for none.
+        spectral_norm: normalise its matrices.
         dropout: of its inputs and hidden units.
+        action_noise: give it demonstrated actions with the noise that the agent explores with. Else that noise is what
+            it recognises the agent by, long before it sees where the agent errs.
     """
 
-    bc_pretrain_steps: int = 0
-    action_noise: bool = False
-    reward: Reward = "gail"
-    reward_hidden: tuple[int, ...] = (64, 64)
-    reward_lr: float = 1e-3
-    reward_updates: float = 1
-    gradient_penalty: float = 1.0
-    spectral_norm: bool = False
-    dropout: float = 0.0
+    form: Reward
+    hidden: tuple[int, ...]
+    lr: float
+    updates: float
+    gradient_penalty: float
+    spectral_norm: bool
+    dropout: float
+    action_noise: bool
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "reward_lr", "reward_updates")
+        require_positive(self, "lr", "updates")
         require_share(self, "dropout", below_one=True)
-        require_widths(self, "reward_hidden")
-        require_not_negative(self, "bc_pretrain_steps", "gradient_penalty")
-        require_choice(self, "reward", Reward)
+        require_widths(self, "hidden")
+        require_not_negative(self, "gradient_penalty")
+        require_choice(self, "form", Reward)
 
-    @property
-    def begins_cloned(self) -> bool:
-        """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
-        return self.bc_pretrain_steps > 0 and self.control != "constant_reward"
-
-    def reward_shape(self, *, running_norm: bool) -> Shape:
-        """Return of what form the discriminator is; ``running_norm``: it standardises its inputs itself."""
+    def shape(self, *, running_norm: bool, actions: bool = True) -> Shape:
+        """Return of what form the discriminator is: whether it standardises its inputs itself, and sees actions."""
         return {
-            "hidden": self.reward_hidden,
+            "hidden": self.hidden,
             "spectral": self.spectral_norm,
             "dropout": self.dropout,
             "running_norm": running_norm,
-            "actions": True,
-            "form": self.reward,
+            "actions": actions,
+            "form": self.form,
         }
+
+
+class Pretrained(Protocol):
+    """What may begin with behavioural cloning."""
+
+    @property
+    def bc_pretrain_steps(self) -> int: ...
+    @property
+    def demonstrations(self) -> Demonstrations: ...
+
+
+def begins_cloned(settings: Pretrained) -> bool:
+    """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
+    return settings.bc_pretrain_steps > 0 and settings.demonstrations.control != "constant_reward"

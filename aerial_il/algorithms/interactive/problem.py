@@ -5,18 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from aerial_il.algorithms.interactive.costs import FlightCosts
-from aerial_il.algorithms.interactive.settings import InteractiveSettings
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
+from aerial_il.core.composition import plain
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.settings import plain
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
 from aerial_il.policies.parts.network import PolicySettings
+
+if TYPE_CHECKING:
+    from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 
 
 class Collected(Protocol):
@@ -81,7 +83,7 @@ class InteractiveProblem:
         collect: records flights. progress: show progress bars.
     """
 
-    settings: InteractiveSettings
+    settings: InteractiveAlgorithm
     policy: PolicySettings
     seed: int
     env: BatchEnv

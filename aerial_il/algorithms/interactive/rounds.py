@@ -21,13 +21,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.costs import FlightCosts, metrics_of
 from aerial_il.algorithms.interactive.problem import InteractiveProblem, Operator, as_shown, check_environment
 from aerial_il.algorithms.interactive.round_flights import RoundFlights
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.threads import torch_threads
-from aerial_il.algorithms.supervised.algorithm import SupervisedAlgorithm
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import Policy
@@ -156,7 +156,7 @@ class Rounds:
         dataset: Sequence[Episode],
         *,
         seed: int,
-        training: SupervisedAlgorithm | None = None,
+        training: BC | None = None,
         weights: Sequence[float] | None = None,
     ) -> ChunkPolicy:
         """Return a policy that only serves beside the learner, trained afresh on ``dataset``.
@@ -192,7 +192,7 @@ class Rounds:
 
     def _train(
         self,
-        training: SupervisedAlgorithm,
+        training: BC,
         dataset: Sequence[Episode],
         run: Path,
         seed: int,

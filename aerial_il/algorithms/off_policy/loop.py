@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.exploration import Explorer, RandomActions
 from aerial_il.algorithms.off_policy.settings import Replay
-from aerial_il.algorithms.rl.agent import Agent
-from aerial_il.algorithms.rl.off_policy import Explorer, RandomActions
-from aerial_il.algorithms.rl.online_run import OnlineRun
-from aerial_il.algorithms.rl.replay.experience_replay import ExperienceReplay
-from aerial_il.algorithms.rl.replay.hindsight import Hindsight
-from aerial_il.algorithms.rl.replay.replay_buffer import ReplayBuffer
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.run.state import Stateful
 
 
 class Settings(Protocol):
@@ -26,50 +23,63 @@ class Settings(Protocol):
     def lr_floor(self) -> float: ...
     @property
     def replay(self) -> Replay: ...
+
+
+class Flights(Protocol):
+    """What flies and keeps its flights: :class:`ExperienceReplay`, or one that keeps more."""
+
     @property
-    def hindsight(self) -> Hindsight: ...
+    def parts(self) -> Mapping[str, Stateful]: ...
+    def step(self, explorer: Explorer) -> None: ...
+    def finish_warmup(self) -> None: ...
 
 
 def learn_off_policy(
     run: OnlineRun,
     settings: Settings,
     agent: Agent,
-    update: Callable[[ExperienceReplay, bool], Mapping[str, float]],
+    flights: Flights,
+    update: Callable[[bool], Mapping[str, float]],
     *,
     pilot: Explorer | None = None,
-    demos: ReplayBuffer | None = None,
+    parts: Mapping[str, Stateful] | None = None,
+    prepare: Callable[[], None] | None = None,
     offline: int = 0,
-    obs_norm: bool = False,
-    absorbing: bool = False,
-) -> ChunkPolicy:
-    """Fly, store, learn, until no steps are left; return the trained policy.
+    every: int = 1,
+) -> None:
+    """Fly, store, learn, until no steps are left; ``run.finish()`` then saves the policy.
 
     Args:
         agent: flies once the warm-up is over.
-        update: one gradient step on the replay buffer, told whether the actor improves -> named numbers.
+        flights: take its steps and keep them.
+        update: one gradient step, handed whether the actor improves -> named numbers.
         pilot: who flies through the warm-up, while nothing is learned; ``agent`` flies but does not learn either; None
             for the agent, whose critics learn meanwhile.
-        demos: demonstrations that are sampled from. offline: updates before the first flight.
-        obs_norm, absorbing: see :class:`ExperienceReplay`.
+        parts: what else changes while the run goes on, by name.
+        prepare: called once a turn, before its updates.
+        offline: updates before the first flight.
+        every: environment steps from one block of updates to the next.
     """
-    hindsight = settings.hindsight
-    replay = ExperienceReplay(
-        run, settings.replay.capacity, hindsight=hindsight, obs_norm=obs_norm, absorbing=absorbing
-    )
-    random = pilot if isinstance(pilot, RandomActions) else RandomActions(run.sizes[1], run.rng("warm-up"))
-    shown = {"demonstrations": demos} if demos is not None else {}
-    run.begin(agent.actor, {"agent": agent, **shown, "random_actions": random, **replay.parts})
+    random = {"random_actions": pilot} if isinstance(pilot, RandomActions) else {}
+    run.begin(agent.actor, {"agent": agent, **(parts or {}), **random, **flights.parts})
 
     for _ in run.offline(offline):
-        run.log(update(replay, True))
+        run.log(update(True))
     while run.goes_on():
         warming_up = run.collector.steps < settings.warmup
-        waiting = warming_up and pilot is not None
-        replay.step(pilot if waiting else agent)
+        waiting = pilot if warming_up else None
+        flights.step(waiting or agent)
         if not warming_up:
-            replay.finish_warmup()
-        agent.set_lr(settings.lr * (settings.lr_floor + (1.0 - settings.lr_floor) * run.left))
-        for _ in range(0 if waiting else run.updates_due(settings.replay.updates_per_step)):
-            run.log(update(replay, not warming_up))
+            flights.finish_warmup()
+        agent.set_lr(lr_at(settings, run.left))
+        if waiting is None:
+            if prepare:
+                prepare()
+            for _ in range(run.updates_due(settings.replay.updates_per_step, every)):
+                run.log(update(not warming_up))
         run.end_turn()
-    return run.finish()
+
+
+def lr_at(settings: Settings, left: float) -> float:
+    """Return the learning rate when the share ``left`` of the training is left."""
+    return settings.lr * (settings.lr_floor + (1.0 - settings.lr_floor) * left)

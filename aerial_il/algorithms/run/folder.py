@@ -27,8 +27,7 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
 from aerial_il.core.provenance import provenance
-from aerial_il.core.renamed import ADDED, ALGORITHM_KEYS, MOVED
-from aerial_il.core.renamed import METRICS as METRIC_NAMES
+from aerial_il.core.renamed import moved
 from aerial_il.policies import FINAL
 
 if TYPE_CHECKING:
@@ -120,7 +119,7 @@ class RunFolder:
 
 
 def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
-    """Return the rows of a run's metrics by their present names; a last row cut short by a kill is left out."""
+    """Return the rows of a run's metrics; a last row cut short by a kill is left out."""
     file = Path(run) / METRICS
     try:
         lines = read_text(file).splitlines(keepends=True)
@@ -128,7 +127,7 @@ def read_metrics(run: str | os.PathLike[str]) -> list[dict[str, float]]:
         for row in rows:
             if not math.isfinite(row["step"]) or not all(isinstance(value, int | float) for value in row.values()):
                 raise ValueError(f"a row is not one of metrics: {row}")
-        return [{METRIC_NAMES.get(name, name): value for name, value in row.items()} for row in rows]
+        return rows
     except FileNotFoundError:
         return []
     except (OSError, ValueError, AttributeError, LookupError, TypeError) as error:
@@ -188,7 +187,11 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
     text = yaml.dump(dict(config), Dumper=PlainDumper, sort_keys=False)
     if (path / checkpoint.FOLDER).exists() and (path / CONFIG).exists():
         before, now = _flat(_settings(path), cadence), _flat(parse_yaml(CONFIG, text), cadence)
-        before = {**_unsaid(now), **{_new_key(key, now): value for key, value in before.items()}}
+        if old := [key for key in before if _has_moved(key, now)]:
+            raise InvalidValueError(
+                f"{path} was begun by an earlier version, which called settings otherwise ({', '.join(old)}). Its "
+                "policy can be flown; to train on, choose another run=NAME, or begin again with resume=false."
+            )
         if differing := differences(before, now, dataset=_dataset(path)):
             changes = "; ".join(differing)
             raise InvalidValueError(f"{path} holds another run ({changes}). Choose another run=NAME or resume=false.")
@@ -217,20 +220,10 @@ def _settings(path: Path) -> dict[str, Any]:
         raise CheckpointError(path / CONFIG, f"is damaged ({error}).", START_AGAIN) from error
 
 
-def _unsaid(now: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those of the settings in ``now`` that an earlier version did not write, as it ran."""
-    added = {f"settings.{name}": value for name, value in ADDED.items()}
-    return {key: value for key, value in added.items() if key in now}
-
-
-def _new_key(key: str, now: Mapping[str, Any]) -> str:
-    """Return what a setting that an earlier version wrote is called ``now``."""
-    group, _, name = key.partition(".")
-    if group != "settings":
-        return key
-    name = ALGORITHM_KEYS.get(name, name)
-    moved = f"settings.{MOVED.get(name, name)}"
-    return moved if moved in now else f"settings.{name}"
+def _has_moved(key: str, now: Mapping[str, Any]) -> bool:
+    """Whether ``key`` is what an earlier version called a setting that is among those of ``now`` by another name."""
+    known = {each.removeprefix("settings.") for each in now if each.startswith("settings.")}
+    return key not in now and moved(key.removeprefix("settings."), known) is not None
 
 
 def _flat(tree: Any, cadence: tuple[str, ...], prefix: str = "") -> dict[str, Any]:

@@ -9,7 +9,6 @@ import numpy as np
 import torch
 
 from aerial_il.core.checkpoint import Checkpoint
-from aerial_il.core.renamed import TRAINING_STATE
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.prefixed import below, under
 
@@ -47,8 +46,7 @@ def pack(parts: Mapping[str, Stateful], policy: ChunkPolicy) -> Checkpoint:
 
 
 def unpack(saved: Checkpoint, parts: Mapping[str, Stateful]) -> None:
-    """Restore ``parts`` and torch's generators from what :func:`pack` made, now or in an earlier version."""
-    saved = with_new_names(saved)
+    """Restore ``parts`` and torch's generators from what :func:`pack` made."""
     separate(Snapshot(below(PARTS, saved.arrays), saved.state[PARTS]), parts)
     torch.set_rng_state(torch.from_numpy(saved.arrays[GENERATOR].copy()))
     if CUDA_GENERATOR in saved.arrays:
@@ -66,35 +64,6 @@ def separate(saved: Snapshot, parts: Mapping[str, Stateful]) -> None:
     """Restore several parts from what :func:`joined` made of them."""
     for name, part in parts.items():
         part.restore(Snapshot(below(name, saved.arrays), saved.values.get(name, {})))
-
-
-def with_new_names(saved: Checkpoint) -> Checkpoint:
-    """Return a checkpoint of an earlier version as this one names its parts; one of this version as it is."""
-    if "learner" in saved.state:
-        saved = _from_learner(saved)
-    arrays = {_new_name(name): array for name, array in saved.arrays.items()}
-    parts = {TRAINING_STATE.get(name, name): values for name, values in saved.state[PARTS].items()}
-    return Checkpoint(arrays, {**saved.state, PARTS: parts}, saved.config)
-
-
-def _new_name(array: str) -> str:
-    """Return the new name of an array ``parts.PART.NAME``."""
-    prefix, _, rest = array.partition(".")
-    part, _, name = rest.partition(".")
-    return f"{PARTS}.{TRAINING_STATE[part]}.{name}" if prefix == PARTS and part in TRAINING_STATE else array
-
-
-def _from_learner(saved: Checkpoint) -> Checkpoint:
-    """Return a checkpoint of behaviour cloning from before all algorithms shared one layout."""
-    state, arrays = saved.state["learner"], dict(saved.arrays)
-    arrays |= under(f"{PARTS}.learner.averaged", below("network", saved.arrays))
-    arrays |= under(f"{PARTS}.learner", below("learner", saved.arrays))
-    for kind, name in (("cpu", GENERATOR), ("cuda", CUDA_GENERATOR)):
-        if kind in state["rng"]:
-            arrays[name] = np.frombuffer(bytes.fromhex(state["rng"][kind]), np.uint8)
-    means = {"sums": {name: [total, state["summed"]] for name, total in state["sums"].items()}}
-    values = {"step": state["step"], "elapsed_s": state["elapsed_s"], "means": means}
-    return Checkpoint(arrays, {**saved.state, PARTS: {"learner": values}}, saved.config)
 
 
 class Generator:

@@ -6,11 +6,9 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
-from torch import Tensor
-
-Minibatch = tuple[Tensor, ...]
+Minibatch = tuple[Any, ...]
 AHEAD = 2  # minibatches of images; those of states alone are gathered faster than a thread is woken
 
 

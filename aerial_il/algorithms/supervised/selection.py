@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -17,7 +17,7 @@ Quality = Literal["duration", "smoothness", "reward"]
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """Settings; by default every demonstration counts alike.
+    """Which demonstrations are learned from, and how much each counts.
 
     Attributes:
         operators: who flew, as the recordings name them (``expert``, a person, a policy's folder); empty for everyone.
@@ -31,12 +31,12 @@ class Selection:
             DAgger, count as much as others.
     """
 
-    operators: tuple[str, ...] = ()
-    quality: Quality = "duration"
-    keep: float = 1.0
-    sharpness: float = 0.0
-    operator_weights: Mapping[str, float] = field(default_factory=dict)
-    failures: float = 0.0
+    operators: tuple[str, ...]
+    quality: Quality
+    keep: float
+    sharpness: float
+    operator_weights: Mapping[str, float]
+    failures: float
 
     def __post_init__(self) -> None:
         make_tuples(self)

@@ -6,19 +6,19 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
-from typing import Any
+from dataclasses import Field, asdict
+from typing import Any, ClassVar, Protocol
 
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.run.cadence import Evaluate, due
+from aerial_il.algorithms.run.cadence import CADENCE, Cadence, Evaluate, due
 from aerial_il.algorithms.run.folder import BEST, RunFolder, read_metrics
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import pack, unpack
 from aerial_il.algorithms.run.threads import torch_threads
-from aerial_il.algorithms.supervised.algorithm import SUCCESS, SupervisedAlgorithm, require_device
 from aerial_il.algorithms.supervised.best_checkpoint import BestCheckpoint
+from aerial_il.algorithms.supervised.device import require_device
 from aerial_il.algorithms.supervised.learner import Learner
 from aerial_il.algorithms.supervised.loader import AHEAD, Loader
 from aerial_il.algorithms.supervised.prepared import Prepared
@@ -29,8 +29,33 @@ from aerial_il.core.provenance import provenance
 from aerial_il.core.seeding import torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
-from aerial_il.policies.parts.network import ChunkNetwork, masked_mean
+from aerial_il.policies.parts.network import ChunkNetwork, Shown, masked_mean
 from aerial_il.policies.parts.vision import build_network
+
+SUCCESS = "success"
+
+
+class Settings(Protocol):
+    """What a run reads of the settings of its algorithm, a dataclass; :class:`BC` says what they mean."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def steps(self) -> int: ...
+    @property
+    def minutes(self) -> float | None: ...
+    @property
+    def validate_every(self) -> int: ...
+    @property
+    def best_by(self) -> str: ...
+    @property
+    def patience(self) -> int: ...
+    @property
+    def cadence(self) -> Cadence: ...
+    @property
+    def device(self) -> str: ...
+    @property
+    def threads(self) -> int: ...
 
 
 class SupervisedRun:
@@ -44,7 +69,7 @@ class SupervisedRun:
         self,
         stack: ExitStack,
         folder: RunFolder,
-        settings: SupervisedAlgorithm,
+        settings: Settings,
         data: Prepared,
         *,
         origin: dict[str, Any],
@@ -89,8 +114,9 @@ class SupervisedRun:
 
     @property
     def progress(self) -> float:
-        """Share of the training that is done."""
-        return self._settings.progress_at(self._learner.step, self._learner.elapsed_s)
+        """Share of the training that is done, by steps or by time."""
+        learner, minutes = self._learner, self._settings.minutes
+        return max(learner.step / self._settings.steps, learner.elapsed_s / (60 * minutes) if minutes else 0.0)
 
     def goes_on(self) -> bool:
         """Evaluate where that is due; return whether there is something left to learn.
@@ -99,26 +125,27 @@ class SupervisedRun:
         """
         step, done = self._learner.step, self.progress >= 1
         self._policy.origin["step"] = step
-        if self._evaluate and step and (done or due(self._settings.evaluate_every, step)):
+        if self._evaluate and step and (done or due(self._settings.cadence.evaluate_every, step)):
             done = self._judged(self._evaluate, step) or done
         self._started = time.perf_counter()
         return not done
 
-    def minibatch(self) -> tuple[Tensor, ...]:
+    def minibatch(self) -> tuple[Shown, Tensor, Tensor]:
         """Return the observations, actions and validity of this step; see :meth:`TrainingSet.gather`."""
-        return self._loader.take(self._learner.step)
+        obs, actions, valid = self._loader.take(self._learner.step)
+        return obs, actions, valid
 
     def end_step(self, lr: float) -> None:
         """End one optimisation step: log, validate, take a checkpoint, leave on a signal, each where it is due."""
-        learner, settings = self._learner, self._settings
+        learner, cadence = self._learner, self._settings.cadence
         learner.elapsed_s += time.perf_counter() - self._started
         self._bar.update()
         step, done = learner.step, self.progress >= 1
         self._report(lr, step, done)
-        saves = due(settings.checkpoint_every, step) or due(settings.evaluate_every, step)
+        saves = due(cadence.checkpoint_every, step) or due(cadence.evaluate_every, step)
         if done or self._signals.pending or saves:
             self._policy.origin["step"] = step
-            self._folder.save(step, pack({"learner": learner}, self._policy), keep=settings.keep_checkpoints)
+            self._folder.save(step, pack({"learner": learner}, self._policy), keep=cadence.keep_checkpoints)
         if self._signals.pending:
             self._signals.stop()
 
@@ -129,7 +156,7 @@ class SupervisedRun:
 
     def _report(self, lr: float, step: int, done: bool) -> None:
         row: dict[str, float] = {}
-        if done or due(self._settings.log_every, step):
+        if done or due(self._settings.cadence.log_every, step):
             elapsed_s = self._learner.elapsed_s
             row = {**self._learner.means.take(), "lr": lr, "elapsed_s": elapsed_s}
             row["wait_share"] = self._loader.wait_share(elapsed_s)
@@ -158,7 +185,7 @@ class SupervisedRun:
 
 @contextmanager
 def open_run(
-    settings: SupervisedAlgorithm,
+    settings: Settings,
     data: Prepared,
     run: str | os.PathLike[str],
     *,
@@ -179,7 +206,7 @@ def open_run(
     origin = {"algorithm": algorithm, "seed": seed, **data.description}
     config = {**origin, "settings": asdict(settings), "policy": {"name": data.policy.name, **data.policy.to_dict()}}
     with ExitStack() as stack:
-        folder = stack.enter_context(RunFolder.open(run, config, cadence=settings.cadence, resume=resume))
+        folder = stack.enter_context(RunFolder.open(run, config, cadence=_free(settings), resume=resume))
         if folder.finished:
             yield None
             return
@@ -187,6 +214,11 @@ def open_run(
         stack.enter_context(torch_threads(settings.threads))
         stack.enter_context(torch_rng(seed, algorithm))
         yield SupervisedRun(stack, folder, settings, data, origin=origin, evaluate=evaluate, progress=progress)
+
+
+def _free(settings: Settings) -> tuple[str, ...]:
+    """Return the settings that no weight depends on; with patience the rollouts decide where training ends."""
+    return tuple(name for name in CADENCE if not (settings.patience and name == "evaluate_every"))
 
 
 @torch.no_grad()

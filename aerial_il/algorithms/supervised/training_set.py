@@ -19,11 +19,10 @@ from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.windows import Windows
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
-from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.parts.network import PolicySettings, Shown, shown
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import unite
-from aerial_il.policies.parts.vision import with_pixels
 
 GIB = 2**30
 IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
@@ -163,7 +162,7 @@ def fit_interface(layout: Layout, windows: Windows, policy: PolicySettings) -> I
 
 
 class TrainingSet:
-    """Windows as normalised tensors, the pixels of their images behind the observations.
+    """Windows as normalised tensors, and the images that they show as they were recorded.
 
     Args:
         windows: where they are gathered from.
@@ -177,14 +176,14 @@ class TrainingSet:
     def __len__(self) -> int:
         return len(self._windows)
 
-    def gather(self, index: np.ndarray) -> tuple[Tensor, Tensor, Tensor]:
-        """Return obs (B, To, Do + pixels), actions (B, Ta, Da) and valid (B, Ta), 1 in the episode, of ``index``."""
+    def gather(self, index: np.ndarray) -> tuple[Shown, Tensor, Tensor]:
+        """Return what is shown (B, To, Do), actions (B, Ta, Da) and valid (B, Ta), 1 in the episode, of ``index``."""
         obs, actions, is_pad = self._windows[index]
         inputs, targets = self._interface.encode_obs(obs), self._interface.encode_actions(actions, obs)
         arrays = (inputs, targets, (~is_pad).astype(np.float32))
         encoded, answers, valid = (tensor(array).to(self._device) for array in arrays)
-        images = [torch.from_numpy(image).to(self._device) for image in self._windows.images(index)]
-        return with_pixels(encoded, images), answers, valid
+        images = {n: torch.from_numpy(image).to(self._device) for n, image in self._windows.images(index).items()}
+        return shown(encoded, images), answers, valid
 
     def sample(self) -> np.ndarray:
         """Return the windows that a measurement looks at: all of them, or evenly spread ones where each has images."""

@@ -1,14 +1,16 @@
-"""One file per command, in rooms by theme: a docstring, a ``Config`` dataclass of its keys and ``run(config)``.
+"""One file per command, in folders by theme, found by being there.
 
-A new file in one of the rooms is a new command. At the top of these files only light imports
-stand, so that help and completion answer at once.
+A file has a docstring (summary, text, examples), ``SETTINGS``, the dataclass of its keys, and ``run(settings)``;
+perhaps ``BARE``, the keys whose values may be typed without their names, in their order, and ``OUTPUT``, the key that
+says where results go, below which each job of a sweep gets a folder. At the top of these files stand light imports
+only, for help and completion to answer at once.
 """
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,15 +25,18 @@ class Command:
     Attributes:
         name: what is typed after ``aerial-il``.
         doc: the module's docstring; its first line is the summary.
-        config: dataclass of the keys.
-        run: does the work; what it returns is printed by nobody.
-        shards: of a command whose work can be divided: configuration -> for each part, words and a folder for its log.
+        settings: dataclass of the keys.
+        run: does the work, and prints what came of it.
+        bare, output: as above; no output for a command that writes nothing.
+        shards: of a command whose work can be divided: settings -> for each part, words and a folder for its log.
     """
 
     name: str
     doc: str
-    config: type
+    settings: type
     run: Callable[[Any], None]
+    bare: tuple[str, ...] = ()
+    output: str = ""
     shards: Callable[[Any], list[tuple[tuple[str, ...], str]]] | None = None
 
     @property
@@ -39,13 +44,9 @@ class Command:
         return self.doc.splitlines()[0]
 
     @property
-    def choices(self) -> dict[str, str | None]:
-        """Configuration group -> what is chosen in it if nothing is said.
-
-        The groups of its keys, and those whose choices are sets of values for its keys, ``Config.PRESETS``.
-        """
-        own = {f.name: f.metadata["choice"] for f in fields(self.config) if f.metadata.get("group")}
-        return own | getattr(self.config, "PRESETS", {})
+    def hint(self) -> str:
+        """What to read next, at the end of an error."""
+        return f"See: aerial-il {self.name} --help"
 
 
 def names() -> tuple[str, ...]:
@@ -58,11 +59,13 @@ def find(name: str) -> Command:
     if name not in names():
         raise UnknownNameError("command", name, names(), "See: aerial-il --help")
     module = importlib.import_module(_modules()[name])
-    return Command(name, (module.__doc__ or "").strip(), module.Config, module.run, getattr(module, "shards", None))
+    more = {each: getattr(module, each.upper()) for each in ("bare", "output") if hasattr(module, each.upper())}
+    doc, shards = (module.__doc__ or "").strip(), getattr(module, "shards", None)
+    return Command(name, doc, module.SETTINGS, module.run, **more, shards=shards)
 
 
 @cache
 def _modules() -> dict[str, str]:
-    """Return each command's module; its name is that of the file, whichever room the file is in."""
+    """Return each command's module; its name is that of the file, whichever folder the file is in."""
     files = Path(__file__).parent.glob("*/[a-z]*.py")
     return {file.stem: f"{__name__}.{file.parent.name}.{file.stem}" for file in files}

@@ -6,15 +6,12 @@ processes of their own in a fixed number of threads, so that their results are t
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:  # numpy comes with them, which help and completion do without
     from aerial_il.cli.sweeps.board import Board
     from aerial_il.cli.sweeps.job import Job
-
-USUAL = "serial"
 
 
 class Launcher(Protocol):
@@ -26,8 +23,3 @@ class Launcher(Protocol):
         Stopped by a signal, it stops what it has started, or leaves it where it can be found again.
         """
         ...
-
-
-def names() -> tuple[str, ...]:
-    """Names of all launchers, without importing them."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))

@@ -28,7 +28,8 @@ class Ray:
     Attributes:
         address: of a running cluster, e.g. auto or 10.0.0.1:6379; null starts one of this machine's cores.
         jobs: cores of the cluster that is started, 0 for this machine's.
-        cores, gpus: for each job. retries: of a job whose worker or machine dies.
+        cores, gpus: for each job.
+        retries: of a job whose worker or machine dies.
         threads: of torch and BLAS in each; results repeat bit for bit at a fixed number only.
     """
 

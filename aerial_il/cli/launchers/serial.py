@@ -37,7 +37,7 @@ class Serial:
 
 def _outcome(job: Job) -> tuple[int, str]:
     """Run a job; return its exit status and, where it failed, why."""
-    from aerial_il.cli.configuration.compose import perform
+    from aerial_il.cli.compose import perform
 
     try:
         perform(job.command, job.overrides)
@@ -53,7 +53,7 @@ def _outcome(job: Job) -> tuple[int, str]:
 def _limited(threads: int) -> Iterator[None]:
     """Let libraries, those that are not imported yet too, compute in so many threads within the block."""
     before, torch = {name: os.environ.get(name) for name in limits(threads)}, sys.modules.get("torch")
-    usual = torch.get_num_threads() if torch else threads
+    default = torch.get_num_threads() if torch else threads
     os.environ.update(limits(threads))
     if torch:
         torch.set_num_threads(threads)
@@ -63,4 +63,4 @@ def _limited(threads: int) -> Iterator[None]:
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.update({name: value})
         if torch:
-            torch.set_num_threads(usual)
+            torch.set_num_threads(default)

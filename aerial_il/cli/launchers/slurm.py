@@ -37,7 +37,9 @@ class Slurm:
 
     Attributes:
         hours: until it is queued again; training goes on from its checkpoint.
-        requeues: how often at most. cores: for flights. memory_gb, gpus, partition, account: 0 or null for none asked.
+        requeues: how often at most.
+        cores: for flights.
+        memory_gb, gpus, partition, account: what is asked for; 0 or null for none.
         signal_s: how long before its time limit a job is signalled.
         threads: of torch and BLAS in each; results repeat bit for bit at a fixed number only.
         options: others of sbatch, {qos:long,constraint:a100}.

@@ -2,12 +2,3 @@
 
 A sweeper is a dataclass of settings, ``sweeper.KEY=VALUE``, with a method ``search``.
 """
-
-from __future__ import annotations
-
-import pkgutil
-
-
-def names() -> tuple[str, ...]:
-    """Names of all sweepers, without importing them."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))

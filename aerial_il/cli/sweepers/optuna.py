@@ -30,11 +30,14 @@ class Optuna:
     """How a search goes.
 
     Attributes:
-        trials: in all, those of earlier calls among them. jobs: at a time; with more than one, what is tried next
-            depends on which ends first.
-        metric: a number of the run's metrics; its last value judges a trial. minimize: whether less of it is better.
+        trials: in all, those of earlier calls among them.
+        jobs: at a time; with more than one, what is tried next depends on which ends first.
+        metric: a number of the run's metrics; its last value judges a trial.
+        minimize: whether less of it is better.
         startup: trials drawn at random, and evaluations compared with, before any is stopped early.
-        seed: of what is drawn. threads: of torch and BLAS in each job. cores: for the flights of each.
+        seed: of what is drawn.
+        threads: of torch and BLAS in each job.
+        cores: for the flights of each.
     """
 
     trials: int = 20

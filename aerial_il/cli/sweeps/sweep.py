@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
-from aerial_il.cli import launchers
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.configuration.build import build
 from aerial_il.cli.launchers import Launcher
 from aerial_il.cli.sweeps.board import Board, Outcome
 from aerial_il.cli.sweeps.job import Job
-from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
+from aerial_il.core.composition import chosen
+from aerial_il.core.errors import AerialError, InvalidValueError
 
-if TYPE_CHECKING:
-    from aerial_il.cli.sweepers.optuna import Optuna
-
-LAUNCHER, SWEEPER = "launcher", "sweeper"
+DEFAULTS = {"launcher": "serial", "sweeper": "optuna"}
 _REASONS = 3  # named in an error; the table has all
 
 
@@ -35,37 +30,16 @@ class JobsFailedError(AerialError):
         self.status = status
 
 
-def parted(words: Sequence[str], group: str = LAUNCHER) -> tuple[dict[str, str], list[str]]:
-    """Part ``launcher=NAME`` and ``launcher.KEY=VALUE``, or those of another ``group``, from the words of a command."""
-    mine = [word for word in words if word.partition("=")[0].partition(".")[0] == group]
-    choice = {key: value for key, _, value in (word.partition("=") for word in mine)}
-    return choice, [word for word in words if word not in mine]
-
-
-def launcher_of(choice: Mapping[str, str]) -> Launcher:
-    """Build the launcher that words chose.
+def chosen_of(kind: str, words: Mapping[str, str]) -> Any:
+    """Build the launcher or the sweeper that words chose.
 
     Raises:
         UnknownNameError: there is none of that name, or it has no such key.
         InvalidValueError: a value of another type, or beyond its limits.
     """
-    return _built(LAUNCHER, choice.get(LAUNCHER, launchers.USUAL), choice)
-
-
-def sweeper_of(choice: Mapping[str, str]) -> Optuna:
-    """Build the sweeper that words chose; errors as of :func:`launcher_of`."""
-    return _built(SWEEPER, choice.get(SWEEPER, "optuna"), choice)
-
-
-def _built(group: str, name: str, choice: Mapping[str, str]) -> Any:
-    settings = groups.read_option(group, name)
-    known = [f"{group}.{key}" for key in groups.leaf_keys(settings) if key]
-    for key, value in choice.items():
-        if key != group:
-            if key not in known:
-                raise UnknownNameError("key", key, known, f"They are those of {group}={name}.")
-            settings[key.partition(".")[2]] = _value(key, value)
-    return build(settings)
+    name = words.get(kind, DEFAULTS[kind])
+    inner = {key.partition(".")[2]: _value(key, value) for key, value in words.items() if key != kind}
+    return chosen(kind, {"name": name, **inner}, at=f"{kind}.")
 
 
 def run_sweep(jobs: Sequence[Job], launcher: Launcher, again: str) -> None:

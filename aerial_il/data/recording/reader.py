@@ -234,7 +234,7 @@ def _decode(report: Report, camera: Camera, compressed: list[bytes]) -> np.ndarr
     decoded = []
     for i, data in enumerate(compressed):
         try:
-            decoded.append(images.decode(camera.field, data, camera.shape))
+            decoded.append(images.decode(data, camera.dtype, camera.shape))
         except ValueError as error:
             report.fail(str(error), camera.name, step=i)
     return np.stack(decoded)

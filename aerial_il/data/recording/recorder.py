@@ -95,7 +95,7 @@ class Recorder:
         for name, worlds in self._images.items():
             for world in np.flatnonzero(self._recording):
                 del worlds[world][self._count[world] :]
-                worlds[world].append(self._encode(name, obs[name][world]))
+                worlds[world].append(self._encode(obs[name][world]))
 
     def act(self, **step: np.ndarray) -> None:
         """Record the outcome of one step of all worlds.
@@ -164,9 +164,9 @@ class Recorder:
         self._writers[world], self._recording[world] = None, False
         return writer
 
-    def _encode(self, name: str, image: np.ndarray) -> Future[bytes]:
+    def _encode(self, image: np.ndarray) -> Future[bytes]:
         assert self._encoders is not None
-        return self._encoders.submit(images.encode, name, image.copy())
+        return self._encoders.submit(images.encode, image.copy())
 
     def _take_images(self, world: int, count: int) -> Pictures:
         taken = {name: worlds[world][:count] for name, worlds in self._images.items()}

@@ -216,7 +216,7 @@ def write_episode(episode: Episode, path: Path) -> Path:
     for camera in cameras:
         if camera.field not in episode.obs:
             raise InvalidValueError(f"Episode {episode.uid} was read without its images of {camera.field}.")
-    pictures = {c.field: [encode(c.field, image) for image in episode.obs[c.field]] for c in cameras}
+    pictures = {c.field: [encode(image) for image in episode.obs[c.field]] for c in cameras}
     writer = EpisodeWriter(path, layout, uid=episode.uid, provenance=episode.provenance, model_xml=episode.model_xml)
     return writer.finish(_block(episode), pictures, success=episode.success)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,13 +21,13 @@ from aerial_il.policies.parts import constant
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, shown
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
-from aerial_il.policies.parts.vision import build_network, with_pixels
+from aerial_il.policies.parts.vision import build_network
 
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
 UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
@@ -39,7 +39,7 @@ class ChunkPolicy:
     Args:
         config: sizes of the network and how its chunks are flown.
         interface: what the network is wired to.
-        network: maps normalised (B, To, Do), pixels behind them, to normalised (B, Ta, Da).
+        network: maps normalised (B, To, Do), or these and images, to normalised (B, Ta, Da).
         origin: where the policy comes from (run, step, provenance), kept with it.
     """
 
@@ -53,7 +53,7 @@ class ChunkPolicy:
         self.config, self.interface, self.origin = config, interface, dict(origin or {})
         self.network = network.eval()
         self._history = ObservationHistory(config.history)
-        self._sights = tuple(ObservationHistory(config.history) for _ in interface.layout.images)
+        self._sights = {name: ObservationHistory(config.history) for name in interface.layout.images}
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
         self._noise = EpisodeNoise(network.noise_size, redraw=network.redraws)
         self._worlds: int | None = None
@@ -75,12 +75,12 @@ class ChunkPolicy:
         frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
         self._count(len(frame))
         history = self._history.push(frame)
-        seen = [sight.push(image) for sight, image in zip(self._sights, images, strict=True)]
+        seen = {name: sight.push(images[name]) for name, sight in self._sights.items()}
         due = self._plan.due(len(frame))
         if due.any():
             rows, worlds = slice(None) if due.all() else due, np.flatnonzero(due)
-            first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(images)
-            noise, pictures = self._noise.take(first_seen, due), [stack[rows] for stack in seen]
+            first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
+            noise, pictures = self._noise.take(first_seen, due), {name: stack[rows] for name, stack in seen.items()}
             self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise), due)
         planned = self.interface.switches.snap(self._plan.pop())
         return self.spec.action.clip(planned.astype(np.float64))
@@ -90,20 +90,21 @@ class ChunkPolicy:
         history: np.ndarray,
         worlds: np.ndarray | None = None,
         *,
-        images: Sequence[np.ndarray] = (),
+        images: Mapping[str, np.ndarray] | None = None,
         noise: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return chunks of actions (B, Ta, Da) in the environment's units.
 
         Args:
             history: frames (B, To, Do). worlds: (B,) whose they are, for errors.
-            images: of the layout's cameras, each (B, To, H, W, 3) uint8.
+            images: of the layout's cameras by name, each (B, To, H, W, 3) uint8.
             noise: (B, S) what a network with chance draws from; None for its most ordinary answer.
         """
-        encoded, *pictures = (tensor(a).to(self._device) for a in (self.interface.encode_obs(history), *images))
+        encoded = tensor(self.interface.encode_obs(history)).to(self._device)
+        pictures = {name: tensor(image).to(self._device) for name, image in (images or {}).items()}
         drawn = () if noise is None or not self.network.noise_size else (tensor(noise).to(self._device),)
         with torch.inference_mode():
-            outputs = self.network(with_pixels(encoded, pictures), *drawn).cpu().numpy()
+            outputs = self.network(shown(encoded, pictures), *drawn).cpu().numpy()
         if not np.isfinite(outputs).all():
             bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
             raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])
@@ -180,7 +181,7 @@ class ChunkPolicy:
     @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
         """All that changes while it flies, by name."""
-        sights = {f"sight_{i}": sight for i, sight in enumerate(self._sights)}
+        sights = {f"sight.{name}": sight for name, sight in self._sights.items()}
         return {"history": self._history, **sights, "plan": self._plan, "noise": self._noise}
 
     @property

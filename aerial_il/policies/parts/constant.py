@@ -30,7 +30,7 @@ def restored(arrays: Mapping[str, np.ndarray], action: Normaliser, layout: Layou
 
 
 def presumably(action: Normaliser, layout: Layout, scaling: Scaling) -> np.ndarray:
-    """Return (Da,) bool, what centre and scale tell, which is all that earlier versions saved.
+    """Return (Da,) bool, what centre and scale tell; where that is right, nothing else is saved.
 
     An interval that is exactly the environment's, from -1 to 1 or from 0 to 2, is taken to have been filled: by
     ``minmax``, or by reinforcement learning, whose actions lie in the bounds.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 from aerial_il.policies.parts.network import PolicySettings
 
 OWN_POSE = ("base_pos", "base_rot6d", "joint_*", "ee_*")
-VIEW = ("relative", "blind_to")  # settings that decide it
+DECISIONS = ("gripper", "wrist_force")  # what policies that clone are blind to unless they say otherwise
 
 
 def egocentric[C: PolicySettings](config: C) -> C:
@@ -22,5 +22,4 @@ def egocentric[C: PolicySettings](config: C) -> C:
 
 def chose_view(config: PolicySettings) -> bool:
     """Whether ``config`` says itself in which frame, or what of the robot, the policy sees."""
-    usual = {field.name: field.default for field in fields(PolicySettings)}
-    return bool(config.obs_names) or any(getattr(config, name) != usual[name] for name in VIEW)
+    return bool(config.obs_names) or config.relative or config.blind_to != DECISIONS

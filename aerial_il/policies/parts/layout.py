@@ -50,7 +50,7 @@ class Layout:
                 choices = ", ".join(self.spec.observation.state_names)
                 hint = f"Name it in images=[...]; among the columns it can see {choices}."
                 raise InvalidValueError(f"Observation {name!r} is an image. {hint}")
-        recorded = tuple(f.name for f in self.spec.observation.of_group("image") if f.name.endswith("_rgb"))
+        recorded = tuple(f.name for f in self.spec.observation.fields if f.is_colour)
         for name in self.images:
             if name not in recorded:
                 hint = "Record it: aerial-il collect cameras=[wrist,base] image_size=[64,64]"
@@ -115,20 +115,20 @@ class Layout:
             raise NonFiniteActionError(*_first_bad(obs, self.names))
         return frames
 
-    def look(self, obs: Observation) -> tuple[np.ndarray, ...]:
-        """Return the images (n, H, W, 3) uint8 that the network sees, for observations ``name -> (n, ...)``.
+    def look(self, obs: Observation) -> dict[str, np.ndarray]:
+        """Return the images (n, H, W, 3) uint8 that the network sees by name, of observations ``name -> (n, ...)``.
 
         Raises:
             UnknownNameError: one is missing. InvalidValueError: one has another size.
         """
         for name, shape in zip(self.images, self.image_shapes, strict=True):
             if name not in obs:
-                there = [key for key in obs if key.endswith("_rgb")]
+                there = [key for key, values in obs.items() if values.dtype == np.uint8]
                 raise UnknownNameError("image", name, there, f"The policy was trained with {self.cameras}.")
             if obs[name].shape[1:] != shape:
                 found = _size(obs[name].shape[1:])
                 raise InvalidValueError(f"Image {name!r} is {found}; the policy was trained with {self.cameras}.")
-        return tuple(obs[name] for name in self.images)
+        return {name: obs[name] for name in self.images}
 
     @property
     def cameras(self) -> str:

@@ -21,7 +21,7 @@ from aerial_il.core.bounded import read_json
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError
 from aerial_il.core.lerobot_names import ACTION, IMAGES, STATE
-from aerial_il.core.specs import EnvSpec, Field
+from aerial_il.core.specs import EnvSpec, Field, image_name
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 
 CONFIG, TRAINING = "config.json", "train_config.json"
@@ -184,7 +184,7 @@ def _members(spec: EnvSpec, name: str) -> tuple[Field, ...]:
 def _shape(spec: EnvSpec, name: str) -> tuple[int, ...] | None:
     """Return the shape that ``spec`` gives lerobot's feature ``name``, images with their channels first."""
     if name.startswith(IMAGES):
-        field = f"{name.removeprefix(IMAGES)}_rgb"
+        field = image_name(name.removeprefix(IMAGES))
         if field not in spec.observation.names:
             return None
         height, width, channels = spec.observation[field].shape
@@ -195,7 +195,7 @@ def _shape(spec: EnvSpec, name: str) -> tuple[int, ...] | None:
 def _read(spec: EnvSpec, name: str, obs: Observation) -> np.ndarray:
     """Return the feature ``name`` of n worlds (n, ...)."""
     if name.startswith(IMAGES):
-        return obs[f"{name.removeprefix(IMAGES)}_rgb"]
+        return obs[image_name(name.removeprefix(IMAGES))]
     return spec.observation.flatten(obs, [f.name for f in _members(spec, name)])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import torch
 from torch import Tensor, nn
@@ -15,6 +15,36 @@ from aerial_il.core.settings import make_tuples
 from aerial_il.policies.parts.normaliser import Scaling
 
 Encoder = Literal["cnn", "resnet18"]
+
+
+class Seen(NamedTuple):
+    """What a network with eyes is shown; one without is shown the state alone.
+
+    Attributes:
+        state: (B, To, Do) normalised.
+        images: camera field -> (B, To, H, W, 3) uint8.
+    """
+
+    state: Tensor
+    images: Mapping[str, Tensor]
+
+
+Shown = Tensor | Seen
+
+
+def shown(state: Tensor, images: Mapping[str, Tensor]) -> Shown:
+    """Return what a network is shown: the state (B, To, Do), beside the images where there are any."""
+    return Seen(state, images) if images else state
+
+
+def state_of(obs: Shown) -> Tensor:
+    """Return the state (B, To, Do) of what a network is shown."""
+    return obs.state if isinstance(obs, Seen) else obs
+
+
+def with_state(obs: Shown, state: Tensor) -> Shown:
+    """Return ``obs`` with another state."""
+    return obs._replace(state=state) if isinstance(obs, Seen) else state
 
 
 class ChunkNetwork(nn.Module, ABC):
@@ -33,15 +63,15 @@ class ChunkNetwork(nn.Module, ABC):
     redraws: bool = False
 
     @abstractmethod
-    def forward(self, obs: Tensor) -> Tensor:
-        """Return the actions to fly (B, Ta, Da) for ``obs`` (B, To, Do)."""
+    def forward(self, obs: Any) -> Tensor:
+        """Return the actions to fly (B, Ta, Da) for ``obs`` (B, To, Do), or :class:`Seen` where it has eyes."""
 
     @abstractmethod
-    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, obs: Any, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         """Return the scalar to minimise and named scalars to log.
 
         Args:
-            obs: (B, To, Do).
+            obs: (B, To, Do), or :class:`Seen`.
             actions: (B, Ta, Da) of the demonstrator.
             valid: (B, Ta), 1 within the episode and 0 after its end.
         """
@@ -81,7 +111,7 @@ class StochasticNetwork(ChunkNetwork, ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class PolicySettings(ABC):
-    """Settings of all chunked policies; every policy file extends it.
+    """What the settings mean that all policies have; each policy file states their values, and adds its own.
 
     Attributes:
         history: observations To that the network sees, the current one included.
@@ -104,24 +134,22 @@ class PolicySettings(ABC):
             middle in flight.
         action_scaling: ``standard`` or ``minmax``.
         obs_clip: normalised observations are limited to ±``obs_clip``, so that what was never seen cannot overwhelm.
-        before: values of later settings in policies that were saved before these settings existed.
     """
 
-    history: int = 1
-    chunk: int = 20
-    execute: int = 1
-    ensemble: float | None = 0.01
-    anchor: str | None = "ee_pos"
-    relative: bool = False
-    obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
-    images: tuple[str, ...] = ()
-    encoder: Encoder = "cnn"
-    image_features: int = 64
-    crop: float = 0.9
-    action_scaling: Scaling = "standard"
-    obs_clip: float = 10.0
-    before: ClassVar[Mapping[str, object]] = {}
+    history: int
+    chunk: int
+    execute: int
+    ensemble: float | None
+    anchor: str | None
+    relative: bool
+    obs_names: tuple[str, ...]
+    blind_to: tuple[str, ...]
+    images: tuple[str, ...]
+    encoder: Encoder
+    image_features: int
+    crop: float
+    action_scaling: Scaling
+    obs_clip: float
 
     def __post_init__(self) -> None:
         make_tuples(self)

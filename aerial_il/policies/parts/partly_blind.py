@@ -10,7 +10,7 @@ all masks, flown with one of them for an episode, judged by the reward.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import torch
@@ -20,7 +20,7 @@ from aerial_il.core.contracts import Observation
 from aerial_il.core.seeding import named_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import ChunkNetwork
+from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of, with_state
 
 
 class PartlyBlind(ChunkPolicy):
@@ -63,7 +63,7 @@ class PartlyBlind(ChunkPolicy):
         history: np.ndarray,
         worlds: np.ndarray | None = None,
         *,
-        images: Sequence[np.ndarray] = (),
+        images: Mapping[str, np.ndarray] | None = None,
         noise: np.ndarray | None = None,
     ) -> np.ndarray:
         rows = self._shown if worlds is None else self._shown[worlds]
@@ -76,7 +76,7 @@ class PartlyBlind(ChunkPolicy):
 
 
 class Hiding(ChunkNetwork):
-    """A network that sees zeros, which are means, in the ``size`` columns of its state where ``shown`` is 0.
+    """A network that sees zeros, which are means, in the columns of its state where ``shown`` is 0.
 
     Attributes:
         shown: (B, 1, Do), 1 or 0.
@@ -84,14 +84,14 @@ class Hiding(ChunkNetwork):
 
     def __init__(self, network: ChunkNetwork, size: int) -> None:
         super().__init__()
-        self.network, self._size, self.shown = network, size, torch.ones(1, 1, size)
+        self.network, self.shown = network, torch.ones(1, 1, size)
         self.noise_size, self.redraws = network.noise_size, network.redraws
 
-    def forward(self, obs: Tensor, *noise: Tensor) -> Tensor:
-        state, pixels = obs[..., : self._size], obs[..., self._size :]
-        return self.network(torch.cat([state * self.shown.to(state), pixels], dim=-1), *noise)
+    def forward(self, obs: Shown, *noise: Tensor) -> Tensor:
+        state = state_of(obs)
+        return self.network(with_state(obs, state * self.shown.to(state)), *noise)
 
-    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, obs: Shown, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         return self.network.loss(obs, actions, valid)
 
 

@@ -1,8 +1,8 @@
 """Image observations for every policy: encoders whose features join the observation vector.
 
-A network that was written for vectors needs no change to see. Images travel as columns behind those of the state,
-scaled to [-1, 1]; :class:`VisionNetwork` turns them into a few features each and hands the longer vector on. While it
-trains it looks at a random part of each image, one for all images of a window and camera, which is what keeps a few
+A network that was written for vectors needs no change to see: :class:`VisionNetwork` turns each image into a few
+features and hands a longer vector on. Images stay uint8 until the encoder, which sees them in [-1, 1]. While it trains
+it looks at a random part of each image, one for all images of a window and camera, which is what keeps a few
 thousand frames from being learned by heart; in flight it looks at the middle.
 
 Sources: spatial softmax: S. Levine et al., "End-to-End Training of Deep Visuomotor Policies", 2016, section 4.1;
@@ -12,14 +12,12 @@ section III-B; random crops: D. Yarats et al., "Image Augmentation Is All You Ne
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 from torch import Tensor, nn
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
+from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, Seen
 
 CHANNELS, GROUPS = (16, 32, 32), 8
 SMALLEST = 16  # pixels that the CNN can still halve twice
@@ -32,19 +30,12 @@ def build_network(config: PolicySettings, layout: Layout) -> ChunkNetwork:
     return config.build(layout.size, layout.spec.action.size)
 
 
-def with_pixels(state: Tensor, images: Sequence[Tensor]) -> Tensor:
-    """Return ``state`` (B, To, Do) with the pixels of ``images`` (B, To, H, W, 3) uint8 as further columns."""
-    if not images:
-        return state
-    return torch.cat([state, *(image.flatten(2).float().div_(127.5).sub_(1) for image in images)], dim=-1)
-
-
 class VisionNetwork(ChunkNetwork):
     """Any network behind one encoder per camera.
 
     Args:
         config: builds the network, and says how images are encoded.
-        layout: which columns are state and which are pixels.
+        layout: which images it sees.
 
     Attributes:
         eyes: an encoder for each image. body: what acts upon state and features.
@@ -52,33 +43,30 @@ class VisionNetwork(ChunkNetwork):
 
     def __init__(self, config: PolicySettings, layout: Layout) -> None:
         super().__init__()
-        self.shapes, self.crop = layout.image_shapes, config.crop
-        self.columns = [layout.size, *(int(torch.Size(shape).numel()) for shape in self.shapes)]
-        for name, shape in zip(layout.images, self.shapes, strict=True):
+        self.cameras, self.crop = layout.images, config.crop
+        for name, shape in zip(layout.images, layout.image_shapes, strict=True):
             _check_size(name, _cropped(shape, config.crop))
-        self.eyes = nn.ModuleList(_encoder(config) for _ in self.shapes)
-        self.body = config.build(layout.size + len(self.shapes) * config.image_features, layout.spec.action.size)
+        self.eyes = nn.ModuleList(_encoder(config) for _ in self.cameras)
+        self.body = config.build(layout.size + len(self.cameras) * config.image_features, layout.spec.action.size)
         self.noise_size, self.redraws = self.body.noise_size, self.body.redraws
 
-    def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
+    def forward(self, obs: Seen, noise: Tensor | None = None) -> Tensor:
         return self.body(self.see(obs), noise) if self.noise_size else self.body(self.see(obs))
 
-    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, obs: Seen, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         return self.body.loss(self.see(obs), actions, valid)
 
-    def see(self, obs: Tensor) -> Tensor:
-        """Return state and features (B, To, D) for state and pixels (B, To, Do)."""
-        state, *pixels = obs.split(self.columns, dim=-1)
-        features = [self._look(*parts) for parts in zip(self.eyes, pixels, self.shapes, strict=True)]
-        return torch.cat([state, *features], dim=-1)
+    def see(self, obs: Seen) -> Tensor:
+        """Return state and features (B, To, D)."""
+        features = [self._look(eye, obs.images[name]) for eye, name in zip(self.eyes, self.cameras, strict=True)]
+        return torch.cat([obs.state, *features], dim=-1)
 
-    def _look(self, eye: nn.Module, pixels: Tensor, shape: tuple[int, ...]) -> Tensor:
-        windows, history = pixels.shape[:2]
-        images = pixels.reshape(windows, history, *shape)
+    def _look(self, eye: nn.Module, images: Tensor) -> Tensor:
+        """Return what ``eye`` makes of images (B, To, H, W, 3) uint8: features (B, To, F)."""
         part = random_part if self.training else middle_part
-        images = part(images, *_cropped(shape, self.crop)).flatten(0, 1)
-        planes = images.permute(0, 3, 1, 2).contiguous()  # as a view, two and a half times as long on a processor
-        return eye(planes).unflatten(0, (windows, history))
+        seen = part(images, *_cropped(images.shape[2:4], self.crop)).flatten(0, 1)
+        planes = seen.permute(0, 3, 1, 2).contiguous()  # as a view, two and a half times as long on a processor
+        return eye(planes.float().div_(127.5).sub_(1)).unflatten(0, images.shape[:2])
 
 
 def middle_part(images: Tensor, height: int, width: int) -> Tensor:

@@ -1,23 +1,18 @@
-"""A Sphinx extension that writes formulas as MathML, which browsers draw without a script, a font or a network."""
+"""A Sphinx extension that writes formulas as MathML Core, which browsers draw without a script, a font or a network."""
 
 from __future__ import annotations
 
-import re
 from html import escape
 from typing import Any
 
 from docutils import nodes
-from docutils.utils.math import MathError
-from docutils.utils.math.latex2mathml import tex2mathml
+from math_core import LatexError, LatexToMathML
 from sphinx.application import Sphinx
 from sphinx.util import logging
 
 NAME = "mathml"
-SAME = (  # what docutils does not read -> what it does; brackets grow by themselves
-    (r"\\dots\b", r"\\ldots"),
-    (r"\\([td]?frac)(\d)(\d)", r"\\\1{\2}{\3}"),
-    (r"\\[bB]igg?(?![a-zA-Z])", ""),
-)
+LINES = r"\begin{{aligned}}{}\end{{aligned}}"  # what MyST leaves off a formula of several lines
+converter = LatexToMathML(fancy_error=False)
 log = logging.getLogger(__name__)
 
 
@@ -34,13 +29,11 @@ def to_mathml(tex: str, *, block: bool = False) -> str:
         tex: LaTeX, without its dollars. block: on lines of its own, instead of within a sentence.
 
     Raises:
-        MathError: it uses a command that docutils does not know.
+        LatexError: an unknown command, or a brace that is not closed.
     """
-    for pattern, replacement in SAME:
-        tex = re.sub(pattern, replacement, tex)
-    if block and (r"\\" in tex or "&" in tex) and r"\begin" not in tex:
-        tex = rf"\begin{{aligned}}{tex}\end{{aligned}}"
-    return tex2mathml(tex, as_block=block)
+    if block and r"\begin" not in tex and (r"\\" in tex or "&" in tex):
+        tex = LINES.format(tex)
+    return converter.convert_with_local_state(tex, displaystyle=block)
 
 
 def _inline(translator: Any, node: nodes.math) -> None:
@@ -57,6 +50,6 @@ def _written(node: nodes.math | nodes.math_block, *, block: bool) -> str:
     tex = node.astext()
     try:
         return to_mathml(tex, block=block)
-    except MathError as error:
+    except LatexError as error:
         log.warning("cannot write %r as MathML: %s", tex, error, location=node)
         return f"<code>{escape(tex)}</code>"

@@ -11,11 +11,12 @@ from pathlib import Path, PurePosixPath
 from aerial_il.core.errors import AerialError
 from aerial_il.presentation.documentation.links import moved, with_films
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PICTURES = (".svg", ".png", ".webp")
 FILMS = (".mp4", ".jpg")  # with the picture that each begins with; Sphinx copies them as they are
-PAGES, COPIED = "source", "copied"
+PAGES, COPIED, TITLES = "source", "copied", "titles.json"
 START, FOLDER_PAGE, FRONT = "index.md", "README.md", "README.md"
+HEADING = re.compile(r"(?:^|[\"\n])# ([^\n\\\"]+)")
 LISTED = re.compile(r"\]\(([\w./-]+\.md)\)")
 MADE = {  # heading of the start page -> pages in its list that no link below it leads to
     "Notebooks": ("notebooks/*.ipynb",),
@@ -29,8 +30,11 @@ class NoSourcesError(AerialError):
     """A site cannot be built where the pages of the repository are not."""
 
 
-def assemble(folder: Path, generated: Mapping[str, str | bytes], root: Path = ROOT) -> None:
+def assemble(folder: Path, generated: Mapping[str, str | bytes], root: Path = ROOT) -> bool:
     """Lay out the pages of a site; what is as it was keeps its time stamp, so that a second build is quick.
+
+    Returns:
+        Whether there are other pages or titles than before.
 
     Args:
         folder: gets ``source``, pages and their pictures, and ``copied``, files that need no work; nothing else stays.
@@ -52,6 +56,7 @@ def assemble(folder: Path, generated: Mapping[str, str | bytes], root: Path = RO
         place = folder / (COPIED if name.endswith((*FILMS, ".cff")) else PAGES) / name
         _write(place, content.encode() if isinstance(content, str) else content)
     _remove_others(folder, contents)
+    return _write(folder / TITLES, json.dumps(_titles(contents)).encode())
 
 
 def _content(file: Path, source: str, places: Mapping[str, str]) -> str | bytes:
@@ -97,13 +102,14 @@ def found(root: Path = ROOT) -> Iterator[tuple[str, str]]:
 def with_contents(text: str, contents: Mapping[str, str | bytes]) -> str:
     """Return the start page with a list of contents for the margin, under its own headings."""
     groups = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
-    trees = []
+    trees, seen = list[str](), set[str]()
     for group in groups:
         heading = group.partition("\n")[0].strip()
         listed = LISTED.findall(group)
         listed += [name for form in MADE.get(heading, ()) for name in sorted(contents) if fnmatch(name, form)]
-        if listed:
-            trees.append(_tree(list(dict.fromkeys(listed)), heading))
+        if listed := [name for name in dict.fromkeys(listed) if name not in seen]:
+            trees.append(_tree(listed, heading))
+            seen |= {*listed}
     return "\n\n".join([text.rstrip(), *trees, ""])
 
 
@@ -133,7 +139,18 @@ def _name(file: Path, root: Path) -> str:
     return file.relative_to(root).as_posix()
 
 
-def _write(file: Path, content: bytes) -> None:
-    if not file.exists() or file.read_bytes() != content:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(content)
+def _titles(contents: Mapping[str, str | bytes]) -> dict[str, str]:
+    """Return page -> its first heading."""
+    found = {
+        name: HEADING.search(str(text)) for name, text in sorted(contents.items()) if _is_page(PurePosixPath(name))
+    }
+    return {name: heading[1] if heading else "" for name, heading in found.items()}
+
+
+def _write(file: Path, content: bytes) -> bool:
+    """Write a file unless it is like that already; return whether it was not."""
+    if file.exists() and file.read_bytes() == content:
+        return False
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(content)
+    return True

@@ -9,7 +9,7 @@ from aerial_il.control.actions import ActionLevel, action_spec, levels_of
 from aerial_il.core.specs import ActionSpec, Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks
-from aerial_il.suite.observations import robot_fields
+from aerial_il.suite.sensors import robot_fields
 
 INTRODUCTION = """\
 # Spaces
@@ -17,18 +17,6 @@ INTRODUCTION = """\
 Every element of every action, with its unit and bounds, and every field of the observations, robot by robot: the
 content of `env.spec`, which each recording and each policy also stores. [Actions and observations](../actions.md)
 explains the levels and the frames."""
-
-MEANING = {  # field -> frame and meaning; units and shapes are the specification's
-    "base_pos": "position of the hub in the world frame",
-    "base_rot6d": "first two columns of the rotation matrix, world from base",
-    "base_vel": "velocity of the hub in the world frame",
-    "base_angvel": "angular velocity in the base frame",
-    "joint_pos": "joint positions of the arm",
-    "joint_vel": "joint velocities of the arm",
-    "gripper": "0 closed, 1 open",
-    "ee_pos": "position of the tool in the world frame",
-    "ee_rot6d": "first two columns of the rotation matrix, world from tool",
-}
 
 
 def pages() -> dict[str, str]:
@@ -52,10 +40,10 @@ def page(robot: Robot) -> str:
 
 def _observation(fields: Sequence[Field]) -> str:
     rows = [
-        (_code(field.name), str(field.shape), field.unit or "–", MEANING[field.name], ", ".join(field.labels))
-        for field in fields
+        (_code(f.name), str(f.shape), f.unit or "–", f.frame or "–", f.meaning, f.noise, ", ".join(f.labels))
+        for f in fields
     ]
-    return _table(("field", "shape", "unit", "what", "elements"), rows)
+    return _table(("field", "shape", "unit", "frame", "what", "noise", "elements"), rows)
 
 
 def _task_note(robot: Robot) -> str:

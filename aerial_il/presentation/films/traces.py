@@ -10,8 +10,7 @@ import numpy as np
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
 from aerial_il.presentation.studio.marks import Arrow, Mark, Trail
-from aerial_il.suite.physics import wind
-from aerial_il.suite.physics.episode_state import USERDATA_SIZE, WIND
+from aerial_il.suite.episode.disturbances import effects_of
 
 TOOL, BASE, WIND_BLUE, FORCE_RED = (0.93, 0.42, 0.08), (0.20, 0.45, 0.75), (0.16, 0.55, 0.80), (0.85, 0.12, 0.15)
 M_PER_N, M_PER_M_S, LONGEST_M = 0.03, 0.10, 0.5  # length of arrows
@@ -60,13 +59,12 @@ class Traces:
 def traces_of(episode: Episode, scene: SceneRenderer) -> Traces:
     """Read the traces of a recording from its states."""
     model, rows = scene.model, []
-    base, ours = model.body("base").id, model.nuserdata == USERDATA_SIZE
+    base, winds = model.body("base").id, effects_of(episode.spec, model, episode.states)["wind"]
     tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tool")
-    for state in episode.states:
+    for state, wind in zip(episode.states, winds, strict=True):
         data = scene.pose(state)
         at = data.xpos[base].copy()
-        blow = data.userdata[WIND][wind.VELOCITY : wind.VELOCITY + 3].copy() if ours else np.zeros(3)
-        rows.append((data.site_xpos[tool].copy() if tool >= 0 else at, at, blow, *_contact(model, data, base)))
+        rows.append((data.site_xpos[tool].copy() if tool >= 0 else at, at, wind, *_contact(model, data, base)))
     return Traces(*(np.array(column) for column in zip(*rows, strict=True)), dt=episode.spec.control_dt_s)
 
 

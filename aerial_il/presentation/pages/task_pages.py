@@ -9,6 +9,7 @@ from pathlib import Path
 
 from aerial_il import experts, robots
 from aerial_il.core.files import write_atomic
+from aerial_il.core.specs import Field
 from aerial_il.suite import tasks
 from aerial_il.suite.tasks.task import Task
 
@@ -41,7 +42,7 @@ def overview(found: list[Task]) -> str:
 
 def page(task: Task) -> str:
     """Return a task's page."""
-    fields = [(f"`{f.name}`", f"{f.size}", f.unit or "–", ", ".join(f.labels)) for f in task.fields()]
+    columns, fields = ("field", "size", "unit", "frame", "what", "elements"), [_field(f) for f in task.fields()]
     refused = [(name, task.infeasibility(robots.get(name))) for name in robots.names()]
     parts = [
         f"# {task.name}",
@@ -50,7 +51,7 @@ def page(task: Task) -> str:
         _text_of(type(task)),
         _table(("", ""), _facts(task)),
         "## Observations of the task",
-        _table(("field", "size", "unit", "elements"), fields) if fields else "Nothing beyond the state of the robot.",
+        _table(columns, fields) if fields else "Nothing beyond the state of the robot.",
         "## Fields that no real robot can measure",
         _privileges(task),
         "## Expert",
@@ -61,6 +62,11 @@ def page(task: Task) -> str:
         NOTE,
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _field(field: Field) -> tuple[str, ...]:
+    unit, frame = field.unit or "–", field.frame or "–"
+    return f"`{field.name}`", f"{field.size}", unit, frame, field.meaning, ", ".join(field.labels)
 
 
 def _facts(task: Task) -> list[tuple[str, str]]:

@@ -24,12 +24,11 @@ def log_cameras(stream: rr.RecordingStream, root: str, episode: Episode, motion:
     """Log every camera whose pictures were recorded; return their entities."""
     found = []
     for name in (field.name for field in episode.spec.observation.of_group("image") if field.name in episode.obs):
-        camera, _, modality = name.rpartition("_")
-        index = mujoco.mj_name2id(motion.model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+        index = mujoco.mj_name2id(motion.model, mujoco.mjtObj.mjOBJ_CAMERA, name.rpartition("_")[0])
         if index >= 0:
             entity = f"{root}/cameras/{name}"
             _log_frustum(stream, entity, motion, index, episode.obs[name].shape[1:3], clock)
-            log_pictures(stream, entity, episode.obs[name], modality, clock)
+            log_pictures(stream, entity, episode.obs[name], clock)
             found.append(entity)
     return found
 
@@ -57,13 +56,12 @@ def _log_frustum(
     stream.send_columns(entity, clock.columns(), columns)
 
 
-def log_pictures(stream: rr.RecordingStream, entity: str, pictures: np.ndarray, modality: str, clock: Clock) -> None:
-    """Log pictures (N, H, W[, 3]) of a modality: colours as JPEG, depth in mm and segmentation by number as PNG."""
-    kind = {"rgb": _jpeg, "depth": partial(_png, scale=UNITS_PER_METRE), "segmentation": partial(_png, shift=1)}[
-        modality
-    ]
-    blobs = [kind(picture) for picture in pictures]
-    if modality == "rgb":
+def log_pictures(stream: rr.RecordingStream, entity: str, pictures: np.ndarray, clock: Clock) -> None:
+    """Log pictures (N, H, W[, 3]): colours (uint8) as JPEG, depth (floats) in mm and segmentation by id as PNG."""
+    is_colour, is_depth = pictures.dtype == np.uint8, pictures.dtype.kind == "f"
+    encoded = _jpeg if is_colour else partial(_png, scale=UNITS_PER_METRE) if is_depth else partial(_png, shift=1)
+    blobs = [encoded(picture) for picture in pictures]
+    if is_colour:
         media = ["image/jpeg"] * len(blobs)
         stream.send_columns(entity, clock.columns(), rr.EncodedImage.columns(blob=blobs, media_type=media))
     else:

@@ -55,7 +55,7 @@ class Flight:
         except DemoError as error:
             return Flight(episode, None, None, (str(error),), chunks)
         notes = () if flags is not None else (NO_FLAGS,)
-        return Flight(episode, move(model, episode.states), flags, notes, chunks)
+        return Flight(episode, move(model, episode.states, episode.spec), flags, notes, chunks)
 
     @cached_property
     def cameras(self) -> tuple[str, ...]:
@@ -105,7 +105,7 @@ def _log_scene(stream: rr.RecordingStream, flight: Flight, motion: Motion, root:
 
 def _log_pictures_alone(stream: rr.RecordingStream, flight: Flight, root: str, clock: Clock) -> None:
     for name in flight.cameras:
-        log_pictures(stream, f"{root}/{name}", flight.episode.obs[name], name.rpartition("_")[2], clock)
+        log_pictures(stream, f"{root}/{name}", flight.episode.obs[name], clock)
 
 
 def tool_columns(episode: Episode) -> list[int] | None:

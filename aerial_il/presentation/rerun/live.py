@@ -54,7 +54,7 @@ class WatchedBatch(BatchEnvironment):
         return Clock(np.array([self._flown * self.spec.control_dt_s]), first_step=self._flown)
 
     def _motion(self) -> Motion:
-        return move(self.model, self.get_state()[WATCHED : WATCHED + 1])
+        return move(self.model, self.get_state()[WATCHED : WATCHED + 1], self.spec)
 
     def _log_answer(self, actions: np.ndarray, result: StepResult) -> None:
         """Log what was done in the last step, and what came of it."""

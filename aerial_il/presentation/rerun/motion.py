@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from aerial_il.core.errors import DemoError
+from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.suite.physics import wind
-from aerial_il.suite.physics.episode_state import USERDATA_SIZE, WIND
+from aerial_il.suite.episode.disturbances import effects_of
 from aerial_il.suite.physics.physics_batch import STATE
 
 LEAST_FORCE_N = 0.05  # contacts that press less are not shown
@@ -117,8 +117,12 @@ def compile_scene(episode: Episode) -> mujoco.MjModel:
     return model
 
 
-def move(model: mujoco.MjModel, states: np.ndarray) -> Motion:
-    """Put the scene into every state (N, S) and keep what is to be seen; numbers beyond MuJoCo's state are left out."""
+def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None) -> Motion:
+    """Put the scene into every state (N, S) and keep what is to be seen; numbers beyond MuJoCo's state are left out.
+
+    Args:
+        spec: of the environment, which tells the wind.
+    """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
     rotors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
     found: list[tuple[np.ndarray, ...]] = []
@@ -128,9 +132,8 @@ def move(model: mujoco.MjModel, states: np.ndarray) -> Motion:
         mujoco.mj_forward(model, data)
         found.append(tuple(np.copy(part) for part in _seen(model, data, rotors)))
         contacts.append(_contacts(model, data))
-    body_pos, body_quat, site_pos, camera_pos, camera_mat, thrust_pos, thrust, blow = map(
-        np.stack, zip(*found, strict=True)
-    )
+    body_pos, body_quat, site_pos, camera_pos, camera_mat, thrust_pos, thrust = map(np.stack, zip(*found, strict=True))
+    wind = effects_of(spec, model, states)["wind"] if spec else np.zeros((len(states), 3))
     counts, points, forces, on_robot = zip(*contacts, strict=True)
     return Motion(
         model=model,
@@ -142,7 +145,7 @@ def move(model: mujoco.MjModel, states: np.ndarray) -> Motion:
         thrust_pos=thrust_pos,
         thrust=thrust,
         contacts=Contacts(np.array(counts), *(np.concatenate(part) for part in (points, forces, on_robot))),
-        wind=blow if blow.any() else None,
+        wind=wind if wind.any() else None,
     )
 
 
@@ -151,10 +154,8 @@ def _seen(model: mujoco.MjModel, data: mujoco.MjData, rotors: np.ndarray) -> tup
     sites = model.actuator_trnid[rotors, 0]
     axes = np.einsum("rij,rj->ri", data.site_xmat[sites].reshape(-1, 3, 3), model.actuator_gear[rotors, :3])
     thrust = axes * data.actuator_force[rotors, None]
-    ours = model.nuserdata == USERDATA_SIZE
-    blow = data.userdata[WIND][wind.VELOCITY : wind.VELOCITY + 3] if ours else np.zeros(3)
     poses = (data.xpos, data.xquat, data.site_xpos, data.cam_xpos, data.cam_xmat)
-    return (*poses, data.site_xpos[sites], thrust, blow)
+    return (*poses, data.site_xpos[sites], thrust)
 
 
 def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, ...]:

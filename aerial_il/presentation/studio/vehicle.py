@@ -103,13 +103,12 @@ def _axis(site: mujoco.MjsSite) -> np.ndarray:
 def dress_cameras(shop: Workshop) -> None:
     """Put a housing with a lens where the robot's own cameras are, on a strut from the hub or from the link."""
     hub = shop.spec.geom("hub")
-    for name in ("base", "wrist"):
-        camera = shop.spec.camera(name)
-        if camera is None:
+    for camera in shop.spec.cameras:
+        if camera.parent.name == "world":
             continue
         pos = np.array(camera.pos, float)
         foot = np.array([pos[0], 0.0, 0.0])
-        if name == "base":
+        if camera.name == "base":
             foot = pos if hub is None or hub.type != mujoco.mjtGeom.mjGEOM_BOX else _nearest_in(hub, pos)
         _dress_camera(shop, camera, foot, LENS_M * float(np.clip(span_m(shop) / USUAL_SPAN_M, 0.6, 1.5)))
 

@@ -5,25 +5,34 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numba
 import numpy as np
+from numba import types
 
 from aerial_il.control.actions import ActionLevel
 from aerial_il.control.controller_state import TARGET_POS
 from aerial_il.control.dynamics import put, vec
+from aerial_il.core import registry
+from aerial_il.core.addresses import numbers_at
 from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.rotations import norm, sub
+from aerial_il.robots.robot import Robot
+from aerial_il.suite import sensors
 from aerial_il.suite.episode.estimation import Perception, perceive
-from aerial_il.suite.observations import observe_robot
 from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.hooks import EFFECTS_SIZE, NOW_SIZE
 from aerial_il.suite.physics.native import doubles, draw, row_at
 from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import (
+    RECORD,
     RETURNS_NOTHING,
     RETURNS_NUMBER,
+    ROW,
     WRITES_ROW,
     call_nothing,
     call_number,
     call_row,
+    call_sensor,
     record_at,
     tool_pos,
     unwanted_contacts,
@@ -70,7 +79,8 @@ class Rules(NamedTuple):
         observe, solved, progress, reward, remember, lost, force_in_band_raw: addresses of the task's compiled
             functions; 0 for none.
         dwell_steps: control steps for which ``solved`` must hold. max_steps: control steps until the time is up.
-        level: action level. proprioception: numbers of the robot's own observation, which comes first.
+        sensors: (K, 4) of the robot: addresses of each kernel and of its numbers, first column and count of what it
+            writes. level: action level. proprioception: numbers of the robot's own observation, which comes first.
         rotor_max: (R,) largest thrusts, N. perception: how observations differ from the truth.
     """
 
@@ -83,6 +93,7 @@ class Rules(NamedTuple):
     force_in_band_raw: int
     dwell_steps: int
     max_steps: int
+    sensors: np.ndarray
     level: int
     proprioception: int
     rotor_max: np.ndarray
@@ -108,8 +119,28 @@ class Found(NamedTuple):
     commanded: np.ndarray
 
 
-def rules_of(scenario: Scenario, proprioception: int, perception: Perception) -> Rules:
-    """Return the rules of a scenario whose robot, seen so, shows ``proprioception`` numbers of itself."""
+class SensorTable:
+    """Sensors of a robot, as worlds are observed with them.
+
+    Attributes:
+        rows: (K, 4) see :class:`Rules`; they hold addresses of the table: keep it. size: numbers of all together.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._own, rows, self.size = [], [], 0
+        for name, sensor, fields in sensors.of(robot):
+            own, size = sensor.record(name, robot), sum(field.size for field in fields)
+            signature = types.void(numba.from_dtype(own.dtype), RECORD, RECORD, ROW)
+            rows.append(
+                [address_of(registry.kernel("sensor", name, "read"), signature), own.ctypes.data, self.size, size]
+            )
+            self._own.append(own)
+            self.size += size
+        self.rows = np.array(rows, np.int64).reshape(-1, 4)
+
+
+def rules_of(scenario: Scenario, table: SensorTable, perception: Perception) -> Rules:
+    """Return the rules of a scenario whose robot has those sensors and sees so."""
     task, spec = scenario.task, scenario.spec
     kernels = task.kernels
     return Rules(
@@ -123,7 +154,8 @@ def rules_of(scenario: Scenario, proprioception: int, perception: Perception) ->
         dwell_steps=dwell_steps(task),
         max_steps=spec.max_steps,
         level=int(scenario.level),
-        proprioception=proprioception,
+        sensors=table.rows,
+        proprioception=table.size,
         rotor_max=np.array(scenario.robot.vehicle.rotor_max, float),
         perception=perception,
     )
@@ -210,9 +242,13 @@ def assess(rules, found, i):
     call_row(rules.progress, world, row_at(found.subtasks, i))
     seen = record_at(found.seen + i * found.record_size)
     if rules.perception.active != 0:
-        perceive(rules.perception, world, seen)
+        hooks = rules.perception.hooks[0]
+        perceive(rules.perception, world, seen, hooks.now + i * NOW_SIZE, hooks.effects + i * EFFECTS_SIZE)
     observations = row_at(found.observations, i)
-    observe_robot(seen, observations)
+    for k in range(rules.sensors.shape[0]):
+        own, place, size = rules.sensors[k, 1], rules.sensors[k, 2], rules.sensors[k, 3]
+        found_here = doubles(observations.ctypes.data + 8 * place, size)
+        call_sensor(rules.sensors[k, 0], numbers_at(own), world, seen, found_here)
     rest = observations.size - rules.proprioception
     call_row(rules.observe, seen, doubles(observations.ctypes.data + 8 * rules.proprioception, rest))
 

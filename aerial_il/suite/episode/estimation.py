@@ -22,6 +22,7 @@ from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, mat_from_quat, mat_from_rotvec, matmul, rotate, scale, sub
 from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.hooks import act_all, note, now_at
 from aerial_il.suite.physics.native import doubles, mju_copy, mju_mat2quat
 from aerial_il.suite.physics.noise import gaussian
 from aerial_il.suite.physics.sensing import measure
@@ -38,6 +39,7 @@ from aerial_il.suite.physics.world import (
     tool_mat,
     tool_pos,
 )
+from aerial_il.suite.timing import CONTROL_DT_S
 
 EXACT = -1  # in the place of an object: commanded, not seen
 STILL = -1  # in the place of a slot: it does not move
@@ -60,7 +62,6 @@ SIGHT = np.dtype(
 )
 ERRORS_START, PAST_START, PAST_SIZE = layout.ERRORS.start, layout.PAST.start, layout.PAST_SIZE
 FORCES_START, OWN_MEMORY_STOP = layout.FORCES.start, layout.TASK.stop
-NOISE_START, NOISE_STOP = layout.NOISE.start, layout.NOISE.stop
 SEED, TICK, STEP, USERDATA_SIZE = layout.SEED, layout.TICK, layout.STEP, layout.USERDATA_SIZE
 FRAME, OBJECT, KICK = 32, 36, 48  # first channels of random numbers: of the frame, of objects, of their noise
 FORCE_BIAS, FORCE_NOISE = 80, 84
@@ -72,13 +73,14 @@ class Perception(NamedTuple):
 
     Attributes:
         active: 0 where the truth is shown; then the rest does not matter.
-        sight: (1,) record of :data:`SIGHT`. vehicle, sensors: (1,) records, as the controller has them.
+        sight: (1,) record of :data:`SIGHT`. vehicle: (1,) record, as the controller has it.
+        hooks: (1,) of the tier's disturbances.
     """
 
     active: int
     sight: np.ndarray
     vehicle: np.ndarray
-    sensors: np.ndarray
+    hooks: np.ndarray
 
 
 @kernel
@@ -110,16 +112,16 @@ def advance_sight(perception, world, userdata, dt):
 
 
 @kernel
-def perceive(perception, world, seen):
+def perceive(perception, world, seen, now, effects):
     """Write what is seen of a world.
 
     Args:
         perception: see above. world: record of the truth. seen: record whose addresses are those of what is written;
-            what cannot be seen stays NaN there.
+            what cannot be seen stays NaN there. now, effects: addresses of this world's, see ``physics.hooks``.
     """
     sight, userdata = perception.sight[0], doubles(world.userdata, USERDATA_SIZE)
     _feel_forces(sight, world, seen)
-    _estimate_robot(perception, world, seen)
+    _estimate_robot(perception, world, seen, now, effects)
     for k in range(sight.num_sites):
         pos, mat = _seen_pose(sight, world, userdata, k)
         if sight.site_objects[k] != EXACT:
@@ -220,9 +222,9 @@ def _see_joint(sight, world, userdata, seen, k):
 
 
 @kernel
-def _estimate_robot(perception, world, seen):
+def _estimate_robot(perception, world, seen, now, effects):
     """The robot as its controller estimates it: base and tool in error as one, joints and fingers as they are."""
-    sight, vehicle, sensors = perception.sight[0], perception.vehicle[0], perception.sensors[0]
+    sight, vehicle = perception.sight[0], perception.vehicle[0]
     mju_copy(seen.qpos, world.qpos, sight.own_qpos)
     mju_copy(seen.qvel, world.qvel, sight.own_qvel)
     tool, base = sight.num_sites, sight.num_sites + 1
@@ -232,13 +234,15 @@ def _estimate_robot(perception, world, seen):
         joints = vehicle.num_joints
         pos, vel = doubles(world.qpos, 7 + joints), doubles(world.qvel, 6 + joints)
         measured_pos, measured_vel = doubles(seen.qpos, 7 + joints), doubles(seen.qvel, 6 + joints)
-        noise = doubles(world.userdata + 8 * NOISE_START, NOISE_STOP - NOISE_START)
-        measure(vehicle, sensors, noise, pos, vel, measured_pos, measured_vel)
+        userdata, moment = doubles(world.userdata, USERDATA_SIZE), now_at(now)
+        note(moment, userdata[SEED], userdata[TICK], CONTROL_DT_S, pos, vel)
+        summed = act_all(perception.hooks[0], world.userdata, moment, effects)
+        measure(vehicle, summed, pos, vel, measured_pos, measured_vel)
         rot, measured = _rotation(pos), _rotation(measured_pos)
-        turn, now, here = matmul(measured, _transposed(rot)), vec(pos, 0), vec(measured_pos, 0)
-        moved = add(here, rotate(turn, sub(tool_pos(world), now)))
+        turn, there, here = matmul(measured, _transposed(rot)), vec(pos, 0), vec(measured_pos, 0)
+        moved = add(here, rotate(turn, sub(tool_pos(world), there)))
         _write_site(seen, tool, moved, matmul(turn, tool_mat(world)))
-        _write_site(seen, base, add(here, rotate(turn, sub(base_pos(world), now))), matmul(turn, base_mat(world)))
+        _write_site(seen, base, add(here, rotate(turn, sub(base_pos(world), there))), matmul(turn, base_mat(world)))
 
 
 @kernel

@@ -17,6 +17,15 @@ from aerial_il.suite.episode.estimation import advance_sight
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.aerodynamics import air_wrench, falling_share, lagged_command
 from aerial_il.suite.physics.force_sensing import keep_sample, sense_forces
+from aerial_il.suite.physics.hooks import (
+    EFFECTS_SIZE,
+    NOW_SIZE,
+    act_all,
+    advance_all,
+    arrive_all,
+    note,
+    now_at,
+)
 from aerial_il.suite.physics.native import draw, mj_step1, mj_step2, row_at
 from aerial_il.suite.physics.physics_batch import (
     ACT,
@@ -32,12 +41,9 @@ from aerial_il.suite.physics.physics_batch import (
     pull_all,
     push_state,
 )
-from aerial_il.suite.physics.sensing import advance_noise, measure, vehicle_state
-from aerial_il.suite.physics.wind import advance_wind
+from aerial_il.suite.physics.sensing import measure, vehicle_state
 from aerial_il.suite.physics.world import record_at
 
-NOISE_START, NOISE_STOP = layout.NOISE.start, layout.NOISE.stop
-WIND_START, WIND_STOP = layout.WIND.start, layout.WIND.stop
 FORCES_START, FORCES_STOP = layout.FORCES.start, layout.FORCES.stop
 SEED, TICK, STEP, CRASHED = layout.SEED, layout.TICK, layout.STEP, layout.CRASHED
 TILTED_OVER = 0.17  # cosine of 80°
@@ -49,7 +55,8 @@ class Flight(NamedTuple):
 
     Attributes:
         vehicle: (1,) the nominal model's record, see ``alone``.
-        gains, air, sensors: (1,) records of ``Gains``, ``Air`` and ``Sensors``.
+        gains: (1,) record of ``Gains``. steering: (1,) of ``STEERING``, the flight law.
+        drag: of the body, N s²/m². hooks: (1,) of the tier's disturbances.
         level: action level.
         force_addresses: (K,) where the task's force sensors start in ``sensordata``.
         base_site: index of the base's site. base_contact: index of its contact count in ``sensordata``.
@@ -59,8 +66,9 @@ class Flight(NamedTuple):
 
     vehicle: np.ndarray
     gains: np.ndarray
-    air: np.ndarray
-    sensors: np.ndarray
+    steering: np.ndarray
+    drag: float
+    hooks: np.ndarray
     level: int
     force_addresses: np.ndarray
     base_site: int
@@ -78,11 +86,12 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
     Args:
         flight: see :class:`Flight`. rules, found: what is asked after a control step, and where answers go.
         workspace: (1,) working memory, see ``SCRATCH``. worlds: addresses, see ``worlds.PhysicsPointers``.
-        sent: (n, Da) actions as they were sent. actions: (n, Da) that arrive. active: (n,) bool, others stand still.
+        sent: (n, Da) actions as they were sent. actions: (n, Da) the same, changed to those that arrive.
+        active: (n,) bool, others stand still.
         fresh: the actions are new. steps: physics steps.
         counter: address of the number of worlds that are taken already; threads that share it share the work.
     """
-    vehicle, gains, air, sensors = flight.vehicle[0], flight.gains[0], flight.air[0], flight.sensors[0]
+    vehicle, gains, hooks, steering = flight.vehicle[0], flight.gains[0], flight.hooks[0], flight.steering[0]
     scratch, dt = workspace[0], flight.dt
     rotors, level, thrust = vehicle.num_rotors, flight.level, scratch.thrust[: vehicle.num_rotors]
     pos, vel = scratch.pos[: 7 + vehicle.num_joints], scratch.vel[: 6 + vehicle.num_joints]
@@ -97,34 +106,46 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
         push_state(worlds, i)
         qpos, qvel, act = inside(worlds, QPOS, i), inside(worlds, QVEL, i), inside(worlds, ACT, i)
         ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), inside(worlds, USERDATA, i)
-        state, noise, wind = (
-            userdata[:CONTROLLER_STATE_SIZE],
-            userdata[NOISE_START:NOISE_STOP],
-            userdata[WIND_START:WIND_STOP],
-        )
+        state, memory = userdata[:CONTROLLER_STATE_SIZE], userdata.ctypes.data
+        now, summed = now_at(hooks.now + i * NOW_SIZE), hooks.effects + i * EFFECTS_SIZE
         forces, sensordata = userdata[FORCES_START:FORCES_STOP], inside(worlds, SENSORDATA, i)
         action, servo = row_at(actions, i), ctrl[rotors:]
         vehicle_state(vehicle, qpos, qvel, pos, vel)
         if fresh:
+            note(now, userdata[SEED], userdata[TICK], flight.interval, pos, vel)
+            arrive_all(hooks, memory, now, action)
             receive_action(vehicle, gains, scratch, level, action, pos, state, flight.interval)
-            if sensors.position > 0.0:
-                advance_noise(sensors, noise, userdata[SEED], userdata[TICK], flight.interval)
+            advance_all(hooks, memory, now)
             if rules.perception.active != 0:
                 advance_sight(
                     rules.perception, record_at(found.records + i * found.record_size), userdata, flight.interval
                 )
-            if air.speed > 0.0:
-                advance_wind(air, wind, pos[2], userdata[SEED], userdata[TICK], flight.interval)
         for _ in range(steps):
-            measure(vehicle, sensors, noise, pos, vel, measured_pos, measured_vel)
-            tick(vehicle, gains, scratch, level, action, measured_pos, measured_vel, act, state, dt, thrust, servo)
+            note(now, userdata[SEED], userdata[TICK], flight.interval, pos, vel)
+            effects = act_all(hooks, memory, now, summed)
+            measure(vehicle, effects, pos, vel, measured_pos, measured_vel)
+            tick(
+                vehicle,
+                gains,
+                steering,
+                scratch,
+                level,
+                action,
+                measured_pos,
+                measured_vel,
+                act,
+                state,
+                dt,
+                thrust,
+                servo,
+            )
             for r in range(rotors):
                 ctrl[r] = lagged_command(thrust[r], act[r], falling)
             if vehicle.gripper_stroke > 0.0:
                 ctrl[rotors + vehicle.num_joints] = gripper_opening(vehicle, action) * vehicle.gripper_stroke
             if vehicle.base_mobility > 0.0:
                 rot = mat_from_quat((pos[3], pos[4], pos[5], pos[6]))
-                force, torque = air_wrench(vehicle, air, wind, vec(pos, 0), rot, vec(vel, 0), act)
+                force, torque = air_wrench(vehicle, flight.drag, effects, vec(pos, 0), rot, vec(vel, 0), act)
                 put(wrench, 0, force)
                 put(wrench, 3, torque)
             for _ in range(flight.refinement):

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from aerial_il.control.vehicle import alone, record_of
+from aerial_il.control.vehicle import alone
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.episode.estimation import (
     EXACT,
@@ -37,7 +37,7 @@ class Perceived:
     An object is what hangs from one body of the scene: its sites and joints share one error.
 
     Args:
-        scenario: the environment. view: the worlds.
+        scenario: the environment. view: the worlds. hooks: (1,) of the tier's disturbances.
 
     Attributes:
         records: (n,) :data:`aerial_il.suite.physics.world.WORLD`, which observations are read off.
@@ -48,19 +48,18 @@ class Perceived:
             something that belongs to none of the objects whose sites it reads.
     """
 
-    def __init__(self, scenario: Scenario, view: View) -> None:
+    def __init__(self, scenario: Scenario, view: View, hooks: np.ndarray) -> None:
         self.view, self._model, self._task = view, view.model, scenario.task
         self._roots: list[int] = []
         self._places = 0  # of what is remembered
-        vehicle, estimation = scenario.robot.vehicle.record, scenario.tier.estimation
+        vehicle, estimation = scenario.robot.vehicle.record, scenario.tier.parts.get("estimation")
         sight, self.records = np.zeros(1, SIGHT), view.records
         if estimation:
             for name, value in vars(estimation).items():
                 sight[name] = value
             self._sort_out(sight)
             self.records = self._own_records()
-        sensors = alone(record_of(scenario.tier.sensors))
-        self.perception = Perception(1 if estimation else 0, sight, alone(vehicle), sensors)
+        self.perception = Perception(1 if estimation else 0, sight, alone(vehicle), hooks)
         self.objects = tuple(self._model.body(root).name for root in self._roots)
 
     def begin(self, mask: np.ndarray) -> None:

@@ -10,18 +10,19 @@ from typing import Any, NoReturn
 import mujoco
 import numpy as np
 
-from aerial_il.control.laws import Law
+from aerial_il.control import controllers
+from aerial_il.control.controller import Steering
 from aerial_il.control.scratch import SCRATCH
 from aerial_il.control.vehicle import Gains, alone, record_of
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.kernels import entry_of
 from aerial_il.core.seeding import episode_rng
-from aerial_il.suite.episode.assessment import Assessment, assess_all, assessment_of, make_found, rules_of
+from aerial_il.suite.episode.assessment import Assessment, SensorTable, assess_all, assessment_of, make_found, rules_of
 from aerial_il.suite.episode.disturbances import Disturbances
 from aerial_il.suite.episode.flight_loop import Flight, fly, limit_actions
 from aerial_il.suite.episode.perception import Perceived
-from aerial_il.suite.observations import robot_fields
 from aerial_il.suite.physics import episode_state as layout
+from aerial_il.suite.physics.aerodynamics import quadratic_drag
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
 from aerial_il.suite.physics.thread_pool import ThreadPool
 from aerial_il.suite.physics.view import View
@@ -61,14 +62,16 @@ class Simulation:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot, self.task.names)
-        self.gains = (gains or scenario.law.gains).fitted(self.robot.vehicle)
+        self.gains = (gains or controllers.get(scenario.controller)().gains).fitted(self.robot.vehicle)
+        self._steering = Steering(scenario.controller, self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
         self._ctrl, self._userdata = worlds.bind("ctrl"), worlds.bind("userdata")
         self._flight = Flight(
-            vehicle=alone(Law(self.gains.law).record(self.robot.vehicle)),
+            vehicle=alone(self.robot.vehicle.record),
             gains=alone(record_of(self.gains)),
-            air=alone(record_of(scenario.air)),
-            sensors=alone(record_of(scenario.tier.sensors)),
+            steering=self._steering.record,
+            drag=quadratic_drag(self.robot.vehicle),
+            hooks=self.disturbances.table.hooks,
             level=int(scenario.level),
             force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),
             base_site=self.view.base_site,
@@ -78,9 +81,10 @@ class Simulation:
             substeps=SUBSTEPS,
             refinement=refinement,
         )
-        self.seen, observation = Perceived(scenario, self.view), self.spec.observation
-        own = sum(field.size for field in robot_fields(self.robot))
-        self._rules = rules_of(scenario, own, self.seen.perception)
+        self.seen = Perceived(scenario, self.view, self.disturbances.table.hooks)
+        observation = self.spec.observation
+        self._sensors = SensorTable(self.robot)
+        self._rules = rules_of(scenario, self._sensors, self.seen.perception)
         self._found = make_found(
             self.view, self.seen.records, observation.size(observation.state_names), len(self.spec.subtasks)
         )
@@ -112,11 +116,10 @@ class Simulation:
         for i in np.flatnonzero(mask):
             seed = int(seeds[i])
             self._userdata[i, layout.SEED] = seed
-            self.disturbances.start(int(i), seed)
             self.task.start(self.view, int(i), episode_rng(self.spec.robot, self.spec.task, "start", seed))
         self.disturbances.vary(self.seeds, mask)
         self.worlds.forward(mask)
-        self.disturbances.hold(mask)
+        self.disturbances.start(mask)
         self.seen.begin(mask)
         self._found.commanded[mask] = np.nan
         self.assess(mask)
@@ -144,7 +147,7 @@ class Simulation:
         self._mask = self._select(mask)
         self._actions = self._checked(actions, self._mask)
         self._flights = self._identities.copy()
-        self._arriving = np.ascontiguousarray(self.disturbances.arriving(self._actions, self._mask))
+        self._arriving = self._actions.copy()
         self._fresh = True
         return self._actions
 
@@ -198,6 +201,7 @@ class Simulation:
             self._diverged(int(np.argmax(bad)), "State to continue from is not finite")
         seeds = self._flights[:, 0]
         _check_seeds(seeds[mask])
+        self.disturbances.check(userdata[mask])
         self.disturbances.vary(seeds, mask)
         self.worlds.set_state(states, mask)
         self._check_physics(mask)

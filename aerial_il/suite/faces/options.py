@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, TypedDict
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.suite.rendering import CameraRequest
 from aerial_il.suite.scenario import Scenario
 
 RENDER_MODES = ("rgb_array",)
@@ -45,7 +44,7 @@ class Presentation:
         render_mode: None or ``rgb_array``. render_camera: which camera. render_size: (height, width), pixels.
 
     Raises:
-        InvalidValueError: unknown mode. UnknownNameError: unknown camera.
+        InvalidValueError: unknown mode.
     """
 
     terminate_on_success: bool = False
@@ -54,7 +53,6 @@ class Presentation:
     render_size: tuple[int, int] = (240, 320)
 
     def __post_init__(self) -> None:
-        CameraRequest(self.render_camera)
         if self.render_mode not in (None, *RENDER_MODES):
             raise InvalidValueError(f"render_mode is None or 'rgb_array', got {self.render_mode!r}.")
 
@@ -71,4 +69,6 @@ def read_options(robot: str, task: str, options: Mapping[str, Any]) -> tuple[Sce
         raise UnknownNameError("option", name, known)
     scenario = {SCENARIO[name]: value for name, value in options.items() if name in SCENARIO}
     shown = {name: value for name, value in options.items() if name not in SCENARIO}
-    return Scenario(robot, task, **scenario), Presentation(**shown)
+    found, presentation = Scenario(robot, task, **scenario), Presentation(**shown)
+    found.camera(presentation.render_camera)
+    return found, presentation

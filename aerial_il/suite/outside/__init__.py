@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.outside.batch import OutsideBatch
+from aerial_il.suite.outside.from_files import checked_key, checked_options
 from aerial_il.suite.outside.processes import MakeBatch, SharedBatch
-from aerial_il.suite.outside.strangers import checked_key, checked_options
 
 if TYPE_CHECKING:
     from aerial_il.suite.outside.dm_env_world import MakeEnv

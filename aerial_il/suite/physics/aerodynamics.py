@@ -5,11 +5,18 @@ from __future__ import annotations
 import math
 
 from aerial_il.control.dynamics import row, vec
+from aerial_il.control.vehicle import Vehicle
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, cross, norm, rotate, rotate_back, scale, sub
-from aerial_il.suite.physics.wind import VELOCITY, centre_of_pressure
 
 GROUND_EFFECT = 0.171  # coefficient fitted to flight data (AM-Bench 2026)
+AIR_DENSITY = 1.225  # kg/m³
+DRAG_AREA = 0.025  # m² of flat plate for a vehicle of 1 kg, growing with mass^(2/3); see docs/tiers.md
+
+
+def quadratic_drag(vehicle: Vehicle) -> float:
+    """Return the drag of a vehicle's body, N s²/m², beside its linear one; an ideal vehicle without any has none."""
+    return 0.5 * AIR_DENSITY * DRAG_AREA * vehicle.mass ** (2.0 / 3.0) if vehicle.drag.any() else 0.0
 
 
 @kernel
@@ -38,29 +45,27 @@ def ground_effect(height, radius):
 
 
 @kernel
-def air_wrench(vehicle, air, wind, pos, rot, vel, thrust_now):
-    """Drag of the body and extra thrust near the ground.
+def air_wrench(vehicle, quadratic, effects, pos, rot, vel, thrust_now):
+    """Drag of the body, extra thrust near the ground, and what disturbances push.
 
     Drag is linear and quadratic in the velocity relative to the air. The linear part stands for the rotors, whose
     in-plane force grows with airspeed, the quadratic one for the body.
 
     Args:
-        vehicle: geometry. air: what surrounds it. wind: (WIND_SIZE,) state of the wind, zero in still air.
+        vehicle: geometry. quadratic: drag, N s²/m². effects: of the disturbances, see ``hooks.EFFECTS``.
         pos, rot: base pose. vel: base velocity, world, m/s. thrust_now: (R,) N.
 
     Returns:
         force (world frame, N) and torque about the base origin (base frame, N m).
     """
-    local = rotate_back(rot, sub(vel, vec(wind, VELOCITY)))
-    body = air.quadratic_drag * norm(local)
+    local = rotate_back(rot, sub(vel, vec(effects.wind, 0)))
+    body = quadratic * norm(local)
     force = (
         -(vehicle.drag[0] + body) * local[0],
         -(vehicle.drag[1] + body) * local[1],
         -(vehicle.drag[2] + body) * local[2],
     )
-    torque = (0.0, 0.0, 0.0)
-    if air.speed > 0.0:
-        torque = cross(centre_of_pressure(air, wind), force)
+    torque = add(vec(effects.torque, 0), cross(vec(effects.lever, 0), force))
     for i in range(vehicle.num_rotors):
         where = row(vehicle.rotor_pos, i)
         height = pos[2] + rotate(rot, where)[2]
@@ -68,4 +73,4 @@ def air_wrench(vehicle, air, wind, pos, rot, vel, thrust_now):
         push = scale(gain * thrust_now[i], row(vehicle.rotor_axis, i))
         force = add(force, push)
         torque = add(torque, add(cross(where, push), scale(vehicle.rotor_drag_ratio[i], push)))
-    return rotate(rot, force), torque
+    return add(rotate(rot, force), vec(effects.force, 0)), torque

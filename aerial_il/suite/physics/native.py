@@ -19,6 +19,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
+from aerial_il.core.addresses import read_at
 from aerial_il.core.kernels import kernel
 
 _FOLDER = Path(mujoco.__file__).parent
@@ -43,11 +44,7 @@ mju_mat2quat = types.ExternalFunction("mju_mat2Quat", _NOTHING(_ADDRESS, _ADDRES
 @intrinsic
 def _pointer(_: Any, address: types.Integer) -> Any:
     """Take an address (integer) as a pointer to doubles."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return types.CPointer(types.float64)(address), generate
+    return types.CPointer(types.float64)(address), read_at
 
 
 @intrinsic

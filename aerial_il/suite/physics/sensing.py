@@ -8,37 +8,10 @@ encoders and rotor speeds are taken as exact.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
-from aerial_il.suite.physics.noise import gaussian
-
-FIRST_CHANNEL = 16  # of the random numbers; gusts use those below
-
-
-class Sensors(NamedTuple):
-    """Standard deviations of the estimate's errors along each axis, and how long they persist.
-
-    Attributes:
-        position: m. velocity: m/s. attitude: rad. rate: rad/s, body frame. time: correlation time, s.
-    """
-
-    position: float = 0.002
-    velocity: float = 0.01
-    attitude: float = 0.003
-    rate: float = 0.01
-    time: float = 0.1
-
-
-@kernel
-def advance_noise(sensors, noise, seed, tick, dt):
-    """Advance the twelve errors (12,), each a Gauss–Markov process of unit variance, by ``dt`` s."""
-    decay = math.exp(-dt / sensors.time)
-    kick = math.sqrt(1.0 - decay * decay)
-    for k in range(12):
-        noise[k] = decay * noise[k] + kick * gaussian(seed, tick, FIRST_CHANNEL + k)
 
 
 @kernel
@@ -60,21 +33,21 @@ def vehicle_state(vehicle, qpos, qvel, pos, vel):
 
 
 @kernel
-def measure(vehicle, sensors, noise, pos, vel, measured_pos, measured_vel):
+def measure(vehicle, effects, pos, vel, measured_pos, measured_vel):
     """Estimate of the vehicle's state; where a fixed base stands is known.
 
     Args:
-        vehicle: its record. sensors: strengths. noise: (12,) errors in standard deviations.
+        vehicle: its record. effects: of the disturbances, see ``hooks.EFFECTS``; errors of the estimate among them.
         pos, vel: true state, see :func:`vehicle_state`.
         measured_pos: (7 + J,) written. measured_vel: (6 + J,) written.
     """
     unsure = vehicle.base_mobility
     for j in range(vehicle.num_joints):
         measured_pos[7 + j], measured_vel[6 + j] = pos[7 + j], vel[6 + j]
-    put(measured_pos, 0, add(vec(pos, 0), scale(unsure * sensors.position, vec(noise, 0))))
-    put(measured_vel, 0, add(vec(vel, 0), scale(unsure * sensors.velocity, vec(noise, 3))))
-    put(measured_vel, 3, add(vec(vel, 3), scale(unsure * sensors.rate, vec(noise, 9))))
-    x, y, z = scale(0.5 * unsure * sensors.attitude, vec(noise, 6))
+    put(measured_pos, 0, add(vec(pos, 0), scale(unsure, vec(effects.position, 0))))
+    put(measured_vel, 0, add(vec(vel, 0), scale(unsure, vec(effects.velocity, 0))))
+    put(measured_vel, 3, add(vec(vel, 3), scale(unsure, vec(effects.rate, 0))))
+    x, y, z = scale(0.5 * unsure, vec(effects.attitude, 0))
     w, qx, qy, qz = pos[3], pos[4], pos[5], pos[6]  # times the small rotation (1, x, y, z), then normalised
     turned = (
         w - x * qx - y * qy - z * qz,

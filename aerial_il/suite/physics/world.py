@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import llvmlite.ir as ir
 import numba
 import numpy as np
 from numba import types
@@ -18,6 +17,7 @@ from numba.extending import intrinsic
 
 from aerial_il.control.dynamics import put, vec
 from aerial_il.control.vehicle import MAX_JOINTS
+from aerial_il.core.addresses import called, read_at
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
@@ -26,7 +26,7 @@ from aerial_il.suite.physics.native import doubles
 
 MAX_NAMES = 8  # of each kind that a task may use
 FORCES_START, PEAKS_START = layout.FORCES.start, layout.FORCES.start + 3 * layout.MAX_FORCES
-SAMPLES_START = layout.SAMPLES.start
+SAMPLES_START, SEED, TICK = layout.SAMPLES.start, layout.SEED, layout.TICK
 TASK_START, TASK_SIZE = layout.TASK.start, layout.TASK.stop - layout.TASK.start
 ARRAYS = ("qpos", "qvel", "act", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "userdata", "qfrc_applied")
 
@@ -68,48 +68,37 @@ class Names:
 @intrinsic
 def _record_at(_: Any, address: types.Integer) -> Any:
     """Take an address as that of a :data:`WORLD` record."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return RECORD(address), generate
-
-
-def _emit_call(context: Any, builder: Any, result: types.Type, given: tuple[types.Type, ...], arguments: Any) -> Any:
-    """Call the function at the address ``arguments[0]`` with the other arguments, of the types ``given``."""
-    nothing = result == types.void
-    kinds = [context.get_value_type(kind) for kind in given]
-    function = ir.FunctionType(ir.VoidType() if nothing else context.get_value_type(result), kinds)
-    found = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-    return context.get_dummy_value() if nothing else found
-
-
-def _generator(result: types.Type, *given: types.Type) -> Any:
-    return lambda context, builder, _, arguments: _emit_call(context, builder, result, given, arguments)
+    return RECORD(address), read_at
 
 
 @intrinsic
 def _call_number(_: Any, address: types.Integer, world: types.Record) -> Any:
-    return NUMBER(address, world), _generator(NUMBER, RECORD)
+    return NUMBER(address, world), called(NUMBER, RECORD)
 
 
 @intrinsic
 def _call_vector(_: Any, address: types.Integer, world: types.Record) -> Any:
-    return VECTOR(address, world), _generator(VECTOR, RECORD)
+    return VECTOR(address, world), called(VECTOR, RECORD)
 
 
 @intrinsic
 def _call_row(_: Any, address: types.Integer, world: types.Record, row: types.Array) -> Any:
-    return types.void(address, world, row), _generator(types.void, RECORD, ROW)
+    return types.void(address, world, row), called(types.void, RECORD, ROW)
 
 
 @intrinsic
 def _call_nothing(_: Any, address: types.Integer, world: types.Record) -> Any:
-    return types.void(address, world), _generator(types.void, RECORD)
+    return types.void(address, world), called(types.void, RECORD)
+
+
+@intrinsic
+def _call_sensor(_: Any, address: Any, own: Any, world: Any, seen: Any, row: Any) -> Any:
+    return types.void(address, own, world, seen, row), called(types.void, own, RECORD, RECORD, ROW)
 
 
 record_at: Any = _record_at  # an intrinsic is called without its first argument
 call_number: Any = _call_number
+call_sensor: Any = _call_sensor
 call_vector: Any = _call_vector
 call_row: Any = _call_row
 call_nothing: Any = _call_nothing
@@ -239,15 +228,15 @@ def peak_force(world, k):
 
 
 @kernel
-def force_sample(world, tick):
-    """Force that the task's first sensor measured after physics step ``tick`` of the last control step, world, N."""
-    return _point(world.userdata + 8 * SAMPLES_START, 2 * tick)
+def force_sample(world, step):
+    """Force that the task's first sensor measured after physics step ``step`` of the last control step, world, N."""
+    return _point(world.userdata + 8 * SAMPLES_START, 2 * step)
 
 
 @kernel
-def raw_force_sample(world, tick):
+def raw_force_sample(world, step):
     """The contact solver's force from which that was measured, before the sensor's filter, world frame, N."""
-    return _point(world.userdata + 8 * SAMPLES_START, 2 * tick + 1)
+    return _point(world.userdata + 8 * SAMPLES_START, 2 * step + 1)
 
 
 @kernel
@@ -261,6 +250,18 @@ def gripper_opening(world):
 def task_state(world):
     """(8,) numbers that the task may write once per control step; zero at the start of an episode."""
     return doubles(world.userdata + 8 * TASK_START, TASK_SIZE)
+
+
+@kernel
+def seed(world):
+    """Seed of the episode, an integer."""
+    return doubles(world.userdata + 8 * SEED, 1)[0]
+
+
+@kernel
+def tick(world):
+    """Physics steps since the start of the episode, an integer."""
+    return doubles(world.userdata + 8 * TICK, 1)[0]
 
 
 @kernel

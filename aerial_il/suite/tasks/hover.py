@@ -16,6 +16,7 @@ from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import Names, air_force, base_mat, base_pos, site_mat, site_pos, untouched
 from aerial_il.suite.props.marker import add_marker
 from aerial_il.suite.props.place import place
+from aerial_il.suite.tasks.fields import COS_SIN, OWN, TOLD, direction, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 SETTLED_M, SETTLED_RAD = 0.05, math.radians(3.0)
@@ -67,12 +68,11 @@ class Hover(Task):
         view.qvel[world, 3:6] = rng.uniform(0.0, RATE_RAD_S) * _direction(rng)
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("target_pos", (3,), "task", unit="m", labels=xyz),
-            Field("target_heading", (2,), "task", labels=("cos", "sin")),
-            Field("base_to_target", (3,), "task", unit="m", labels=xyz),
-            Field("heading_error", (2,), "task", labels=("cos", "sin")),
+            seen("target_pos", "the marked point", noise=TOLD),
+            direction("target_heading", "required heading", labels=COS_SIN, noise=TOLD),
+            seen("base_to_target", "from the hub to the marked point", noise=OWN),
+            direction("heading_error", "from the base's heading to the required one", labels=COS_SIN, noise=OWN),
         )
 
 

@@ -17,6 +17,7 @@ from aerial_il.suite.physics.world import Names, force, site_mat, site_pos, tool
 from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M, add_peg, add_socket
 from aerial_il.suite.props.place import place, two_places
+from aerial_il.suite.tasks.fields import felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 INSERTED_M = 0.030  # of the peg's full width below the chamfer; its round nose reaches a radius deeper
@@ -86,15 +87,14 @@ class InsertPeg(Task):
         view.qpos[world, pose] = [*stand, TABLE_HEIGHT_M + FLOOR_M + 0.5 * PEG_LENGTH_M, 1.0, 0.0, 0.0, 0.0]
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("peg_pos", (3,), "task", unit="m", labels=xyz),
-            Field("peg_axis", (3,), "task", labels=xyz),
-            Field("hole_pos", (3,), "task", unit="m", labels=xyz),
-            Field("stand_pos", (3,), "task", unit="m", labels=xyz),
-            Field("tool_to_peg", (3,), "task", unit="m", labels=xyz),
-            Field("end_to_hole", (3,), "task", unit="m", labels=xyz),
-            Field("wrist_force", (3,), "task", unit="N", labels=xyz),
+            seen("peg_pos", "middle of the peg"),
+            seen("peg_axis", "unit vector from the peg's lower end to its upper one", unit="", real=False),
+            seen("hole_pos", "mouth of the hole in which the peg goes"),
+            seen("stand_pos", "mouth of the hole in which the peg stands at the start"),
+            seen("tool_to_peg", "from the tool to the middle of the peg"),
+            seen("end_to_hole", "from the peg's lower end to the hole", real=False),
+            felt("wrist_force", "contact force of the gripper on other things", real=False),
         )
 
 

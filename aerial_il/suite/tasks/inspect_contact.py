@@ -31,6 +31,7 @@ from aerial_il.suite.physics.world import (
 )
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.plate import SPOT_RADIUS_M, TRAVEL_M, add_plate
+from aerial_il.suite.tasks.fields import felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.timing import SUBSTEPS
 
@@ -94,14 +95,13 @@ class InspectContact(Task):
         place(view, world, "plate_stand", pos - (TRAVEL_M + 0.02) * normal)
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("plate_pos", (3,), "task", unit="m", labels=xyz),
-            Field("plate_rot6d", (6,), "task"),
-            Field("tip_to_plate", (3,), "task", unit="m", labels=xyz),
-            Field("tool_force", (3,), "task", unit="N", labels=xyz),
-            Field("normal_force", (1,), "task", unit="N"),
-            Field("slip", (3,), "task", unit="m", labels=xyz),
+            seen("plate_pos", "the mark on the plate"),
+            seen("plate_rot6d", "first two columns of the plate's rotation", 6, unit="", frame="world from plate"),
+            seen("tip_to_plate", "from the fingertips to the mark"),
+            felt("tool_force", "contact force of the gripper on other things", real=False),
+            felt("normal_force", "force of the whole robot on the plate", 1, frame="along its normal", real=False),
+            seen("slip", "how far the tip has slid since contact began; zero without contact", real=False),
         )
 
 

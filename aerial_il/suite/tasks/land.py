@@ -28,6 +28,7 @@ from aerial_il.suite.physics.world import (
 from aerial_il.suite.props.pad import add_pad
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.skids import STAND_M, add_skids
+from aerial_il.suite.tasks.fields import felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 ON_PAD_M, UPRIGHT_COS, STILL_M_S = 0.10, math.cos(math.radians(5.0)), 0.05
@@ -79,11 +80,10 @@ class Land(Task):
         hover_start(view, world, np.array([*(pad + aside), rng.uniform(*HEIGHT_M)]), rng.uniform(*HEADING_RANGE_RAD))
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("pad_pos", (3,), "task", unit="m", labels=xyz),
-            Field("skids_to_pad", (3,), "task", unit="m", labels=xyz),
-            Field("ground_force", (3,), "task", unit="N", labels=xyz),
+            seen("pad_pos", "middle of the pad"),
+            seen("skids_to_pad", "from the middle between the skids to that of the pad"),
+            felt("ground_force", "contact force of the skids on what they stand on", real=False),
         )
 
 

@@ -23,6 +23,7 @@ from aerial_il.suite.props.door import (
     add_door,
 )
 from aerial_il.suite.props.place import place
+from aerial_il.suite.tasks.fields import direction, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 OPEN_RAD = np.deg2rad(60.0)
@@ -65,14 +66,13 @@ class OpenDoor(Task):
         angle[world] = rng.uniform(*START_ANGLE_RAD)
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("hinge_pos", (3,), "task", unit="m", labels=xyz),
-            Field("door_angle", (1,), "task", unit="rad"),
-            Field("door_rate", (1,), "task", unit="rad/s"),
-            Field("door_direction", (2,), "task", labels=("x", "y")),
-            Field("loop_pos", (3,), "task", unit="m", labels=xyz),
-            Field("tip_to_loop", (3,), "task", unit="m", labels=xyz),
+            seen("hinge_pos", "the door's hinge"),
+            seen("door_angle", "opening of the door; 0 closed", 1, unit="rad", frame="about the hinge"),
+            seen("door_rate", "its rate", 1, unit="rad/s", frame="about the hinge"),
+            direction("door_direction", "x axis of the leaf, at the handle"),
+            seen("loop_pos", "middle of the handle's loop"),
+            seen("tip_to_loop", "from the fingertips to the loop"),
         )
 
 

@@ -18,6 +18,7 @@ from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import Names, base_pos, free_vel, site_mat, site_pos, tool_pos, touching, untouched
 from aerial_il.suite.props import CUBE_HALF_M, FALLEN_M, TABLE_HEIGHT_M, add_bowl, add_cube, add_table
 from aerial_il.suite.props.place import two_places
+from aerial_il.suite.tasks.fields import direction, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start, pointing_down
 
 IN_BOWL_M = 0.05  # horizontal distance between cube and bowl
@@ -77,13 +78,12 @@ class PickPlace(Task):
         view.mocap_pos[world, view.mocap_id("bowl")] = [*bowl, TABLE_HEIGHT_M]
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("cube_pos", (3,), "task", unit="m", labels=xyz),
-            Field("cube_heading", (2,), "task", labels=("cos4", "sin4")),
-            Field("bowl_pos", (3,), "task", unit="m", labels=xyz),
-            Field("tool_to_cube", (3,), "task", unit="m", labels=xyz),
-            Field("cube_to_bowl", (3,), "task", unit="m", labels=xyz),
+            seen("cube_pos", "centre of the cube"),
+            direction("cube_heading", "of four times its yaw, the same for all four faces", labels=("cos4", "sin4")),
+            seen("bowl_pos", "middle of the bowl"),
+            seen("tool_to_cube", "from the tool to the cube"),
+            seen("cube_to_bowl", "from the cube to the bowl"),
         )
 
 

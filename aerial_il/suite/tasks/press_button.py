@@ -26,6 +26,7 @@ from aerial_il.suite.physics.world import (
 )
 from aerial_il.suite.props.button import HOUSING_HALF_M, TRAVEL_M, add_button
 from aerial_il.suite.props.place import place
+from aerial_il.suite.tasks.fields import felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 PRESSED_M, DEEPEST_M = 0.008, TRAVEL_M + 0.001
@@ -81,14 +82,13 @@ class PressButton(Task):
         place(view, world, "button_stand", pos - [0.0, 0.0, HOUSING_HALF_M[2]])
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("button_pos", (3,), "task", unit="m", labels=xyz),
-            Field("button_rot6d", (6,), "task"),
-            Field("button_travel", (1,), "task", unit="m"),
-            Field("tip_to_button", (3,), "task", unit="m", labels=xyz),
-            Field("tool_force", (3,), "task", unit="N", labels=xyz),
-            Field("peak_force", (1,), "task", unit="N"),
+            seen("button_pos", "middle of the cap"),
+            seen("button_rot6d", "first two columns of the button's rotation", 6, unit="", frame="world from button"),
+            seen("button_travel", "how far the cap is pressed in", 1, frame="along the button", real=False),
+            seen("tip_to_button", "from the fingertips to the cap"),
+            felt("tool_force", "contact force of the gripper on other things", real=False),
+            felt("peak_force", "largest force of the whole robot on the button so far", 1, frame="", real=False),
         )
 
 

@@ -23,6 +23,7 @@ from aerial_il.suite.props.lever import (
     add_lever,
 )
 from aerial_il.suite.props.place import place
+from aerial_il.suite.tasks.fields import direction, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 PULLED_RAD = np.deg2rad(55.0)
@@ -67,14 +68,13 @@ class PullLever(Task):
         angle[world] = rng.uniform(*START_ANGLE_RAD)
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("lever_pos", (3,), "task", unit="m", labels=xyz),
-            Field("pull_direction", (2,), "task", labels=("x", "y")),
-            Field("lever_angle", (1,), "task", unit="rad"),
-            Field("lever_rate", (1,), "task", unit="rad/s"),
-            Field("bar_pos", (3,), "task", unit="m", labels=xyz),
-            Field("tip_to_bar", (3,), "task", unit="m", labels=xyz),
+            seen("lever_pos", "the lever's pivot"),
+            direction("pull_direction", "in which it is to be pulled"),
+            seen("lever_angle", "of the lever; 0 at the start", 1, unit="rad", frame="about the pivot"),
+            seen("lever_rate", "its rate", 1, unit="rad/s", frame="about the pivot"),
+            seen("bar_pos", "middle of the bar that the gripper hooks from behind"),
+            seen("tip_to_bar", "from the fingertips to the bar"),
         )
 
 

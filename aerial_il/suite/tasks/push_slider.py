@@ -16,6 +16,7 @@ from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import Names, force, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.slider import FRICTION_N, RAIL_M, add_slider
+from aerial_il.suite.tasks.fields import direction, felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 DONE_SHARE = 0.9  # of the rail
@@ -58,15 +59,14 @@ class PushSlider(Task):
         travel[world] = RAIL_M * rng.uniform(*START_SHARE)
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("handle_pos", (3,), "task", unit="m", labels=xyz),
-            Field("rail_direction", (2,), "task", labels=("x", "y")),
-            Field("slider_travel", (1,), "task", unit="m"),
-            Field("slider_speed", (1,), "task", unit="m/s"),
-            Field("tip_to_handle", (3,), "task", unit="m", labels=xyz),
-            Field("handle_to_end", (3,), "task", unit="m", labels=xyz),
-            Field("tool_force", (3,), "task", unit="N", labels=xyz),
+            seen("handle_pos", "middle of the handle"),
+            direction("rail_direction", "in which the handle is to be pushed"),
+            seen("slider_travel", "how far the handle is along its rail", 1, frame="along the rail"),
+            seen("slider_speed", "its speed", 1, unit="m/s", frame="along the rail"),
+            seen("tip_to_handle", "from the fingertips to the handle"),
+            seen("handle_to_end", "from the handle to the end of its way"),
+            felt("tool_force", "contact force of the gripper on other things", real=False),
         )
 
 

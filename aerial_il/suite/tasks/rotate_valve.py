@@ -26,6 +26,7 @@ from aerial_il.suite.props.valve import (
     WHEEL_RADIUS_M,
     add_valve,
 )
+from aerial_il.suite.tasks.fields import seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 NEAR_M = 0.05
@@ -67,13 +68,12 @@ class RotateValve(Task):
         angle[world] = rng.uniform(*START_ANGLE_RAD)
 
     def fields(self) -> tuple[Field, ...]:
-        xyz = ("x", "y", "z")
         return (
-            Field("valve_pos", (3,), "task", unit="m", labels=xyz),
-            Field("valve_angle", (1,), "task", unit="rad"),
-            Field("valve_rate", (1,), "task", unit="rad/s"),
-            Field("gap_pos", (3,), "task", unit="m", labels=xyz),
-            Field("tool_to_gap", (3,), "task", unit="m", labels=xyz),
+            seen("valve_pos", "centre of the wheel"),
+            seen("valve_angle", "of the wheel; 0 at the start", 1, unit="rad", frame="about the wheel's axis"),
+            seen("valve_rate", "its rate", 1, unit="rad/s", frame="about the wheel's axis"),
+            seen("gap_pos", "the opening behind the yellow spoke, for a finger"),
+            seen("tool_to_gap", "from the tool to the opening"),
         )
 
 

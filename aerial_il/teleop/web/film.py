@@ -14,7 +14,7 @@ from PIL import Image
 
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.suite.physics.physics_batch import STATE
-from aerial_il.suite.rendering import CAMERAS, Renderer
+from aerial_il.suite.rendering import Renderer
 from aerial_il.teleop.web.chase import Chase
 
 THRIFT = ((1, 72), (1, 45), (2, 60), (2, 35))  # pixels left out, and quality of the JPEGs, from wide to narrow links
@@ -53,8 +53,9 @@ class Film:
         deliver: Callable[[Shot], None],
         max_rate: float = MAX_RATE,
     ) -> None:
-        if unknown := set(cameras) - {CHASE, *CAMERAS}:
-            raise UnknownNameError("camera", min(unknown), (CHASE, *CAMERAS))
+        known = (CHASE, *(model.camera(i).name for i in range(model.ncam)))
+        if unknown := set(cameras) - set(known):
+            raise UnknownNameError("camera", min(unknown), known)
         self._model, self.cameras, self._size = model, tuple(cameras), size
         self._deliver, self._least = deliver, 1.0 / max_rate
         self._wake, self._ended = threading.Condition(), False

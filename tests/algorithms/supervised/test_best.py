@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.supervised.best_checkpoint import BestCheckpoint
 from aerial_il.core import checkpoint
@@ -22,7 +23,9 @@ from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 
 POLICY = MLP(hidden=(16,), blind_to=())
-SETTINGS = BC(steps=60, batch_size=16, log_every=20, validate_every=0, evaluate_every=10)
+CADENCE = Cadence(log_every=20, evaluate_every=10, checkpoint_every=1000, keep_checkpoints=3)
+UNJUDGED = replace(CADENCE, evaluate_every=0)
+SETTINGS = BC(steps=60, batch_size=16, validate_every=0, cadence=CADENCE)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +114,7 @@ def test_starting_over_forgets_the_best(demos: list[Episode], tmp_path: Path) ->
 
 def test_mixed_precision_changes_nothing_on_a_cpu(demos: list[Episode], tmp_path: Path) -> None:
     for name, mixed in (("a", False), ("b", True)):
-        settings = replace(SETTINGS, steps=10, evaluate_every=0, mixed_precision=mixed)
+        settings = replace(SETTINGS, steps=10, cadence=UNJUDGED, mixed_precision=mixed)
         settings.train(demos, POLICY, run=tmp_path / name, progress=False)
     files = [(tmp_path / run / "policy" / "arrays.safetensors").read_bytes() for run in ("a", "b")]
     assert files[0] == files[1]
@@ -119,7 +122,7 @@ def test_mixed_precision_changes_nothing_on_a_cpu(demos: list[Episode], tmp_path
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 def test_mixed_precision_learns_on_a_gpu(demos: list[Episode], tmp_path: Path) -> None:
-    settings = replace(SETTINGS, evaluate_every=0, device="cuda", mixed_precision=True)
+    settings = replace(SETTINGS, cadence=UNJUDGED, device="cuda", mixed_precision=True)
     settings.train(demos, POLICY, run=tmp_path, progress=False)
     rows = read_metrics(tmp_path)
     assert rows[-1]["loss"] < rows[0]["loss"]
@@ -138,7 +141,7 @@ def test_how_often_a_patient_run_is_judged_is_part_of_it(demos: list[Episode], t
     with pytest.raises(KeyboardInterrupt):
         learn(demos, tmp_path, Judge(rates, stop_at=20), patient)
     with pytest.raises(InvalidValueError, match="evaluate_every"):
-        learn(demos, tmp_path, Judge(rates), replace(patient, evaluate_every=20))
+        learn(demos, tmp_path, Judge(rates), replace(patient, cadence=replace(CADENCE, evaluate_every=20)))
 
 
 def test_patience_needs_rollouts_and_cameras_can_be_asked_for(demos: list[Episode], tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import AHEAD, Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import Seen
 from tests.algorithms.point_mass import demonstrations
 from tests.policies.test_vision import seeing
 
@@ -28,7 +29,13 @@ SIDE = 18
 EYES = MLP(
     chunk=1, hidden=(32,), images=("wrist_rgb",), image_features=16, obs_names=("ee_pos",), ensemble=None, crop=1.0
 )
-SHORT = BC(steps=6, batch_size=8, warmup_steps=1, log_every=2, validate_every=3, checkpoint_every=3)
+SHORT = BC(
+    steps=6,
+    batch_size=8,
+    warmup_steps=1,
+    validate_every=3,
+    cadence=replace(BC.cadence, log_every=2, checkpoint_every=3),
+)
 
 
 def pointing(episode: Episode, rng: np.random.Generator) -> Episode:
@@ -56,20 +63,24 @@ def test_minibatches_hold_each_window_s_own_frames(demos: list[Episode]) -> None
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     obs, _, _ = TrainingSet(windows, fit_interface(layout, windows, config)).gather(np.arange(len(windows)))
-    pixels = obs[..., layout.size :].reshape(-1, 3, SIDE, SIDE, 3)
+    assert isinstance(obs, Seen)
+    assert obs.state.shape == (len(windows), 3, layout.size)
+    assert obs.images["wrist_rgb"].dtype == torch.uint8, "a frame in a minibatch takes a byte per colour"
     index = 0
     for episode in demos[:3]:
         for t in range(len(episode)):
             seen = episode.obs["wrist_rgb"][np.maximum(np.arange(t - 2, t + 1), 0)]
-            np.testing.assert_allclose(pixels[index], seen / 127.5 - 1, atol=1e-6)
+            np.testing.assert_array_equal(obs.images["wrist_rgb"][index], seen)
             index += 1
     assert all(np.shares_memory(f, e.obs["wrist_rgb"]) for f, e in zip(windows.frames["wrist_rgb"], demos, strict=True))
 
 
-def test_noise_shakes_the_state_and_leaves_pixels_alone() -> None:
-    shaken = with_noise(torch.zeros(2, 1, 5), 2, 1.0)
-    assert (shaken[..., :2] != 0).all()
-    assert (shaken[..., 2:] == 0).all()
+def test_noise_shakes_the_state_and_leaves_images_alone() -> None:
+    images = {"wrist_rgb": torch.zeros(2, 1, SIDE, SIDE, 3, dtype=torch.uint8)}
+    shaken = with_noise(Seen(torch.zeros(2, 1, 2), images), 1.0)
+    assert isinstance(shaken, Seen)
+    assert (shaken.state != 0).all()
+    assert shaken.images is images
 
 
 def test_it_learns_where_the_dot_is(demos: list[Episode], tmp_path: Path) -> None:

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.supervised.selection import Selection, jerk
+from aerial_il.algorithms.supervised.selection import jerk
 from aerial_il.algorithms.supervised.training_set import Shuffle, cut_windows, digest_of, read_demos, window_weights
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
+
+EVERYONE = BC.selection
 
 
 @pytest.fixture(scope="module")
@@ -29,20 +31,20 @@ def uids(demos: list[Episode]) -> list[str]:
 
 
 def test_everyone_counts_alike_unless_something_is_said(demos: list[Episode]) -> None:
-    kept, weights = Selection().apply(demos)
+    kept, weights = EVERYONE.apply(demos)
     assert uids(kept) == uids(demos)
     assert (weights == 1).all()
 
 
 def test_only_some_operators_are_learned_from(demos: list[Episode]) -> None:
-    kept, _ = Selection(operators=("person",)).apply(demos)
+    kept, _ = replace(EVERYONE, operators=("person",)).apply(demos)
     assert uids(kept) == ["demo-1", "demo-3", "demo-5"]
     with pytest.raises(UnknownNameError, match=r"operator 'persn'.*person"):
-        Selection(operators=("persn",)).apply(demos)
+        replace(EVERYONE, operators=("persn",)).apply(demos)
 
 
 def test_the_better_half_is_kept_in_its_order(demos: list[Episode]) -> None:
-    kept, _ = Selection(keep=0.5, quality="duration").apply(demos)
+    kept, _ = replace(EVERYONE, keep=0.5, quality="duration").apply(demos)
     assert len(kept) == 3
     assert max(map(len, kept)) <= min(len(d) for d in demos if d.uid not in uids(kept))
     assert uids(kept) == sorted(uids(kept))
@@ -50,27 +52,27 @@ def test_the_better_half_is_kept_in_its_order(demos: list[Episode]) -> None:
         replace(d, executed_actions=d.executed_actions + 0.1 * (-1.0) ** np.arange(len(d))[:, None]) for d in demos
     ]
     assert all(jerk(a) > jerk(b) for a, b in zip(rough, demos, strict=True))
-    kept, _ = Selection(keep=0.5, quality="smoothness").apply([*rough[:3], *demos[3:]])
+    kept, _ = replace(EVERYONE, keep=0.5, quality="smoothness").apply([*rough[:3], *demos[3:]])
     assert uids(kept) == ["demo-3", "demo-4", "demo-5"]
     good = [replace(d, rewards=np.full(len(d), 0.1 * k)) for k, d in enumerate(demos)]
-    assert uids(Selection(keep=0.1, quality="reward").apply(good)[0]) == ["demo-5"]
+    assert uids(replace(EVERYONE, keep=0.1, quality="reward").apply(good)[0]) == ["demo-5"]
 
 
 def test_weights_fall_from_the_best_to_the_worst(demos: list[Episode]) -> None:
     ranked = [replace(d, rewards=np.full(len(d), 0.1 * k)) for k, d in enumerate(demos)]
-    _, weights = Selection(quality="reward", sharpness=2.0).apply(ranked)
+    _, weights = replace(EVERYONE, quality="reward", sharpness=2.0).apply(ranked)
     np.testing.assert_allclose(weights, np.exp(-2.0 * np.arange(5, -1, -1) / 5))
-    _, weights = Selection(operator_weights={"person": 3.0}).apply(demos)
+    _, weights = replace(EVERYONE, operator_weights={"person": 3.0}).apply(demos)
     np.testing.assert_allclose(weights, [1, 3] * 3)
 
 
 def test_failed_flights_count_as_much_as_is_said(demos: list[Episode]) -> None:
     mixed = [replace(d, success=k < 4) for k, d in enumerate(demos)]
-    kept, weights = Selection(failures=0.5).apply(mixed)
+    kept, weights = replace(EVERYONE, failures=0.5).apply(mixed)
     assert uids(kept) == uids(demos)
     np.testing.assert_array_equal(weights, [1, 1, 1, 1, 0.5, 0.5])
     for failures, count in ((0.0, 4), (0.5, 6)):
-        cloning = BC(selection=Selection(failures=failures), validation=0.0)
+        cloning = BC(selection=replace(EVERYONE, failures=failures), validation=0.0)
         divided = cloning.divide(mixed, MLP(chunk=4, blind_to=()), seed=0)
         assert len(divided.kept) == count
     labelled = BC(validation=0.0).divide(mixed, MLP(chunk=4, blind_to=()), seed=0, failures=True)
@@ -90,7 +92,7 @@ def test_failed_flights_count_as_much_as_is_said(demos: list[Episode]) -> None:
 )
 def test_impossible_choices_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InvalidValueError):
-        Selection(**wrong)  # type: ignore[arg-type]
+        replace(EVERYONE, **wrong)  # type: ignore[arg-type]
 
 
 def test_windows_are_visited_as_often_as_they_weigh() -> None:

@@ -34,7 +34,7 @@ def test_minibatches_hold_the_history_behind_and_the_chunk_ahead(demos: list[Epi
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     interface = fit_interface(layout, windows, config)
-    obs, actions, valid = (t.numpy() for t in TrainingSet(windows, interface).gather(np.arange(len(windows))))
+    obs, actions, valid = (np.asarray(t) for t in TrainingSet(windows, interface).gather(np.arange(len(windows))))
     index = 0
     for episode in demos:
         seen, steps = layout.relate(layout.flatten(episode.obs)), len(episode)

@@ -21,7 +21,12 @@ from aerial_il.cli import launchers
 from aerial_il.evaluation.run_collection import read_runs
 
 WORDS = ["train", "-m", "dataset=demos", "experiment=quick", "algorithm.steps=300", "policy.hidden=[16]", "seed=0,1"]
-WORDS += ["algorithm.lr=0.001,0.0003", "evaluate_every=150", "evaluate_episodes=2", "algorithm.checkpoint_every=50"]
+WORDS += [
+    "algorithm.lr=0.001,0.0003",
+    "evaluate_every=150",
+    "evaluate_episodes=2",
+    "algorithm.cadence.checkpoint_every=50",
+]
 WAYS = {
     "processes_1": ["launcher=processes", "launcher.jobs=1"],
     "processes_2": ["launcher=processes", "launcher.jobs=2"],
@@ -135,7 +140,7 @@ def test_a_job_whose_time_is_over_is_queued_again_and_goes_on(home: Path) -> Non
     """The signal is that of SLURM's own time limit; no checkpoint is due before, so that nothing else could save it."""
     require("slurm")
     words = [*WORDS[:3], "experiment=quick", "algorithm.steps=4000", "policy.hidden=[16]", "seed=choice(0)"]
-    words += ["algorithm.checkpoint_every=100000", "algorithm.log_every=50"]
+    words += ["algorithm.cadence.checkpoint_every=100000", "algorithm.cadence.log_every=50"]
     timed = command(*words, "run=timed", "launcher=slurm", "launcher.hours=1")
     sweep = subprocess.Popen(timed, cwd=home, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     run = home / "timed" / "seed=0"

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from aerial_il.cli import words
 from aerial_il.cli.commands import find
-from aerial_il.cli.configuration.compose import swept
+from aerial_il.cli.compose import space
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 
@@ -20,15 +21,26 @@ from aerial_il.cli.sweepers.optuna import JOURNAL, STUDY, distribution  # noqa: 
 
 SPACE = ["algorithm.lr=tag(log,interval(0.000001,0.03))", "policy.chunk=choice(5,10)"]
 WORDS = ["train", "-m", "dataset=demos", "experiment=quick", "algorithm.steps=200", "policy.hidden=[16]", *SPACE]
-WORDS += ["algorithm.log_every=20", "algorithm.validation=0", "run=search", "sweeper=optuna", "sweeper.trials=6"]
+WORDS += [
+    "algorithm.cadence.log_every=20",
+    "algorithm.validation=0",
+    "run=search",
+    "sweeper=optuna",
+    "sweeper.trials=6",
+]
 WORDS += ["sweeper.metric=loss", "sweeper.minimize=true", "sweeper.startup=2"]
 
 
+def swept(*typed: str) -> tuple[dict[str, Any], list[str]]:
+    command = find("train")
+    return space(command, words.read(command, ["-m", *typed]).overrides)
+
+
 def test_a_space_is_read_as_hydra_writes_it() -> None:
-    words = [*SPACE, "algorithm.steps=range(100,500,100)", "algorithm.patience=1,2", "dataset=d", "run=r", "seed=3"]
-    space, fixed = swept(find("train"), ["-m", *words])
+    typed = [*SPACE, "algorithm.steps=range(100,500,100)", "algorithm.patience=1,2", "dataset=d", "run=r", "seed=3"]
+    ways, fixed = swept(*typed)
     kinds = optuna.distributions
-    assert {key: distribution(key, sweep) for key, sweep in space.items()} == {
+    assert {key: distribution(key, sweep) for key, sweep in ways.items()} == {
         "algorithm.lr": kinds.FloatDistribution(1e-6, 0.03, log=True),
         "policy.chunk": kinds.CategoricalDistribution([5, 10]),
         "algorithm.steps": kinds.IntDistribution(100, 400, step=100),
@@ -36,9 +48,9 @@ def test_a_space_is_read_as_hydra_writes_it() -> None:
     }
     assert fixed == ["dataset.path=d", "seed=3"]
     with pytest.raises(InvalidValueError, match="interval"):
-        distribution("seed", swept(find("train"), ["-m", "seed=glob(*)"])[0]["seed"])
+        distribution("seed", swept("seed=glob(*)")[0]["seed"])
     with pytest.raises(InvalidValueError, match="nothing to search"):
-        swept(find("train"), ["-m", "seed=3"])
+        swept("seed=3")
 
 
 def test_a_search_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli.commands import find
-from aerial_il.cli.configuration.overrides import prepare
 from aerial_il.cli.launchers import processes, serial
 from aerial_il.cli.main import main
 from aerial_il.cli.sweeps import job as jobs_of
 from aerial_il.cli.sweeps.board import Board
 from aerial_il.cli.sweeps.job import Job
-from aerial_il.cli.sweeps.sweep import launcher_of, parted
+from aerial_il.cli.sweeps.sweep import chosen_of
+from aerial_il.cli.words import LAUNCHER, read
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 HOVER = ("robot=quad", "task=hover", "progress=false", "num_envs=2")
@@ -140,20 +140,19 @@ def open_files() -> list[str]:
 
 
 def test_words_choose_a_launcher() -> None:
-    told, rest = parted(["-m", "launcher=processes", "launcher.jobs=3", "seed=0,1"])
-    assert rest == ["-m", "seed=0,1"]
-    assert launcher_of(told) == processes.Processes(jobs=3)
-    assert launcher_of({}) == serial.Serial()
+    typed = ["-m", "launcher=processes", "launcher.jobs=3", "seed=0,1", "run=x"]
+    said = read(find("train"), typed)
+    assert said.overrides == ("seed=0,1", "run=x")
+    assert chosen_of(LAUNCHER, said.apart[LAUNCHER]) == processes.Processes(jobs=3)
+    assert chosen_of(LAUNCHER, {}) == serial.Serial()
     with pytest.raises(UnknownNameError, match="Did you mean 'processes'"):
-        launcher_of({"launcher": "process"})
+        chosen_of(LAUNCHER, {"launcher": "process"})
     with pytest.raises(UnknownNameError, match=r"Did you mean 'launcher\.jobs'"):
-        launcher_of({"launcher": "processes", "launcher.job": "3"})
+        chosen_of(LAUNCHER, {"launcher": "processes", "launcher.job": "3"})
     with pytest.raises(InvalidValueError, match="jobs='many'"):
-        launcher_of({"launcher": "processes", "launcher.jobs": "many"})
+        chosen_of(LAUNCHER, {"launcher": "processes", "launcher.jobs": "many"})
     with pytest.raises(InvalidValueError, match="jobs=-1"):
-        launcher_of({"launcher": "processes", "launcher.jobs": "-1"})
-    with pytest.raises(InvalidValueError, match="launcher=processes"):
-        prepare(find("train"), ["-m", "seed=0,1", "hydra/launcher=joblib"])
+        chosen_of(LAUNCHER, {"launcher": "processes", "launcher.jobs": "-1"})
 
 
 def test_a_launcher_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:

@@ -113,7 +113,7 @@ def test_search_finds_from_the_disk_alone(site: Path) -> None:
             assert tab.errors == []
             return await tab.value("[...document.querySelectorAll('#search-results li')].map(e => e.innerText)")
 
-    assert any("Actions and observations" in line for line in asyncio.run(results()))
+    assert any("Actions and frames" in line for line in asyncio.run(results()))
 
 
 def test_what_does_not_arrive_is_found(tmp_path: Path) -> None:
@@ -155,10 +155,17 @@ def test_laid_out_sources_are_those_of_the_repository_and_no_others(tmp_path: Pa
 
 
 def test_a_page_that_is_as_it_was_keeps_its_time(tmp_path: Path) -> None:
-    assemble(tmp_path, {})
+    assert assemble(tmp_path, {}), "all its pages are new"
     before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.md")}
-    assemble(tmp_path, {})
+    assert not assemble(tmp_path, {})
     assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.md")} == before
+
+
+def test_another_title_is_seen(tmp_path: Path) -> None:
+    page = "python/index.md"
+    assemble(tmp_path, {page: "# One\n\ntext"})
+    assert not assemble(tmp_path, {page: "# One\n\nother text"})
+    assert assemble(tmp_path, {page: "# Two\n\nother text"})
 
 
 @pytest.mark.parametrize("folder", ["notebooks", "notebooks/zh"])

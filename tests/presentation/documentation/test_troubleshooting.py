@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from aerial_il.cli.commands.project import doctor
+from aerial_il.workflows import doctor
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 SOUND: dict[str, Any] = {
     "packages": dict.fromkeys(doctor.PACKAGES_NEEDED, "1.0"),
     "git": {"sha": "0", "dirty": False},

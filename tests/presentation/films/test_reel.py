@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il.cli.commands.flying.film import REEL
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.presentation.films import reel
+from aerial_il.workflows.film import REEL
 from tests.evaluation.conftest import Flown
 from tests.presentation.films.test_side_by_side import cut
 

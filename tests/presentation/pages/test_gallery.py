@@ -9,13 +9,13 @@ import pytest
 from PIL import Image
 
 import aerial_il
-from aerial_il.cli.commands.project.list import catalogue
 from aerial_il.core.errors import AerialError, SimulationDivergedError
 from aerial_il.core.specs import ActionSpec
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films import clips
 from aerial_il.presentation.pages import gallery
 from aerial_il.presentation.pages.gallery import Gallery, write_gallery, write_sheet
+from aerial_il.workflows.catalogue import catalogue
 from tests.evaluation.browser import needs_browser, picture
 from tests.evaluation.conftest import Flown
 from tests.evaluation.outline import needs_nothing_else

@@ -79,7 +79,7 @@ def test_an_installed_plugin_is_imported_because_of_its_name(tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_lerobot_trains_and_both_evaluators_fly_it(tmp_path: Path) -> None:
-    from aerial_il.benchmarks.lerobot import Lerobot
+    from experiments.lerobot.study import Lerobot
 
     bench = Lerobot(demos=2, steps=2, batch_size=4, chunk=4, width=16, workers=0, episodes=2, num_envs=2, threads=1)
     report = bench.run(tmp_path, progress=False)

@@ -9,7 +9,7 @@ from threading import Event
 
 import pytest
 
-from aerial_il.cli.configuration import groups
+from aerial_il.core import presets
 from aerial_il.core.contracts import Device
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop import devices
@@ -28,7 +28,7 @@ DRIVEN = sorted(name for name in NAMES if hasattr(devices._module(name), "DRIVER
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_device_has_controls_of_its_own_and_a_mapping_of_known_commands(name: str) -> None:
-    controls, raw = devices.controls_of(name), groups.read_option("device", name)
+    controls, raw = devices.controls_of(name), presets.read("device", name)
     assert len(set(controls)) == len(controls)
     assert set(raw) - {devices.HARDWARE} <= set(COMMANDS)
     assert (devices.HARDWARE in raw) == (name in DRIVEN), "settings where there is something to set"
@@ -49,13 +49,13 @@ def test_whatever_stands_in_for_a_device_answers_with_frames_and_never_waits() -
 @pytest.mark.parametrize("name", DRIVEN)
 def test_every_driver_is_made_of_its_file_and_can_be_simulated(name: str) -> None:
     assert name in SIMULATED, "whoever writes a driver writes what it can be tried with"
-    drivers = devices.drivers_of({name: groups.read_option("device", name)})
+    drivers = devices.drivers_of({name: presets.read("device", name)})
     with pytest.raises(OSError, match=name):
         drivers[name].open()
 
 
 def driver_of(name: str, settings: dict) -> devices.Driver:
-    return devices.drivers_of({name: groups.read_option("device", name)}, {name: settings})[name]
+    return devices.drivers_of({name: presets.read("device", name)}, {name: settings})[name]
 
 
 def until(said: Callable[[], bool], timeout_s: float = 10.0) -> None:
@@ -112,7 +112,7 @@ def test_settings_of_devices_that_are_not_used_are_refused() -> None:
 
 
 def test_two_devices_that_give_one_place_are_refused() -> None:
-    raw = groups.read_option("device", "leader_arm")
+    raw = presets.read("device", "leader_arm")
     with pytest.raises(InvalidValueError, match="Two devices give 'joint_1'"):
         devices.bindings_of({"leader_arm": raw, "phone": {"joint_1": "phone_x"}})
 

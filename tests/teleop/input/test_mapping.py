@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from aerial_il.cli.configuration import groups
+from aerial_il.core import presets
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop import devices
 from aerial_il.teleop.input.frame import DeviceFrame, bits_of
@@ -14,7 +14,7 @@ from tests.teleop.hands import shipped
 
 
 def test_every_device_has_a_file_and_every_file_a_device() -> None:
-    assert set(groups.options("device")) == set(devices.names())
+    assert set(presets.names("device")) == set(devices.names())
     for name in devices.names():
         shipped(name)
 

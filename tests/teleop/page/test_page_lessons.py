@@ -9,11 +9,11 @@ from pathlib import Path
 import aiohttp
 import pytest
 
-from aerial_il.cli.configuration import groups
-from aerial_il.cli.flights.sessions import summary
+from aerial_il.core import presets
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.teleop.web.controls import Controls
+from aerial_il.workflows.parts.sessions import summary
 from tests.teleop.chromium import Tab, browser, needs_browser
 from tests.teleop.flown import Flown, flown
 from tests.teleop.page.test_page import in_state, together
@@ -98,7 +98,7 @@ def test_a_review_is_looked_through_and_shows_earlier_moments(tmp_path: Path) ->
 
 
 def test_keys_are_changed_on_the_page_and_a_conflict_is_told(tmp_path: Path) -> None:
-    controls = Controls(partial(groups.read_option, "device"), ("keyboard", "gamepad", "touch"), tmp_path / "controls")
+    controls = Controls(partial(presets.read, "device"), ("keyboard", "gamepad", "touch"), tmp_path / "controls")
 
     async def work() -> None:
         async with flown(tmp_path / "out", controls=controls) as flight, browser() as opened:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.configuration import groups
+from aerial_il.core import presets
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.teleop.web.controls import Controls
 from tests.teleop.hands import shipped
@@ -16,7 +16,7 @@ NAMES = ("keyboard", "gamepad", "touch")
 
 
 def controls(folder: Path) -> Controls:
-    return Controls(partial(groups.read_option, "device"), NAMES, folder)
+    return Controls(partial(presets.read, "device"), NAMES, folder)
 
 
 def keyboard(**changes: tuple[str, ...]) -> dict[str, dict[str, tuple[str, ...]]]:
@@ -54,7 +54,7 @@ def test_what_no_mapping_may_say_is_refused_and_nothing_is_written(tmp_path: Pat
 
 
 def test_without_a_way_to_record_nothing_is_taken(tmp_path: Path) -> None:
-    alone = Controls(partial(groups.read_option, "device"), ("keyboard",), tmp_path)
+    alone = Controls(partial(presets.read, "device"), ("keyboard",), tmp_path)
     with pytest.raises(InvalidValueError, match="record"):
         alone.change(keyboard(record=()))
 

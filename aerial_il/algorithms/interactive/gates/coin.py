@@ -14,7 +14,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from aerial_il.algorithms.interactive.gates.gate import Round
+from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
@@ -23,7 +23,7 @@ Beta = Literal["exponential", "linear", "zero"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CoinGate:
+class CoinGate(GateSettings):
     """Classic DAgger: every state is labelled; the expert flies with probability beta.
 
     Attributes:
@@ -49,19 +49,14 @@ class CoinGate:
         if self.hold < 1:
             raise InvalidValueError(f"hold is {self.hold}; whoever wins a toss flies for at least 1 step.")
 
-    @property
-    def ensemble(self) -> int:
-        return 1
-
-    @property
-    def alone(self) -> int:
-        return 0
-
     def share(self, number: int) -> float:
         """Return beta in round ``number``: 1 in round 0, never rising."""
         if self.beta == "exponential":
             return self.decay**number
         return max(0.0, 1.0 - number / self.over) if self.beta == "linear" else float(number == 0)
+
+    def metrics(self, number: int) -> dict[str, float]:
+        return {"beta": self.share(number)}
 
     def open(self, of: Round) -> Gate:
         return _Coin(self.share(of.number), self.hold, of.seed, of.number)

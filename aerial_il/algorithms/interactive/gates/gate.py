@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar
 
 from aerial_il.algorithms.interactive.mixture import Gate
 from aerial_il.data.episode import Episode
@@ -30,19 +31,25 @@ class Round:
     probes: Sequence[Episode]
 
 
-class GateSettings(Protocol):
-    """Settings of a gate, a frozen dataclass."""
+class GateSettings(ABC):
+    """Settings of a gate, a frozen dataclass.
 
-    @property
-    def ensemble(self) -> int:
-        """How many policies are trained, whose actions it compares; 1 for the learner alone."""
-        ...
+    Attributes:
+        ensemble: how many policies are trained, whose actions it compares; 1 for the learner alone.
+        alone: how many flights the learner makes alone before each round.
 
-    @property
-    def alone(self) -> int:
-        """How many flights the learner makes alone before each round."""
-        ...
+    Class attribute: ``of_operator``, whether somebody at the controls may decide in its place.
+    """
 
+    of_operator: ClassVar[bool] = False
+    ensemble: int = 1
+    alone: int = 0
+
+    @abstractmethod
     def open(self, of: Round) -> Gate:
         """Return the gate of one round."""
-        ...
+
+    def metrics(self, number: int) -> dict[str, float]:
+        """Return what there is to log of it in round ``number``."""
+        del number
+        return {}

@@ -6,32 +6,27 @@ Source: M. Kelly et al., "HG-DAgger: interactive imitation learning with human e
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from aerial_il.algorithms.interactive.disagreement import ActionScale
-from aerial_il.algorithms.interactive.gates.gate import Round
+from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
 from aerial_il.algorithms.interactive.supervisors import Corrector, Supervisor
 
 
 @dataclass(frozen=True, kw_only=True)
-class HumanGate:
+class HumanGate(GateSettings):
     """HG-DAgger: a supervisor takes over when it sees fit and hands back; only what the expert flew is learned.
 
     Attributes:
         supervisor: who decides: a person, or a script in their place.
     """
 
+    of_operator: ClassVar[bool] = True
+
     supervisor: Supervisor = field(default_factory=Corrector)
-
-    @property
-    def ensemble(self) -> int:
-        return 1
-
-    @property
-    def alone(self) -> int:
-        return 0
 
     def open(self, of: Round) -> Gate:
         return _Supervised(self.supervisor, ActionScale.of(of.members[0]))

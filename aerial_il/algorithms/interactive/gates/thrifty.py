@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerial_il.algorithms.interactive.disagreement import ActionScale, actions_along, disagreement
-from aerial_il.algorithms.interactive.gates.gate import Round
+from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
 from aerial_il.algorithms.interactive.risk import RiskModel, fit_risk
 from aerial_il.core.errors import InvalidValueError
@@ -23,7 +23,7 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThriftyGate:
+class ThriftyGate(GateSettings):
     """ThriftyDAgger: the expert is called where the ensemble disagrees or failure is likely, and soon sent away.
 
     It takes over where ``novelty > n`` or ``risk > r``, and hands back where the learner's action is near to its own,

@@ -8,23 +8,16 @@ Example: aerial-il recover datasets/pick
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from aerial_il.workflows.recover import Recover, recover
 
-from aerial_il.cli.configuration.keys import MISSING, key
-
-
-@dataclass
-class Config:
-    path: str = key(MISSING, "dataset, or one file", position=0)
+SETTINGS, BARE = Recover, ("path",)
 
 
-def run(config: Config) -> None:
+def run(settings: Recover) -> None:
     """Recover, and say what became of each file."""
-    from aerial_il.data.recovery import recover
-
-    recovered = recover(config.path)
+    recovered = recover(settings)
     for one in recovered:
         outcome = f"{one.steps} steps saved in {one.path}" if one.steps else f"nothing could be saved, now {one.path}"
         print(f"{one.source}: {outcome} ({one.note})")
     saved = sum(one.steps > 0 for one in recovered)
-    print(f"{config.path}: {len(recovered)} files needed help, {saved} of them saved in part or whole.")
+    print(f"{settings.path}: {len(recovered)} files needed help, {saved} of them saved in part or whole.")

@@ -8,35 +8,22 @@ Example: aerial-il validate datasets/pick replay=true
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from aerial_il.core.errors import DemoError
+from aerial_il.workflows.spelling import command_line
+from aerial_il.workflows.validate import Validate, validate
 
-from aerial_il.cli.configuration.keys import MISSING, key
-from aerial_il.cli.configuration.quoting import command_line
-
-
-@dataclass
-class Config:
-    path: str = key(MISSING, "dataset, or one file", position=0)
-    replay: bool = key(False, "also fly each episode again and require equal states (as aerial-il replay)")
-    progress: bool = key(True, "show a progress bar")
+SETTINGS, BARE = Validate, ("path",)
 
 
-def run(config: Config) -> None:
+def run(settings: Validate) -> None:
     """Print the problems, or that there are none."""
-    from aerial_il.cli.commands.datasets import replay
-    from aerial_il.core.errors import DemoError
-    from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import altered_files, open_dataset
-
-    dataset = open_dataset(config.path, cameras=True, failures=True)
-    checked = Progress(dataset.problems(), total=len(dataset), desc="validate", unit="ep", disable=not config.progress)
-    problems = [str(error) for _, error in checked if error is not None]
-    problems += [f"{file}: differs from what the index lists." for file in altered_files(config.path)]
-    for problem in problems:
+    checked = validate(settings)
+    for problem in checked.problems:
         print(problem)
-    if problems:
-        hint = f"Set them aside and save what can be saved: {command_line(['recover', f'path={config.path}'])}"
-        raise DemoError(config.path, f"{len(problems)} problems in {len(dataset)} episodes.", hint=hint)
-    if config.replay:
-        replay.run(replay.Config(config.path, progress=config.progress))
-    print(f"{config.path}: {len(dataset)} episodes, all sound.")
+    if checked.problems:
+        hint = f"Set them aside and save what can be saved: {command_line(['recover', f'path={settings.path}'])}"
+        problem = f"{len(checked.problems)} problems in {checked.episodes} episodes."
+        raise DemoError(settings.path, problem, hint=hint)
+    if again := checked.replayed:
+        print(f"{settings.path}: {again.episodes} episodes, {again.steps} steps flown again, every bit equal.")
+    print(f"{settings.path}: {checked.episodes} episodes, all sound.")

@@ -1,79 +1,118 @@
-"""Run one benchmark, or all of them: what was measured, against which targets, on what machine.
+"""Run one study, or all of them: what was measured, against which targets, on what machine.
 
-Each file of conf/bench/ is one. Killed at any moment, the same command continues. With save=true the result becomes a
-study in experiments/, with a page of its own and a place in experiments/benchmarks.md.
+Each folder of experiments/ with a study.py is one. They are run from a checkout. Killed at any moment, the same command
+continues; what is finished is not done again. With save=true the result becomes the study's page. With quick=true a
+small version of every headline claim is flown, in half an hour, and the exit status is 1 if one no longer holds.
 
 Example: aerial-il bench tracking bench.seeds=4
 Example: aerial-il bench speed bench.robots=[ua_quad_arm4] save=true
+Example: aerial-il bench quick=true
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import shutil
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
-from aerial_il.cli.configuration import groups, spelling
-from aerial_il.cli.configuration.build import build
-from aerial_il.cli.configuration.keys import group, key, output
-from aerial_il.cli.configuration.quoting import command_line
 from aerial_il.cli.tables import table
-
-if TYPE_CHECKING:
-    from aerial_il.benchmarks.parts.reporting.report import Report
+from aerial_il.core import registry
+from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.core.schema import Choice
+from aerial_il.workflows.spelling import command_line, words_of
 
 EXPERIMENTS = "experiments"
 
 
-@dataclass
-class Config:
-    bench: dict[str, Any] | None = group("which benchmark (null: all, one after the other)", position=0)
-    out: str = output("runs/benchmarks", "folder for report.json and figures, one below it for each benchmark")
-    save: bool = key(False, f"also write the study to {EXPERIMENTS}/")
-    json: bool = key(False, "print one JSON object (also: --json)")
-    progress: bool = key(True, "show progress bars")
+class ClaimError(AerialError):
+    """A headline claim no longer holds."""
+
+    status = 1
 
 
-def run(config: Config) -> None:
-    """Measure, keep the report, print it."""
-    chosen = (
-        [config.bench]
-        if config.bench is not None
-        else [groups.read_option("bench", n) for n in groups.options("bench")]
-    )
-    reports = [_measure(settings, config) for settings in chosen]
-    if config.json:
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What is measured.
+
+    Attributes:
+        bench: which study (null: all, one after the other).
+        out: folder for report.json and figures, one below it for each study.
+        save: also write the study's page in experiments/.
+        again: forget what is finished, and do all anew.
+        quick: fly a small version of the headline claims, and say which hold.
+        json: print one JSON object (also: --json).
+        progress: show progress bars.
+    """
+
+    bench: Annotated[Any, Choice("study")] | None = None
+    out: str = "runs/benchmarks"
+    save: bool = False
+    again: bool = False
+    quick: bool = False
+    json: bool = False
+    progress: bool = True
+
+
+SETTINGS, BARE, OUTPUT = Bench, ("bench",), "out"
+
+
+def run(settings: Bench) -> None:
+    """Measure, keep the report, print it.
+
+    Raises:
+        InvalidValueError: this is an installed package, which has no studies. ClaimError: a claim does not hold.
+    """
+    if not registry.names("study"):
+        raise InvalidValueError(registry.KINDS["study"].hint)
+    studies = [settings.bench] if settings.bench else [registry.get("study", n)() for n in registry.names("study")]
+    if settings.quick:
+        _check_claims(tuple(study.name for study in studies), settings)
+        return
+    reports = [_measure(study, settings) for study in studies]
+    if settings.json:
         found = [report.to_dict() for report in reports]
-        print(json.dumps(found[0] if config.bench is not None else found, indent=2))
+        print(json.dumps(found[0] if settings.bench else found, indent=2))
     else:
         print("\n\n".join(map(as_text, reports)))
 
 
-def as_text(report: Report) -> str:
+def as_text(report: Any) -> str:
     """Lay a report out for a terminal."""
     targets = [f"{report.verdict}\n{table([t.to_row() for t in report.targets])}"] if report.targets else []
     tables = [f"{title}\n{table(rows)}" for title, rows in report.tables.items()]
-    return "\n\n".join([f"{report.name}: {report.question}", *targets, *tables, *report.notes])
+    return "\n\n".join([f"{report.study.name}: {report.study.question}", *targets, *tables, *report.notes])
 
 
-def _measure(settings: Mapping[str, Any], config: Config) -> Report:
-    from aerial_il.benchmarks.parts.reporting.study import save_study
+def rerun(study: Any) -> str:
+    """Return what measures it again: the study and the settings that differ from its own."""
+    _, *changed = words_of(Bench(bench=study))
+    return command_line(["bench", study.name, *changed, "save=true"])
+
+
+def _measure(study: Any, settings: Bench) -> Any:
     from aerial_il.core.files import write_atomic, write_json
 
-    benchmark = build(settings)
-    folder = Path(config.out) / benchmark.name
-    report = benchmark.run(folder, progress=config.progress)
+    folder = Path(settings.out) / study.name
+    if settings.again:
+        shutil.rmtree(folder, ignore_errors=True)
+    report = study.run(folder, progress=settings.progress)
     write_json(folder / "report.json", report.to_dict())
     for name, svg in report.figures.items():
         write_atomic(folder / name, svg)
-    if config.save:
-        save_study(report, Path(EXPERIMENTS), command=rerun(benchmark.name, settings))
+    if settings.save:  # nothing of the package imports studies
+        import_module(f"{EXPERIMENTS}.common.page").save_study(report, Path(EXPERIMENTS), command=rerun(study))
     return report
 
 
-def rerun(name: str, settings: Mapping[str, Any]) -> str:
-    """Return what measures it again: the benchmark and the settings that differ from its file."""
-    changed = spelling.changed("bench", groups.read_option("bench", name), settings)
-    return command_line(["bench", name, *changed, "save=true"])
+def _check_claims(names: tuple[str, ...], settings: Bench) -> None:
+    claims = import_module(f"{EXPERIMENTS}.common.claims")
+    folder = Path(settings.out) / "quick"
+    if settings.again:
+        shutil.rmtree(folder, ignore_errors=True)
+    rows = claims.checked(names, folder, progress=settings.progress)
+    print(json.dumps(rows, indent=2) if settings.json else table(rows))
+    if broken := [row["claim"] for row in rows if row["verdict"] == claims.BROKEN]:
+        raise ClaimError(f"{len(broken)} of {len(rows)} claims do not hold: {'; '.join(broken)}.")

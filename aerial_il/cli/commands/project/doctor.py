@@ -6,61 +6,30 @@ Example: aerial-il doctor
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import dataclass
 from typing import Any
 
-from aerial_il.cli.configuration.keys import key
-
-PAGE = "docs/troubleshooting.md"
-LITTLE_DISK_GB = 5.0
-PACKAGES_NEEDED = ("aerial-il", "mujoco", "dm-control", "numpy", "numba", "torch", "lerobot")
+from aerial_il.workflows.doctor import PAGE, Doctor, advice, findings
 
 
-@dataclass
-class Config:
-    json: bool = key(False, "print one JSON object (also: --json)")
+@dataclass(frozen=True, kw_only=True)
+class Shown(Doctor):
+    """How it is shown.
+
+    Attributes:
+        json: print one JSON object (also: --json).
+    """
+
+    json: bool = False
 
 
-def run(config: Config) -> None:
+SETTINGS = Shown
+
+
+def run(settings: Shown) -> None:
     """Print the findings."""
     found = findings()
-    print(json.dumps(found, indent=2) if config.json else _as_text(found))
-
-
-def findings() -> dict[str, Any]:
-    """Return versions, machine, the result of rendering one frame with each back end, and free space."""
-    from aerial_il.core import rendering
-    from aerial_il.core.provenance import provenance
-
-    problems = {backend: rendering.probe_backend(backend) or "works" for backend in rendering.BACKENDS}
-    return {
-        **provenance(),
-        "rendering": {"chosen": rendering.choose_backend() or "MuJoCo's own choice", **problems},
-        "free_disk_gb": round(shutil.disk_usage(".").free / 1e9, 1),
-    }
-
-
-def advice(found: dict[str, Any]) -> dict[str, str]:
-    """Return finding -> what it means here and what to do, of those that are not as they could be."""
-    from aerial_il.core.rendering import BACKENDS, PACKAGES
-
-    rendering, notes = found["rendering"], {}
-    if all(rendering[backend] != "works" for backend in BACKENDS):
-        notes["rendering"] = f"Cameras and videos are off. To have them: sudo apt-get install -y {PACKAGES}; make setup"
-    elif rendering["chosen"] in BACKENDS and rendering[rendering["chosen"]] != "works":
-        notes["rendering"] = f"MUJOCO_GL={rendering['chosen']} does not work, another does: unset it, or make setup"
-    if missing := [name for name in PACKAGES_NEEDED if name not in found["packages"]]:
-        notes["packages"] = f"{', '.join(missing)} is not installed: make setup"
-    if found["git"] and found["git"]["dirty"]:
-        notes["git"] = "Files differ from the commit that recordings and results will name: commit before a study."
-    if found["free_disk_gb"] < LITTLE_DISK_GB:
-        notes["free_disk_gb"] = "Little is left. What meets a full disk says so, and the same command goes on later."
-    if (found["cpu_count"] or 1) < 2:
-        notes["cpu_count"] = "One core: all works, at half the speed that these pages give, or less."
-    if not found["platform"].startswith("Linux"):
-        notes["platform"] = "Only Linux has been tried."
-    return notes
+    print(json.dumps(found, indent=2) if settings.json else _as_text(found))
 
 
 def _as_text(found: dict[str, Any]) -> str:

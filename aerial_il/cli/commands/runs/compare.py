@@ -8,25 +8,24 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from aerial_il.cli.configuration.keys import MISSING, key
+from aerial_il.workflows.compare import Compare, compare
 
 
-@dataclass
-class Config:
-    a: str = key(MISSING, "evaluation.json, or the folder that holds it", position=0)
-    b: str = key(MISSING, "the other one", position=1)
-    json: bool = key(False, "print one JSON object (also: --json)")
+@dataclass(frozen=True, kw_only=True)
+class Shown(Compare):
+    """How it is shown.
+
+    Attributes:
+        json: print one JSON object (also: --json).
+    """
+
+    json: bool = False
 
 
-def run(config: Config) -> None:
-    """Print the comparison, and a warning where the two were not flown under the same conditions."""
-    import logging
+SETTINGS, BARE = Shown, ("a", "b")
 
-    from aerial_il.evaluation.compare import compare, other_conditions
-    from aerial_il.evaluation.result import load_result
 
-    a, b = load_result(config.a), load_result(config.b)
-    comparison = compare(a, b)
-    for note in other_conditions(a, b):
-        logging.getLogger(__name__).warning("%s", note)
-    print(json.dumps(comparison.to_dict(), indent=2) if config.json else comparison.summary())
+def run(settings: Shown) -> None:
+    """Print the comparison."""
+    comparison = compare(settings)
+    print(json.dumps(comparison.to_dict(), indent=2) if settings.json else comparison.summary())

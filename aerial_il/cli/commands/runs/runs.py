@@ -15,57 +15,63 @@ Example: aerial-il runs runs where=state!=finished prune=trash
 from __future__ import annotations
 
 import json
+import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.cli.configuration.keys import key
-from aerial_il.cli.configuration.quoting import parts
-from aerial_il.cli.tables import table
+from aerial_il.cli.tables import fitting, table
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.workflows.runs import Runs, runs
 
 if TYPE_CHECKING:
     from aerial_il.evaluation.run_collection import RunCollection
 
-PAGE = "report.html"
 MOST_COMPARED = 8  # side by side
+KEPT = ("run", "state", "success", "algorithm", "policy")  # columns that are left out last
 
 
-@dataclass
-class Config:
-    folder: str = key("runs", "folder to search, at any depth", position=0)
-    where: str | None = key(None, "conditions that all must hold, e.g. 'success>0.5,policy.name=mlp'")
-    sort: str | None = key(None, "column or setting to sort by; -success for the best first (null: by name)")
-    columns: list[str] = key([], "columns beside the name ([]: state, axes and results)", many=True)
-    compare: bool = key(False, "a column for each run, a line for each setting or result in which they differ")
-    page: bool = key(False, f"write {PAGE} into the folder: axes, curves, table")
-    prune: str | None = key(None, "trash or delete: what happens to the runs that where= selects")
-    json: bool = key(False, "print one JSON object (also: --json)")
+@dataclass(frozen=True, kw_only=True)
+class Shown(Runs):
+    """How they are shown.
 
-    def __post_init__(self) -> None:
-        from aerial_il.core.errors import InvalidValueError
+    Attributes:
+        columns: columns beside the name ([]: state, axes and results, as many as fit).
+        compare: a column for each run, a line for each setting or result in which they differ.
+        json: print one JSON object (also: --json).
+    """
 
-        if self.prune not in (None, "trash", "delete"):
-            raise InvalidValueError(f"prune={self.prune} is not one of trash, delete.")
-        if self.prune and not self.where:
-            raise InvalidValueError("prune= needs where=, the runs to remove, e.g. where='state!=finished'.")
+    columns: tuple[str, ...] = ()
+    compare: bool = False
+    json: bool = False
 
 
-def run(config: Config) -> None:
+SETTINGS, BARE = Shown, ("folder",)
+
+
+def run(settings: Shown) -> None:
     """Print what was asked for."""
-    from aerial_il.evaluation.run_collection import read_runs
-
-    found = read_runs(config.folder)
-    found = found.where(parts(config.where)) if config.where else found
-    found = found.sorted_by(config.sort) if config.sort else found
-    if config.json:
-        print(json.dumps(_as_json(found), indent=2))
+    listed = runs(settings)
+    if settings.json:
+        print(json.dumps(_as_json(listed.runs), indent=2))
     else:
-        print(_compared(found) if config.compare else table(_shown(found, config.columns)))
-        _warn(found)
-    if config.page:
-        print(f"Report: {_write_page(found)}")
-    if config.prune:
-        _prune(config, found)
+        print(_compared(listed.runs) if settings.compare else _listing(listed.runs, settings.columns))
+        _warn(listed.runs)
+    if listed.page is not None:
+        print(f"Report: {listed.page}")
+    for line in listed.pruned:
+        print(line)
+
+
+def _listing(found: RunCollection, columns: Sequence[str]) -> str:
+    rows = _shown(found, columns)
+    if columns:
+        return table(rows)
+    kept, left_out = fitting(rows, KEPT)
+    note = (
+        f"\n  and {len(left_out)} columns more: columns=[{left_out[0]},...], compare=true or --json" if left_out else ""
+    )
+    return table(kept) + note
 
 
 def _as_json(found: RunCollection) -> dict[str, Any]:
@@ -73,7 +79,7 @@ def _as_json(found: RunCollection) -> dict[str, Any]:
     return {"runs": found.rows, "axes": found.axes, "refused": refused}
 
 
-def _shown(found: RunCollection, columns: list[str]) -> list[dict[str, Any]]:
+def _shown(found: RunCollection, columns: Sequence[str]) -> list[dict[str, Any]]:
     """Return the table's rows, numbers shortened; columns that no run fills are left out."""
     from aerial_il.evaluation.run_collection import settings_of
 
@@ -88,8 +94,6 @@ def _shown(found: RunCollection, columns: list[str]) -> list[dict[str, Any]]:
 
 
 def _compared(found: RunCollection) -> str:
-    from aerial_il.core.errors import InvalidValueError
-
     if not 2 <= len(found.runs) <= MOST_COMPARED:
         raise InvalidValueError(
             f"compare=true compares 2 to {MOST_COMPARED} runs, and {len(found.runs)} match: choose them with where=."
@@ -110,24 +114,5 @@ def _text(value: Any) -> str:
 
 
 def _warn(found: RunCollection) -> None:
-    import logging
-
     for place, why in found.refused.items():
         logging.getLogger(__name__).warning("%s: %s.", place, why.rstrip("."))
-
-
-def _write_page(found: RunCollection) -> Path:
-    from aerial_il.core.errors import InvalidValueError
-    from aerial_il.presentation.pages.run_report import write_runs_report
-
-    if not found.runs:
-        raise InvalidValueError(f"{found.folder} has no such run, so there is no page to write.")
-    return write_runs_report(found.folder / PAGE, found.runs, refused=found.refused)
-
-
-def _prune(config: Config, found: RunCollection) -> None:
-    """Move or remove the runs that were listed, one by one, and say so."""
-    from aerial_il.cli.flights.pruning import prune
-
-    for listed in found.runs:
-        print(prune(listed, found.folder, delete=config.prune == "delete"))

@@ -134,11 +134,11 @@ class Bag:
         )
         self._add(topic, time_s, message)
 
-    def picture(self, topic: str, time_s: float, frame: str, field: str, image: np.ndarray) -> None:
-        """Add a picture of the field ``field``: JPEG of colours; depth in mm and numbers of objects + 1 as they are."""
+    def picture(self, topic: str, time_s: float, frame: str, image: np.ndarray) -> None:
+        """Add a picture: JPEG of colours (uint8); depth in mm and numbers of objects + 1 as they are."""
         header = _header(time_s, frame)
-        if field.endswith("_rgb"):
-            data = np.frombuffer(encode(field, image), np.uint8)
+        if image.dtype == np.uint8:
+            data = np.frombuffer(encode(image), np.uint8)
             self._add(topic, time_s, _make(COMPRESSED_IMAGE, header=header, format="jpeg", data=data))
             return
         height, width = image.shape
@@ -150,7 +150,7 @@ class Bag:
             encoding="16UC1",
             is_bigendian=0,
             step=2 * width,
-            data=whole_numbers(field, image).astype("<u2").reshape(-1).view(np.uint8),
+            data=whole_numbers(image).astype("<u2").reshape(-1).view(np.uint8),
         )
         self._add(topic, time_s, message)
 

@@ -15,29 +15,24 @@ JPEG_QUALITY = 92
 _MAX = np.iinfo(np.uint16).max
 
 
-def encode(name: str, image: np.ndarray) -> bytes:
-    """Compress one image of the field ``name``, whose ending says what it shows.
-
-    Args:
-        name: ``<camera>_rgb``, ``<camera>_depth`` or ``<camera>_segmentation``.
-        image: (H, W, 3) uint8, (H, W) float metres, or (H, W) int ids.
-    """
+def encode(image: np.ndarray) -> bytes:
+    """Compress one image: colours (H, W, 3) uint8, depth (H, W) in float metres, or segmentation (H, W) in int ids."""
     buffer = io.BytesIO()
-    if name.endswith("_rgb"):
+    if image.dtype == np.uint8:
         Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
     else:
-        Image.fromarray(whole_numbers(name, image)).save(buffer, "PNG", compress_level=1)
+        Image.fromarray(whole_numbers(image)).save(buffer, "PNG", compress_level=1)
     return buffer.getvalue()
 
 
-def decode(name: str, data: bytes, shape: tuple[int, ...]) -> np.ndarray:
-    """Undo :func:`encode`.
+def decode(data: bytes, dtype: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Undo :func:`encode` for an image that was of this ``dtype`` and ``shape``.
 
     Raises:
         ValueError: the bytes are no such image, or one of another size; nothing is decompressed then.
     """
     try:
-        image = Image.open(io.BytesIO(data), formats=("JPEG",) if name.endswith("_rgb") else ("PNG",))
+        image = Image.open(io.BytesIO(data), formats=("JPEG",) if dtype == "uint8" else ("PNG",))
         if (image.height, image.width) != shape[:2]:
             raise ValueError(f"image is {image.height} x {image.width}, not {shape[0]} x {shape[1]}")
         pixels = np.asarray(image)
@@ -45,18 +40,14 @@ def decode(name: str, data: bytes, shape: tuple[int, ...]) -> np.ndarray:
         raise ValueError(f"image cannot be decoded: {error}") from error
     if pixels.shape != shape:
         raise ValueError(f"image has shape {pixels.shape}, not {shape}")
-    return pixels if name.endswith("_rgb") else _from_uint16(name, pixels)
+    if dtype == "uint8":
+        return pixels
+    return pixels.astype(np.float32) / 1000 if np.dtype(dtype).kind == "f" else pixels.astype(np.int32) - 1
 
 
-def whole_numbers(name: str, image: np.ndarray) -> np.ndarray:
+def whole_numbers(image: np.ndarray) -> np.ndarray:
     """Return depth (H, W) in mm, or ids + 1, as uint16."""
-    if name.endswith("_depth"):
+    if image.dtype.kind == "f":
         millimetres = np.round(np.nan_to_num(image, nan=0.0, posinf=0.0, neginf=0.0) * 1000)
         return np.where((millimetres >= 0) & (millimetres <= _MAX), millimetres, 0).astype(np.uint16)
     return np.clip(image.astype(np.int64) + 1, 0, _MAX).astype(np.uint16)
-
-
-def _from_uint16(name: str, pixels: np.ndarray) -> np.ndarray:
-    if name.endswith("_depth"):
-        return pixels.astype(np.float32) / 1000
-    return pixels.astype(np.int32) - 1

@@ -111,6 +111,7 @@ class Camera:
     channel: int
     field: str
     shape: tuple[int, ...]
+    dtype: str
 
     @property
     def name(self) -> str:
@@ -122,7 +123,7 @@ class Camera:
 
     @property
     def format(self) -> str:
-        return "jpeg" if self.field.endswith("_rgb") else "png"
+        return "jpeg" if self.dtype == "uint8" else "png"
 
     @cached_property
     def template(self) -> CdrTemplate:

@@ -50,7 +50,7 @@ def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
         StorageError: the file cannot be written.
     """
     model = compile_scene(episode)
-    motion, tree = move(model, episode.states), tree_of(model)
+    motion, tree = move(model, episode.states, episode.spec), tree_of(model)
     qpos, qvel = (_part(model, episode.states, part) for part in ("qpos", "qvel"))
     tracks = tracks_of(motion, tree, qpos)
     free = [body for body in np.flatnonzero(motion.moving).tolist() if model.body_parentid[body] == 0]
@@ -103,7 +103,7 @@ def _add_pictures(bag: Bag, episode: Episode, lenses: dict[str, Lens], step: int
     for field, lens in lenses.items():
         topic, frame, time_s = f"/camera/{field}", optical(_camera(field)), float(episode.sim_time[step])
         bag.camera(f"{topic}/camera_info", time_s, frame, lens)
-        bag.picture(f"{topic}/image", time_s, frame, field, episode.obs[field][step])
+        bag.picture(f"{topic}/image", time_s, frame, episode.obs[field][step])
 
 
 def _lenses(model: mujoco.MjModel, episode: Episode) -> dict[str, Lens]:

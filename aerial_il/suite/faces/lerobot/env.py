@@ -27,7 +27,7 @@ from lerobot.envs.utils import freeze_after_episode_end
 
 from aerial_il.core import lerobot_names
 from aerial_il.core.rendering import can_render
-from aerial_il.core.specs import EnvSpec, Group
+from aerial_il.core.specs import EnvSpec, Group, camera_name, image_name
 from aerial_il.suite.faces.gymnasium_env import SingleEnv
 from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
 from aerial_il.suite.scenario import Scenario
@@ -68,7 +68,7 @@ class AerialEnvConfig(EnvConfig):
             if sizes[name]:
                 self.features[name] = PolicyFeature(kind, (sizes[name],))
         for camera in self.cameras:
-            shape = spec.observation[f"{camera}_rgb"].shape
+            shape = spec.observation[image_name(camera)].shape
             self.features[f"{IMAGES}/{camera}"] = PolicyFeature(FeatureType.VISUAL, shape)
             self.features_map[f"{IMAGES}/{camera}"] = lerobot_names.IMAGES + camera
 
@@ -126,7 +126,7 @@ class LerobotFace(gymnasium.ObservationWrapper[Any, np.ndarray, Any]):
         for name, group in VECTORS:
             if members := fields.of_group(group):
                 seen[name] = fields.flatten(observation, [f.name for f in members])
-        images = {f.name.removesuffix("_rgb"): observation[f.name] for f in fields.of_group("image")}
+        images = {camera_name(f.name): observation[f.name] for f in fields.of_group("image")}
         return {**seen, IMAGES: images} if images else seen
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:

@@ -71,7 +71,7 @@ def test_an_rrd_is_rerun_s(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (["out=a.rrd", "format=robomimic"], "its name must end in .hdf5 or .h5"),
         (["out=a.hdf5", "format=lerobot"], "in no ending of another format"),
         (["out=folder", "format=rrd"], "its name must end in .rrd"),
-        (["format=tfrecord"], "not one of lerobot, robomimic, d4rl, minari, rrd, mcap"),
+        (["format=tfrecord"], "is not one of lerobot, robomimic, d4rl, minari, rrd, mcap"),
     ],
 )
 def test_an_ending_of_another_format_is_refused(

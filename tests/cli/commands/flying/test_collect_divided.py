@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli.commands import find
-from aerial_il.cli.commands.flying import collect
-from aerial_il.cli.configuration.compose import compose
+from aerial_il.cli.compose import compose
 from aerial_il.cli.launchers import processes
 from aerial_il.cli.main import main
 from aerial_il.cli.sweeps import job as jobs_of
 from aerial_il.cli.sweeps.job import Job
+from aerial_il.workflows import collect
 
 WORDS = ["collect", "robot=quad", "task=hover", "episodes=10", "seed=3", "num_envs=2", "progress=false"]
 

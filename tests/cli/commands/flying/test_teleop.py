@@ -8,15 +8,15 @@ import sys
 import pytest
 
 import aerial_il
-from aerial_il.cli.commands.flying.teleop import ROBOT, TASK, _flown_once
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.workflows.teleop import ROBOT, TASK, _flown_once
 
 # In a process of its own: what compiles, how often, and on which thread.
 COMPILES = """
 import threading
 import numpy as np
 import aerial_il
-from aerial_il.cli.commands.flying.teleop import _flown_once
+from aerial_il.workflows.teleop import _flown_once
 from aerial_il.suite.episode import simulation
 
 compiled = []

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.commands.project import list as catalogue
-from aerial_il.cli.flights import pilots
 from aerial_il.cli.main import main
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.presentation.films import scene_renderer, window
+from aerial_il.workflows import catalogue
+from aerial_il.workflows.parts import pilots
 
 REACH = ["robot=ua_quad_arm4", "task=reach", "progress=false"]
 

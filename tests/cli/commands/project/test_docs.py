@@ -6,28 +6,42 @@ from pathlib import Path
 
 import pytest
 
-from aerial_il.cli.commands.project import docs
+from aerial_il.cli.commands.project.docs import show
 from aerial_il.cli.main import main
-from aerial_il.presentation.documentation import layers
+from aerial_il.presentation.documentation import layers, results
 from aerial_il.presentation.documentation.sources import ROOT
+from aerial_il.workflows import docs
 
 
 @pytest.mark.slow
 def test_pages_alone_are_written_without_a_site(tmp_path: Path) -> None:
     assert main(["docs", f"out={tmp_path}", "site=null"]) == 0
-    for name in ("robots/README.md", "robots/quad.svg", "tasks/reach.md", "frames.svg", "architecture.svg"):
+    for name in (
+        "robots/README.md",
+        "robots/quad.svg",
+        "tasks/reach.md",
+        "frames.svg",
+        "architecture.svg",
+        "results.svg",
+    ):
         assert (tmp_path / name).is_file()
 
 
-def test_the_published_drawing_of_the_rooms_is_that_of_the_contract() -> None:
+def test_the_drawing_of_layers_is_that_of_the_contract() -> None:
     published = (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8")
     assert published == layers.drawing(ROOT), "run: aerial-il docs"
-    assert all(f">{room}</text>" in published for row in layers.layers(ROOT) for room in row)
+    assert all(f">{package}</text>" in published for row in layers.layers(ROOT) for package in row)
+
+
+def test_the_figure_of_results_is_that_of_the_records() -> None:
+    published = (ROOT / "docs" / "results.svg").read_text(encoding="utf-8")
+    assert published == results.drawing(ROOT), "run: aerial-il docs"
+    assert published.count("<polyline") == 4
 
 
 @pytest.mark.parametrize("word", docs.NOWHERE)
 def test_nothing_is_no_folder(word: str) -> None:
-    assert docs.Config(out=word, site=word) == docs.Config(out=None, site=None)
+    assert docs.Docs(out=word, site=word) == docs.Docs(out=None, site=None)
 
 
 def test_without_a_screen_it_says_how_to_look(
@@ -35,5 +49,5 @@ def test_without_a_screen_it_says_how_to_look(
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    docs.show(tmp_path / "index.html")
+    show(tmp_path / "index.html")
     assert f"python -m http.server -b 127.0.0.1 -d {tmp_path} 8080" in capsys.readouterr().out

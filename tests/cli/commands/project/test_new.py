@@ -8,10 +8,9 @@ import pytest
 
 from aerial_il import policies, robots
 from aerial_il.algorithms.bc import BC
-from aerial_il.cli import starts
-from aerial_il.cli.commands.project import new
 from aerial_il.cli.main import main
 from aerial_il.suite import tasks
+from aerial_il.workflows import new, starts
 from tests.algorithms import drift
 from tests.cli.next_lines import next_commands
 from tests.contract import test_algorithms
@@ -79,7 +78,7 @@ def test_a_robot_and_a_task_are_flown(tmp_path: Path) -> None:
         (["policy", "mlp_local"], "A policy named mlp_local already exists"),
         (["task", "../escape"], "cannot be the name"),
         (["task", "class"], "cannot be the name"),
-        (["gadget", "x"], "kind=gadget is not one of task, robot, policy, algorithm"),
+        (["gadget", "x"], "kind='gadget' is not one of task, robot, "),
     ],
 )
 def test_a_bad_name_is_refused(words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -98,7 +97,7 @@ def test_what_is_there_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_an_installed_package_is_not_written_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(new, "__file__", str(tmp_path / "site-packages/aerial_il/cli/commands/project/new.py"))
+    monkeypatch.setattr(new, "__file__", str(tmp_path / "site-packages/aerial_il/workflows/new.py"))
     assert main(["new", "policy", "my_network"]) == 2
     assert list(tmp_path.iterdir()) == []
 

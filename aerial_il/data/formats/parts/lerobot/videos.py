@@ -11,7 +11,7 @@ import numpy as np
 
 from aerial_il.core.errors import DemoError, UnknownNameError
 from aerial_il.core.lerobot_names import IMAGES
-from aerial_il.core.specs import Field
+from aerial_il.core.specs import Field, image_name
 
 MAX_PICTURES_BYTES = 400 << 20  # of one camera in one episode
 MOST_SKIPPED = 5_000  # pictures between the key frame that a decoder begins with and an episode's first
@@ -50,7 +50,7 @@ def camera_fields(features: Mapping[str, Any]) -> tuple[Field, ...]:
 
 def field_name(key: str) -> str:
     """Return the field that holds a camera, ``wrist_rgb`` for ``observation.images.wrist``."""
-    return f"{key.removeprefix(IMAGES).removeprefix('observation.')}_rgb"
+    return image_name(key.removeprefix(IMAGES).removeprefix("observation."))
 
 
 def wanted_cameras(cameras: bool | Sequence[str], fields: Sequence[Field]) -> tuple[Field, ...]:

@@ -35,7 +35,7 @@ import numpy as np
 from aerial_il.core.errors import DemoError
 from aerial_il.core.files import sha256_of, sync_folder, write_json
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
-from aerial_il.core.specs import EnvSpec, Field
+from aerial_il.core.specs import EnvSpec, Field, camera_name
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.parts.content_digest import sealed
 from aerial_il.data.formats.parts.lerobot.identity import UID, identity
@@ -217,7 +217,7 @@ def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, An
 
 def image_key(field: str) -> str:
     """Return the feature that holds a colour camera's field, e.g. ``observation.images.wrist`` for ``wrist_rgb``."""
-    return IMAGES + field.removesuffix("_rgb")
+    return IMAGES + camera_name(field)
 
 
 def _vector(fields: Sequence[Field]) -> dict[str, Any]:
@@ -227,7 +227,7 @@ def _vector(fields: Sequence[Field]) -> dict[str, Any]:
 
 def colour_cameras(spec: EnvSpec) -> tuple[str, ...]:
     """Return the image fields that can become videos."""
-    return tuple(f.name for f in spec.observation.of_group("image") if f.name.endswith("_rgb"))
+    return tuple(f.name for f in spec.observation.fields if f.is_colour)
 
 
 def _replace(new: Path, path: Path) -> None:

@@ -1,1 +1,0 @@
-"""On-policy learning that starts from a good policy, and whose decisions last several steps."""

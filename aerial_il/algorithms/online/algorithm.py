@@ -1,0 +1,142 @@
+"""The one base of algorithms that learn while they fly: it opens a run, and states no settings of its own."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import fields
+from typing import Any, ClassVar
+
+from aerial_il.algorithms.online.interface import check_policy
+from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.run import OnlineRun, open_run
+from aerial_il.algorithms.run.cadence import Cadence, Evaluate
+from aerial_il.algorithms.run.checks import (
+    require_choice,
+    require_not_negative,
+    require_positive,
+    require_share,
+    require_widths,
+)
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.data.episode import Episode
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+
+POSITIVE = {"steps", "lr", "actor_every", "alpha", "threads"}
+
+
+class Algorithm(ABC):
+    """What a workflow asks of an algorithm. Each states its settings itself; here is what names mean in all of them.
+
+    A group of settings that depends on others has ``check_in(algorithm)``, which is called when all are known.
+
+    Attributes:
+        steps: environment steps, of all worlds together.
+        warmup: the first of those steps, flown at random, or by the prior, before the actor improves.
+        gamma: discount.
+        lr: learning rate of all that is learned, at the start; it changes linearly.
+        lr_floor: what is left of it at the end, as a share. Below 1 the final policy swings less.
+        actor_every: how many of the critics' gradient steps for each one of the actor.
+        alpha: temperature at the start: weight of the entropy beside the reward.
+        entropy: target entropy for each action element.
+        gae_lambda: lambda of generalised advantage estimation.
+        clip: how far from 1 the ratio of probabilities counts.
+        clip_norm: largest norm of a gradient.
+        target_kl: a pass of a mean KL divergence above 1.5 times this is the actor's last; 0 for no limit.
+        critic_hidden: widths of the critic.
+        reward: the ``environment``'s own, dense in the suite; or ``sparse``, 1 for success. With hindsight it is the
+            environment's own rule for goals.
+        reward_patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
+        failures: learn from failed demonstrations too; rewards tell them from the others.
+        prior: a run or policy of the same class and sizes, from whose weights the actor starts; null for random ones.
+            It flies through the warm-up in place of random actions, while the critics alone learn its value.
+        obs_norm: standardise observations by their moments in the warm-up, which are fixed from then on.
+        threads: torch threads; results repeat bit for bit at a fixed number only.
+
+    Class attributes: ``name`` (that of its module); ``needs``, what ``train`` is handed by name; ``rewarded``, whether
+    it learns from the environment's reward; ``demonstrated``, whether from demonstrations, without which it cannot do;
+    ``worlds``, in how many it flies by default; ``trains``, the kinds of policy.
+    """
+
+    name: ClassVar[str]
+    needs: ClassVar[tuple[str, ...]] = ("env",)
+    rewarded: ClassVar[bool] = True
+    demonstrated: ClassVar[bool] = False
+    worlds: ClassVar[int] = 8
+    trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # each algorithm is a dataclass
+
+    steps: int
+    cadence: Cadence
+    threads: int
+
+    def __post_init__(self) -> None:
+        stated = {field.name for field in fields(self)}
+        require_positive(self, *sorted(stated & POSITIVE))
+        require_not_negative(self, *(stated & {"warmup", "reward_patience"}))
+        require_share(self, *(stated & {"gamma"}), below_one=True)
+        require_share(self, *(stated & {"lr_floor", "gae_lambda"}))
+        if "critic_hidden" in stated:
+            require_widths(self, "critic_hidden")
+        if self.rewarded and "reward" in stated:
+            require_choice(self, "reward", Source)
+        for name in stated:
+            if check := getattr(getattr(self, name), "check_in", None):
+                check(self)
+
+    def train(
+        self,
+        dataset: Iterable[Episode] | None,
+        policy: PolicySettings,
+        *,
+        env: BatchEnv,
+        run: str | os.PathLike[str],
+        seed: int = 0,
+        evaluate: Evaluate | None = None,
+        resume: bool = True,
+        progress: bool = True,
+    ) -> ChunkPolicy:
+        """Learn by acting in ``env``.
+
+        Args:
+            dataset: episodes of that environment to learn from; not looked at by an algorithm that is not
+                ``demonstrated``.
+            policy: what to train, one of those that the algorithm ``trains``.
+            env: a batch environment to act in; it is reset.
+            run: folder for configuration, metrics, checkpoints, a learned reward and the finished policy.
+            seed: decides initial weights, exploration, minibatches and which episodes are flown.
+            evaluate: ``(policy, step) -> named numbers`` to log every ``cadence.evaluate_every`` steps and at the end.
+            resume: continue what ``run`` holds; a finished run returns its policy at once.
+            progress: show a progress bar.
+
+        Raises:
+            InvalidValueError: nothing to learn from, or in too few steps; another kind of policy or environment; or
+                ``run`` holds another.
+            SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
+        """
+        problem = self.problem(dataset, check_policy(policy, self.trains), env, seed)
+        with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
+            return self.learn(opened) if opened else load_policy(run)
+
+    @property
+    def evaluate_every(self) -> int:
+        """Steps between two calls of ``evaluate``, as a workflow asks every algorithm."""
+        return self.cadence.evaluate_every
+
+    @abstractmethod
+    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+        """Return what is learned on: the environment's reward, demonstrations, a prior.
+
+        Raises:
+            InvalidValueError: these do not fit, or the run would end before its policy learns (:func:`check_steps`).
+        """
+
+    @abstractmethod
+    def learn(self, run: OnlineRun) -> ChunkPolicy:
+        """Collect and learn until the run has no steps left; return the trained policy."""

@@ -1,1 +1,0 @@
-"""Machinery of reinforcement learning: collectors, buffers, returns, transitions of demonstrations."""

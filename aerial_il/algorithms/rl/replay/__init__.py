@@ -1,1 +1,0 @@
-"""Experience replay: transitions of demonstrations, of own flights, and relabelled with other goals."""

@@ -1,1 +1,0 @@
-"""Parts that the benchmarks share: reports, studies on disk, figures, reference motions, timing."""

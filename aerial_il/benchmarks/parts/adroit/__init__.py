@@ -1,1 +1,0 @@
-"""The Adroit hand's tasks, and the tables of their study."""

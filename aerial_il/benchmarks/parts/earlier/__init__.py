@@ -1,1 +1,0 @@
-"""Earlier commits of this package, run beside the present one."""

@@ -1,1 +1,0 @@
-"""References that a vehicle is asked to follow, and how well it does."""

@@ -1,1 +1,0 @@
-"""Stages that learning studies share: demonstrations, trainings, evaluations."""

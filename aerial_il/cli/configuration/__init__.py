@@ -1,1 +1,0 @@
-"""The configuration of a command: its keys, its groups and their choices, composed by Hydra, built into objects."""

@@ -1,0 +1,39 @@
+"""Flight laws that a vehicle can be flown by, one file each, see ``law.py``.
+
+One vocabulary for environments, configurations and studies. ``docs/controllers.md`` derives each of them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from aerial_il.core import registry
+
+if TYPE_CHECKING:  # names are listed without importing a compiler
+    from aerial_il.control.controllers.law import Law
+
+
+def names() -> tuple[str, ...]:
+    """Names of all laws, in alphabetical order."""
+    return registry.names("controller")
+
+
+def get(name: str) -> type[Law]:
+    """Return the class of the law called ``name``.
+
+    Raises:
+        UnknownNameError: no law has that name.
+    """
+    return registry.get("controller", name)
+
+
+def address(name: str, own: Any) -> int:
+    """Return the address of a law's kernel for its numbers ``own`` (1,).
+
+    Raises:
+        InvalidValueError: it is a plain Python function.
+    """
+    from aerial_il.control.steering import signature
+    from aerial_il.core.kernels import address_of
+
+    return address_of(registry.kernel("controller", name, "steer"), signature(own))

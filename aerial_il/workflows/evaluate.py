@@ -1,0 +1,139 @@
+"""Fly a policy or an expert over fixed seeds, and write evaluation.json, videos and a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from aerial_il.workflows.parts.names import Controller, MaybeRobot, MaybeTask, Tier, at_least
+
+if TYPE_CHECKING:
+    from aerial_il.core.contracts import BatchEnv
+    from aerial_il.evaluation.result import EvaluationResult
+    from aerial_il.workflows.parts.pilots import Pilot
+    from aerial_il.workflows.parts.results import Written
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """What is flown.
+
+    Attributes:
+        policy: a run, a policy, an expert's file (.npz), module:factory, a model.zip of SB3, or: expert, random, hover.
+        robot: robot that flies (null: the one that the policy was trained on).
+        task: task that it does (null: the task that the policy was trained on).
+        tier: disturbance tier, e.g. gusts, hard-payload, calm+latency.
+        env: external environment, e.g. gymnasium:CartPole-v1 (null: the policy's own).
+        success: what makes an episode there a success: KEY:N, return:R, survived (null: as it reports).
+        max_steps: time limit there (null: its own).
+        controller: control law of the base.
+        out: folder for evaluation.json, videos/ and report.html.
+        action: action level (null: the policy's own, ee_pose for experts).
+        episodes: number of episodes, one for each seed.
+        seed: first seed.
+        num_envs: worlds flown at once.
+        threads: simulation threads, or processes of external environments; 0 for all cores.
+        overwrite: replace the result of another evaluation in that folder.
+        videos: films of successes, and as many of failures.
+        rerun: show the first world in rerun while it flies; a file where there is no screen.
+        progress: show a progress bar.
+    """
+
+    PRESETS: ClassVar[dict[str, str]] = {"evaluation": "a set of values"}
+
+    policy: str
+    robot: MaybeRobot = None
+    task: MaybeTask = None
+    tier: Tier = "calm"
+    env: str | None = None
+    success: str | None = None
+    max_steps: int | None = None
+    controller: Controller = "geometric_observer"
+    out: str
+    action: str | None = None
+    episodes: int = 200
+    seed: int = 10_000
+    num_envs: int = 64
+    threads: int = 0
+    overwrite: bool = False
+    videos: int = 2
+    rerun: bool = False
+    progress: bool = True
+
+    def __post_init__(self) -> None:
+        at_least(self, episodes=1, seed=0, num_envs=1, threads=0, videos=0)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """What came of it.
+
+    Attributes:
+        result: the flights, with their numbers. pilot: who flew, and where. tier: how rough the air was.
+        written: the files; None where the folder held this very result already, and nothing was flown.
+    """
+
+    result: EvaluationResult
+    pilot: Pilot
+    tier: str
+    written: Written | None
+
+
+def evaluate(settings: Evaluate) -> Evaluated:
+    """Fly what is not flown yet, and write what comes of it.
+
+    Raises:
+        InvalidValueError: the folder holds another result, or the settings do not go together.
+    """
+    from aerial_il.workflows.parts import environments, pilots
+    from aerial_il.workflows.parts.watching import watched
+
+    pilot = pilots.pilot(
+        settings.policy,
+        robot=settings.robot,
+        task=settings.task,
+        action=settings.action,
+        env=settings.env,
+        options=environments.given(success=settings.success, max_steps=settings.max_steps),
+    )
+    seeds = range(settings.seed, settings.seed + settings.episodes)
+    worlds = min(settings.num_envs, len(seeds))
+    env = pilot.environment(settings.tier, num_envs=worlds, threads=settings.threads, controller=settings.controller)
+    try:
+        with watched(env, settings.threads, wanted=settings.rerun) as seen:
+            result, written = _judged(settings, pilot, seen, seeds)
+    finally:
+        env.close()
+    return Evaluated(result, pilot, env.spec.tier if pilot.reference.env else settings.tier, written)
+
+
+def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tuple[EvaluationResult, Written | None]:
+    """Return the result and the files that were written."""
+    from aerial_il.evaluation import rollouts
+    from aerial_il.evaluation.destination import CALLED, finished, subject_of
+    from aerial_il.evaluation.journal import Journal
+    from aerial_il.workflows.parts import results
+
+    spec, name, journal = env.spec, settings.policy, Journal(settings.out)
+    origin = rollouts.origin_of(env, pilot.policy)
+    cell = {"robot": spec.robot, "task": spec.task, "tier": spec.tier}
+    subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
+    if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
+        return done, None
+    journal.begin({**subject, CALLED: name})
+    command = {"command": _command(settings, pilot)}
+    result = rollouts.evaluate(
+        env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress
+    )
+    written = results.save(result, Path(settings.out), env=env, videos=settings.videos)
+    journal.close()
+    return result, written
+
+
+def _command(settings: Evaluate, pilot: Pilot) -> str:
+    from aerial_il.workflows.spelling import command_line
+
+    ours = () if pilot.reference.env else (f"tier={settings.tier}", f"controller={settings.controller}")
+    flown = (*ours, f"episodes={settings.episodes}", f"seed={settings.seed}", f"out={settings.out}")
+    return command_line(["evaluate", *pilot.overrides, *flown])

@@ -1,0 +1,74 @@
+"""Demonstrations for the commands that learn from them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice, zip_longest
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.episode import Episode
+
+log = logging.getLogger(__name__)
+
+
+def open_demonstrations(
+    path: str, *, limit: int | None, images: Sequence[str] = (), failures: bool = False
+) -> Iterable[Episode]:
+    """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
+
+    From a folder of several tasks they are taken by turns, one of each, as long as the task has one left.
+
+    Args:
+        path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
+        failures: whether failed flights are learned from too.
+
+    Raises:
+        InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
+    """
+    if limit is None:
+        return open_dataset(path, cameras=tuple(images), failures=failures, states=False)
+    if failures:
+        raise InvalidValueError(
+            f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
+        )
+    dataset = open_dataset(path, states=False)
+    solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
+    chosen = list(islice(_by_turns(solved), limit))
+    if len(chosen) < limit:
+        raise InvalidValueError(
+            f"{path} has {len(chosen)} successful demonstrations; dataset.episodes={limit} asks for more. "
+            "Collect more into it, or leave dataset.episodes=null for all."
+        )
+    if images:  # one after the other, as the algorithm takes them: they may not fit into memory
+        return open_dataset(path, cameras=tuple(images), states=False).only([episode.uid for episode in chosen])
+    return chosen
+
+
+def warn_of_changes(path: str) -> None:
+    """Say what has changed since demonstrations were recorded: the meaning of their tier, or the engine."""
+    from aerial_il.data.provenance import engine_of
+    from aerial_il.suite.changes import engine_note, tier_note
+
+    for note in dict.fromkeys(
+        note
+        for episode in open_dataset(path).one_of_each()
+        if not episode.spec.is_outside
+        for note in (tier_note(episode.spec), engine_note(engine_of(episode.provenance)))
+        if note
+    ):
+        log.warning("%s: %s It is learned from as it is.", path, note)
+
+
+def check_origin(path: str, expected: Mapping[str, str]) -> None:
+    """Refuse a dataset with demonstrations of another robot, task, tier or action level than ``expected``."""
+    from aerial_il.algorithms.supervised.training_set import check_recorded
+
+    for part in open_dataset(path).parts if expected else ():
+        check_recorded(part.spec, expected)
+
+
+def _by_turns(queues: Sequence[Iterator[Episode]]) -> Iterator[Episode]:
+    """Yield one of each queue, then the next of each, until all of them are empty."""
+    return (episode for turn in zip_longest(*queues) for episode in turn if episode is not None)

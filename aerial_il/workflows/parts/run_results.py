@@ -1,0 +1,130 @@
+"""Contents of a run's report besides metrics: predictions along demonstrations, a learned reward, films of flights."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.evaluation.training_run import TrainingRun
+from aerial_il.presentation.films.video import Footage, film
+from aerial_il.workflows.parts import demonstrations, pilots, results
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from aerial_il.core.specs import EnvSpec
+    from aerial_il.data.episode import Episode
+    from aerial_il.evaluation.predictions import Prediction
+
+SHOWN = 2  # held-out demonstrations with predictions
+FILMED_SEED, FLOWN = 5000, 10  # seeds flown for films where no evaluation has any
+
+
+def predictions(run: TrainingRun, dataset: str | None) -> tuple[list[Prediction], str]:
+    """Return predictions along the first held-out demonstrations, or why there are none."""
+    from aerial_il.evaluation.predictions import predict
+    from aerial_il.policies import load_policy
+
+    try:
+        policy = load_policy(run.path)
+        return [predict(policy, episode) for episode in _held_out(run, dataset)[:SHOWN]], ""
+    except AerialError as error:
+        return [], f"No predictions: {error}"
+
+
+def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
+    """Return the episodes that ``run`` held out, once it is certain that the dataset is the same still."""
+    from aerial_il.algorithms.bc import BC
+    from aerial_il.algorithms.supervised.selection import Selection
+    from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, window_weights
+    from aerial_il.policies import load_policy
+
+    settings = run.config.get("settings", {})
+    recorded, path = run.command.get("dataset", {}), _dataset_of(run, dataset)
+    if run.algorithm != "bc" or "selection" not in settings:
+        raise InvalidValueError(f"which demonstrations {run.algorithm} held out is not known.")
+    if path is None:
+        raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
+    policy = load_policy(run.path).config
+    algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
+    limit = recorded.get("episodes") if path == recorded.get("path") else None
+    divided = algorithm.divide(
+        demonstrations.open_demonstrations(path, limit=limit, images=policy.images, failures=algorithm.failures),
+        policy,
+        seed=run.seed,
+    )
+    windows = cut_windows(divided.kept, divided.layout, policy)
+    if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:
+        raise InvalidValueError(f"{path} is not, or no longer, the dataset that the run was trained on.")
+    if not divided.held_out:
+        raise InvalidValueError("no demonstration was held out. See algorithm.validation.")
+    return divided.held_out
+
+
+def _dataset_of(run: TrainingRun, dataset: str | None) -> str | None:
+    """Return what the user named, else what the run was started with."""
+    return dataset or run.command.get("dataset", {}).get("path")
+
+
+def rewarded(run: TrainingRun, dataset: str | None) -> dict[str, dict[str, np.ndarray]]:
+    """Return uid -> label -> learned reward along the first demonstration; empty without such a reward or dataset."""
+    from aerial_il.algorithms.run.folder import REWARD
+    from aerial_il.data.dataset import open_dataset
+
+    path = _dataset_of(run, dataset)
+    if path is None or not (run.path / REWARD).is_dir():
+        return {}
+    try:
+        episode = open_dataset(path)[0]
+        return {episode.uid: paid_along(run.path, episode)}
+    except AerialError:
+        return {}
+
+
+def paid_along(run: str | os.PathLike[str], episode: Episode) -> dict[str, np.ndarray]:
+    """Return what the reward learned by ``run`` pays for each step, (T,), as flown and with the actions shuffled."""
+    from aerial_il.algorithms.adversarial.reward_net import reward_along, shuffled
+
+    flights = {"as flown": episode, "actions shuffled": shuffled(episode)}
+    return {label: reward_along(run, flight) for label, flight in flights.items()}
+
+
+def footage(run: TrainingRun, videos: int) -> Footage:
+    """Return films of the final policy: those of the run's evaluations, else of a few flights made now."""
+    if not run.finished:
+        return Footage(note="No films: the run is not finished.")
+    for name, result in run.judged.items():
+        if result.policy == str(run.path) and (found := results.footage_of(run.path / name, result)).clips:
+            return found
+    return _flown(run, videos) if videos else Footage()
+
+
+def _flown(run: TrainingRun, videos: int) -> Footage:
+    """Fly each of the policy's tasks and film it there."""
+    from aerial_il.policies import load_policy
+
+    try:
+        policy = load_policy(run.path)
+        flown = pilots.pilots_of(policy, str(run.path))
+        folder = run.path / results.VIDEOS
+        places = [folder / pilot.task for pilot in flown] if len(flown) > 1 else [folder]
+        found = [_filmed(pilot, policy.spec, place, videos) for pilot, place in zip(flown, places, strict=True)]
+    except AerialError as error:
+        return Footage(note=f"No films: {error}")
+    return Footage(tuple(clip for footage in found for clip in footage.clips), found[0].note)
+
+
+def _filmed(pilot: pilots.Pilot, spec: EnvSpec, folder: Path, videos: int) -> Footage:
+    """Film the first successes and failures of a few flights, ``videos`` of each."""
+    from aerial_il.evaluation.rollouts import evaluate
+
+    env = pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)
+    try:
+        seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
+        result = evaluate(env, pilot.policy, seeds, policy_name="the final policy", progress=False)
+        return film(env, result, folder, successes=videos, failures=videos)
+    finally:
+        env.close()

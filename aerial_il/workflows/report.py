@@ -1,0 +1,124 @@
+"""One HTML page that opens offline, about an evaluation, a training run, or several runs side by side."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.workflows.parts.names import at_least
+
+if TYPE_CHECKING:
+    from aerial_il.evaluation.training_run import TrainingRun
+
+PAGE = "report.html"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What the page is about.
+
+    Attributes:
+        result: folder of an evaluation, of a run, or of several runs.
+        run: training run whose curves are shown beside an evaluation.
+        dataset: demonstrations to summarise, or that a run learned from.
+        learning_curve: number of demonstrations -> evaluation: {10:runs/a,25:runs/b}.
+        videos: films of successes and of failures of a run that has none.
+        out: the page; report.html beside what it is about by default.
+    """
+
+    result: tuple[str, ...]
+    run: str | None = None
+    dataset: str | None = None
+    learning_curve: Mapping[int, str] = field(default_factory=dict)
+    videos: int = 1
+    out: str | None = None
+
+    def __post_init__(self) -> None:
+        at_least(self, videos=0)
+        if not self.result:
+            raise InvalidValueError("result=[] names nothing to report: give a folder, e.g. aerial-il report runs/NAME")
+
+
+def report(settings: Report) -> Path:
+    """Write the page, and return where it is.
+
+    Raises:
+        InvalidValueError: one of several folders holds no run.
+    """
+    from aerial_il.evaluation.training_run import find_runs, read_run
+
+    if flown := [place for place in settings.result if _is_dataset(place)]:
+        return _of_session(settings, flown)
+    runs = {place: [read_run(found) for found in find_runs(place)] for place in settings.result}
+    if len(runs) > 1 and (lacking := [place for place, each in runs.items() if not each]):
+        why = (
+            "holds no training run; evaluations are reported one at a time"
+            if Path(lacking[0]).exists()
+            else "does not exist"
+        )
+        raise InvalidValueError(f"{lacking[0]} {why}. To see what runs there are: aerial-il runs FOLDER")
+    every = [run for each in runs.values() for run in each]
+    if not every:
+        return _of_evaluation(settings)
+    return _of_run(settings, every[0]) if len(every) == 1 else _of_runs(settings, every)
+
+
+def _is_dataset(place: str) -> bool:
+    from aerial_il.data.folder import KINDS, DatasetFolder
+
+    return Path(place).is_dir() and any(DatasetFolder(place).files(kind) for kind in KINDS)
+
+
+def _of_session(settings: Report, flown: list[str]) -> Path:
+    from aerial_il.workflows.parts.sessions import write_summary
+
+    if len(settings.result) > 1:
+        raise InvalidValueError(f"{flown[0]} is a folder of recordings: report it alone.")
+    return write_summary(flown[0], settings.out)
+
+
+def _of_evaluation(settings: Report) -> Path:
+    from aerial_il.evaluation.curves import LearningPoint
+    from aerial_il.evaluation.result import load_result
+    from aerial_il.presentation.pages.report import write_report
+    from aerial_il.workflows.parts import results
+
+    folder = Path(settings.result[0])
+    folder = folder if folder.is_dir() else folder.parent
+    result = load_result(settings.result[0])
+    return write_report(
+        settings.out or folder / PAGE,
+        result,
+        footage=results.footage_of(folder, result),
+        run=settings.run,
+        dataset=results.summary_of(settings.dataset) if settings.dataset else None,
+        learning_curve=[LearningPoint(n, load_result(place)) for n, place in settings.learning_curve.items()],
+        command=str(result.provenance.get("command", "")),
+    )
+
+
+def _of_run(settings: Report, run: TrainingRun) -> Path:
+    from aerial_il.presentation.pages.run_report import write_run_report
+    from aerial_il.workflows.parts import run_results
+
+    predictions, note = run_results.predictions(run, settings.dataset)
+    rewarded, films = run_results.rewarded(run, settings.dataset), run_results.footage(run, settings.videos)
+    return write_run_report(
+        settings.out or run.path / PAGE,
+        run,
+        predictions=predictions,
+        prediction_note=note,
+        rewarded=rewarded,
+        footage=films,
+    )
+
+
+def _of_runs(settings: Report, runs: list[TrainingRun]) -> Path:
+    from aerial_il.presentation.pages.run_report import write_runs_report
+
+    together = os.path.commonpath([run.path.resolve().parent for run in runs])
+    return write_runs_report(settings.out or Path(together) / PAGE, runs)

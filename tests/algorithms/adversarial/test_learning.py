@@ -1,0 +1,196 @@
+"""Reinforcement and adversarial imitation learn in seconds what can be learned, and nothing from nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerial_il.algorithms.adversarial.reward_net import load_reward, reward_along
+from aerial_il.algorithms.airl import AIRL
+from aerial_il.algorithms.dac import DAC
+from aerial_il.algorithms.gail import GAIL
+from aerial_il.algorithms.ppo import PPO
+from aerial_il.algorithms.run.folder import METRICS, read_metrics
+from aerial_il.algorithms.sac import SAC
+from aerial_il.algorithms.sqil import SQIL
+from aerial_il.core.errors import CheckpointError, InvalidValueError
+from aerial_il.policies import load_policy
+from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from tests.algorithms import train_flying
+from tests.algorithms.drift import Drift, Guide, demonstrations, mean_reward
+from tests.algorithms.made import made, names
+from tests.algorithms.test_resume import assert_same_end
+
+POLICY = SquashedGaussian(hidden=(32, 32))
+OFF: dict[str, Any] = {
+    "warmup": 200,
+    "utd_ratio": 0.5,
+    "batch_size": 64,
+    "lr": 2e-3,
+    "critic_hidden": (32, 32),
+    "gamma": 0.9,
+    "tau": 0.05,
+    "actor_every": 1,
+}
+JUDGE: dict[str, Any] = {"reward_hidden": (32,), "reward_lr": 2e-3, "reward_updates": 1.0, "gradient_penalty": 1.0}
+ALONE: dict[str, Any] = {
+    "bc_pretrain_steps": 0,
+    "bc_weight": 0.0,
+    "action_noise": False,
+    "lr_floor": 1.0,
+}  # the discriminator teaches
+ON: dict[str, Any] = {
+    "rollout": 512,
+    "lr": 3e-3,
+    "gamma": 0.9,
+    "critic_hidden": (32, 32),
+    "batch_size": 128,
+    "epochs": 8,
+}
+
+
+def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: bool = False) -> float:
+    policy = settings.train(demos, POLICY, env=Drift(8, ends_at_success=ends), run=run, seed=0, progress=False)
+    assert load_policy(run).config == POLICY
+    return mean_reward(policy) / mean_reward(Guide())
+
+
+@pytest.mark.slow
+def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
+    assert learn(made(SAC, {**OFF, "steps": 2_000}), tmp_path / "sac") > 0.9
+    assert learn(made(PPO, {**ON, "steps": 12_000}), tmp_path / "ppo") > 0.9
+
+
+@pytest.mark.slow
+def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
+    settings = made(DAC, {**JUDGE, **OFF, **ALONE, "steps": 2_500})
+    demos = demonstrations(10)
+    assert learn(settings, tmp_path / "dac", demos) > 0.9
+    assert learn(made(DAC, {"control": "random_actions"}, settings), tmp_path / "control", demos) < 0.85
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reward", ["gail", "airl"])
+def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
+    """Arriving ends the episode; a reward that is positive everywhere must not make it linger."""
+    judge = {"reward_hidden": (32,), "gradient_penalty": 1.0, "reward": reward}
+    settings = made(DAC, {**OFF, **ALONE, **judge, "steps": 3_000, "log_every": 1_000})
+    learn(settings, tmp_path / "dac", demonstrations(10, ends_at_success=True), ends=True)
+    assert read_metrics(tmp_path / "dac")[-1]["episode/success"] > 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", [GAIL, AIRL])
+def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
+    judge = {"reward_hidden": (32,), "reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 48, "buffer_size": 2048}
+    assert learn(made(algorithm, {**ON, **judge, "steps": 20_000}), tmp_path, demonstrations(10)) > 0.7
+
+
+def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> None:
+    """And afterwards it does not: what reinforcement has added can be told from what cloning had reached."""
+    few = {"steps": 1_024, "bc_pretrain_steps": 200, "warmup": 1_024, "reward_updates": 2, "reward_batch": 64}
+    settings = made(GAIL, {**ON, **few})
+    demos, centres = demonstrations(3), []
+    for name, chosen in (
+        ("short", replace(settings, steps=512)),
+        ("long", settings),
+        ("on", replace(settings, warmup=0)),
+    ):
+        policy = chosen.train(demos, POLICY, env=Drift(8), run=tmp_path / name, progress=False)
+        centres.append(np.concatenate([p.detach().numpy().ravel() for p in policy.network.parameters()]))
+    np.testing.assert_array_equal(centres[0], centres[1])
+    assert not np.array_equal(centres[1], centres[2])
+
+
+@pytest.mark.slow
+def test_sqil_learns(tmp_path: Path) -> None:
+    assert learn(made(SQIL, {**OFF, "steps": 3_000}), tmp_path, demonstrations(10)) > 0.7
+
+
+@pytest.mark.slow
+def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> None:
+    demos = demonstrations(10)
+    settings = made(DAC, {**JUDGE, **OFF, **ALONE, "steps": 1_500})
+    settings.train(demos, POLICY, env=Drift(8), run=tmp_path, progress=False)
+    shown = reward_along(tmp_path, demos[0])
+    assert shown.shape == (len(demos[0]),)
+    off = [replace(demo, executed_actions=-demo.executed_actions) for demo in demos]  # the wrong way, where it moves
+    first = [np.mean([reward_along(tmp_path, demo)[0] for demo in flown]) for flown in (demos, off)]
+    assert first[0] > first[1] + 0.5
+    reward, interface = load_reward(tmp_path)
+    assert reward.after(np.zeros((2, interface.layout.size), np.float32)).shape == (2,)
+    with pytest.raises(CheckpointError, match="no learned reward"):
+        load_reward(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("name", train_flying.SETTINGS)
+def test_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
+    whole, run = tmp_path / "whole", tmp_path / "run"
+    train_flying.train(name, str(whole))
+
+    def stop(policy: object, step: int) -> dict[str, float]:
+        if step >= train_flying.STOP:
+            raise KeyboardInterrupt
+        return train_flying.evaluate(policy, step)
+
+    with pytest.raises(KeyboardInterrupt):
+        train_flying.train(name, str(run), evaluate=stop)
+    train_flying.train(name, str(run))
+    assert_same_end(run, whole)
+
+
+def told_at(run: Path) -> int:
+    """When a run told its metrics last, 0 for never."""
+    return (run / METRICS).stat().st_mtime_ns if (run / METRICS).exists() else 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["dac", "gail"])
+def test_a_run_killed_at_random_moments_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
+    whole, run, rng = tmp_path / "whole", tmp_path / "run", np.random.default_rng(0)
+    train_flying.train(name, str(whole))
+    for _ in range(2):
+        before = told_at(run)
+        child = subprocess.Popen([sys.executable, "-m", "tests.algorithms.train_flying", name, str(run)])
+        while told_at(run) == before and child.poll() is None:
+            time.sleep(0.005)
+        time.sleep(rng.uniform(0.0, 0.3))
+        child.kill()
+        child.wait()
+    train_flying.train(name, str(run))
+    assert_same_end(run, whole)
+
+
+@pytest.mark.parametrize("name", train_flying.SETTINGS)
+def test_impossible_settings_are_refused(name: str) -> None:
+    settings = train_flying.SETTINGS[name]
+    wrong = {
+        "steps": 0,
+        "gamma": 1.0,
+        "threads": 0,
+        "replay.batch_size": -1,
+        "rollout.batch_size": -1,
+        "critics.hidden": (),
+        "critic_hidden": (),
+        "reward.dropout": 1.0,
+        "reward.form": "x",
+    }
+    known = names(type(settings))
+    for key, value in wrong.items():
+        if key in known:
+            with pytest.raises(InvalidValueError, match=key.rpartition(".")[2]):
+                made(type(settings), {key: value}, settings)
+
+
+def test_another_environment_is_refused(tmp_path: Path) -> None:
+    from tests.algorithms.point_mass import PointMassBatch
+
+    with pytest.raises(InvalidValueError, match="another environment"):
+        train_flying.SETTINGS["dac"].train(demonstrations(2), POLICY, env=PointMassBatch(2), run=tmp_path)

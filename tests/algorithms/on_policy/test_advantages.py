@@ -1,0 +1,63 @@
+"""Advantages of single steps, rewards that are scaled, and the minibatches that are learned from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from aerial_il.algorithms.on_policy.advantages import RewardNorm, gae
+from aerial_il.algorithms.on_policy.critic import minibatches
+from aerial_il.algorithms.ppo import PPO
+from aerial_il.core.errors import InvalidValueError
+
+
+def test_advantages_are_the_direct_sum_over_what_is_left_of_each_episode() -> None:
+    rng = np.random.default_rng(0)
+    rewards, values, later = rng.normal(size=(3, 12, 4))
+    ended = rng.random((12, 4)) < 0.2
+    gamma, decay = 0.9, 0.8
+    found = gae(rewards, values, later, ended, gamma=gamma, gae_lambda=decay)
+    for world in range(4):
+        for t in range(12):
+            total, weight = 0.0, 1.0
+            for k in range(t, 12):
+                total += weight * (rewards[k, world] + gamma * later[k, world] - values[k, world])
+                if ended[k, world]:
+                    break
+                weight *= gamma * decay
+            assert found[t, world] == pytest.approx(total)
+
+
+def test_a_time_limit_is_no_loss() -> None:
+    """With an exact critic, whatever cuts the episodes, no step is better or worse than expected."""
+    gamma = 0.9
+    rewards, value = np.ones((6, 1)), np.full((6, 1), 1 / (1 - gamma))
+    ended = np.array([[False], [False], [True]] * 2)
+    np.testing.assert_allclose(gae(rewards, value, value, ended, gamma=gamma, gae_lambda=0.95), 0.0, atol=1e-12)
+    lost = np.where(ended, 0.0, value)
+    assert (gae(rewards, value, lost, ended, gamma=gamma, gae_lambda=0.95) < 0).all()
+
+
+def test_scaled_rewards_have_returns_of_deviation_one() -> None:
+    rewards = np.random.default_rng(0).normal(5.0, 50.0, (4000, 2))
+    scale = RewardNorm(2, gamma=0.9)
+    scaled = scale.scale(rewards, np.zeros_like(rewards, bool))
+    total, seen = np.zeros(2), []
+    for row in scaled:
+        total = 0.9 * total + row
+        seen.append(total)
+    assert np.std(seen) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_no_minibatch_has_a_single_row() -> None:
+    """Its advantages have no deviation to be divided by."""
+    assert [len(part) for part in minibatches(2049, 1024)] == [1024, 1025]
+    assert [len(part) for part in minibatches(2050, 1024)] == [1024, 1024, 2]
+    assert torch.cat(minibatches(129, 64)).sort().values.tolist() == list(range(129))
+    assert [len(part) for part in minibatches(2049, None)] == [2049]
+    for wrong in ("batch_size", "steps"):
+        with pytest.raises(InvalidValueError, match=f"{wrong} is 1; .*so at least 2"):
+            replace(PPO.rollout, **{wrong: 1})

@@ -1,0 +1,83 @@
+"""Collecting demonstrations for a benchmark: as many as are wanted, other ones in each draw, failures cost a flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.folder import DEMOS, FAILURES
+from experiments.common import demonstrations
+from experiments.common.demonstrations import MOST_PER_DRAW, SEEDS_PER_DRAW, Source
+from experiments.common.stages import EVALUATION_SEED, TUNING_SEEDS, check_seeds
+
+SOURCE = Source(robot="fa_hexa_arm4", task="reach", draw=1)
+FIRST = SOURCE.seed
+
+
+@pytest.fixture
+def flown(monkeypatch: pytest.MonkeyPatch) -> tuple[set[int], set[int]]:
+    """Seeds flown so far, and seeds to fail; each leaves an empty file, nothing is simulated."""
+    done: set[int] = set()
+    failing: set[int] = set()
+
+    def collect(env: Any, expert: Any, seeds: Iterable[int], out: Path, **_: Any) -> None:
+        for seed in seeds:
+            done.add(seed)
+            keep(out, seed, FAILURES if seed in failing else DEMOS)
+
+    monkeypatch.setattr(demonstrations, "collect", collect)
+    monkeypatch.setattr(demonstrations.aerial_il, "load_batch", lambda *_, **__: SimpleNamespace(close=lambda: None))
+    return done, failing
+
+
+def keep(out: Path, seed: int, kind: str) -> None:
+    (out / kind).mkdir(parents=True, exist_ok=True)
+    (out / kind / f"fa_hexa_arm4-reach-calm-{seed:06d}-00000000.mcap").touch()
+
+
+def gather(out: Path, wanted: int) -> None:
+    demonstrations.gather(SOURCE, out, wanted, num_envs=4, threads=1, progress=False)
+
+
+def test_a_failure_costs_one_more_flight(flown: tuple[set[int], set[int]], tmp_path: Path) -> None:
+    done, failing = flown
+    failing.update({FIRST + 3, FIRST + 10})
+    gather(tmp_path, 10)
+    assert done == set(range(FIRST, FIRST + 12))
+    gather(tmp_path, 12)
+    assert max(done) == FIRST + 13
+
+
+def test_gaps_that_a_kill_left_are_filled(flown: tuple[set[int], set[int]], tmp_path: Path) -> None:
+    for seed in range(FIRST, FIRST + 20):
+        if seed != FIRST + 4:
+            keep(tmp_path, seed, DEMOS)
+    gather(tmp_path, 10)
+    assert FIRST + 4 in flown[0], "nineteen files are there, but not the first ten"
+
+
+def test_an_expert_that_always_fails_is_noticed(flown: tuple[set[int], set[int]], tmp_path: Path) -> None:
+    flown[1].update(range(FIRST, FIRST + 100))
+    with pytest.raises(InvalidValueError, match="fails too often"):
+        gather(tmp_path, 10)
+
+
+def test_draws_and_evaluations_share_no_seed() -> None:
+    with pytest.raises(InvalidValueError, match="at most 2500"):
+        gather(Path("nowhere"), MOST_PER_DRAW + 1)
+    assert 2 * MOST_PER_DRAW <= min(TUNING_SEEDS) < EVALUATION_SEED < SEEDS_PER_DRAW
+    with pytest.raises(InvalidValueError, match="draws 0 to 9"):
+        Source(robot="fa_hexa_arm4", task="reach", draw=10)
+
+
+@pytest.mark.parametrize(("seed", "episodes"), [(0, 10), (5_990, 20), (9_999, 2), (99_999, 2)])
+def test_evaluations_on_seeds_of_demonstrations_are_refused(seed: int, episodes: int) -> None:
+    with pytest.raises(InvalidValueError, match="from 10000 to 99999"):
+        check_seeds(seed, episodes)
+    check_seeds(5_000, 10)
+    check_seeds(10_000, 200)

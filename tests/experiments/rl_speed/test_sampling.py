@@ -1,0 +1,78 @@
+"""The sampler tells which part of the code the time went to, compiled code included."""
+
+from __future__ import annotations
+
+import signal
+import time
+from types import FrameType
+
+import numpy as np
+import pytest
+
+from experiments.rl_speed.sampling import INTERVAL_S, Place, Sampler
+
+HERE = {"slow": [Place(__name__, "slow")], "outer": [Place(__name__, "outer")], "other": [Place("elsewhere")]}
+
+
+def busy(seconds: float) -> None:
+    started = time.perf_counter()
+    while time.perf_counter() - started < seconds:
+        sum(range(100))
+
+
+def slow() -> None:
+    busy(0.06)
+
+
+def outer() -> None:
+    busy(0.03)
+    slow()
+
+
+def test_time_belongs_to_the_innermost_section() -> None:
+    with Sampler(HERE, rest="rest") as sampler:
+        outer()
+        busy(0.03)
+    found, total = sampler.seconds, sum(sampler.seconds.values())
+    assert list(found) == ["slow", "outer", "other", "rest"]
+    assert found["other"] == 0.0
+    assert found["slow"] > found["outer"] > 0.1 * total
+    assert found["rest"] > 0.1 * total
+
+
+def test_compiled_code_counts_for_who_called_it() -> None:
+    def slow() -> None:
+        np.linalg.eigh(np.eye(700))
+
+    with Sampler(HERE, rest="rest") as sampler:
+        slow()
+    assert sampler.seconds["slow"] > 0.5 * sum(sampler.seconds.values())
+
+
+def test_it_begins_anew_and_leaves_the_signal_as_it_was() -> None:
+    before = signal.getsignal(signal.SIGALRM)
+    with Sampler(HERE, rest="rest") as sampler:
+        slow()
+        sampler.clear()
+        assert not any(sampler.seconds.values())
+    assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_a_busy_machine_piles_up_no_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    depth, deepest = 0, 0
+    taken = Sampler._section
+
+    def late(self: Sampler, frame: FrameType | None) -> str:
+        nonlocal depth, deepest
+        depth += 1
+        deepest = max(deepest, depth)
+        busy(3 * INTERVAL_S)
+        depth -= 1
+        return taken(self, frame)
+
+    monkeypatch.setattr(Sampler, "_section", late)
+    with Sampler(HERE, rest="rest") as sampler:
+        slow()
+    assert deepest == 1
+    assert sampler.seconds["slow"] > 0.5 * sum(sampler.seconds.values())

@@ -1,0 +1,137 @@
+"""The study of flight control: what its manoeuvres measure, and that a learner who cannot fly is seen to fail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from aerial_il.control.vehicle import GRAVITY
+from aerial_il.core.errors import InvalidValueError
+from experiments.common.figures import mismatch_lines
+from experiments.flight_control.manoeuvres import (
+    Held,
+    Mismatch,
+    held,
+    hold,
+    push,
+    recovery_s,
+    respond,
+    response_of,
+)
+from experiments.flight_control.pilots import LawPilot, PolicyPilot
+from experiments.flight_control.study import FlightControl, Training, success_row_of
+from experiments.flight_control.tables import MASSES, MOTORS, by_mismatch
+from tests.experiments.results import result_with
+
+SEEDS = np.array([10_000, 10_001])
+TIMES = 0.02 * np.arange(1, 201)
+
+
+def test_the_offset_under_too_much_mass_is_what_the_gains_say() -> None:
+    """Without an observer a constant force f leaves f / (m kp); see docs/controllers.md."""
+    found = hold(LawPilot("geometric"), "calm", SEEDS, threads=1, mismatch=Mismatch(mass=1.3))
+    assert found.rmse_cm == pytest.approx(100.0 * 0.3 * GRAVITY / 20.0, rel=0.06)
+    assert found.power == pytest.approx(1.3**1.5, rel=0.02)
+    assert found.crashed == 0.0
+
+
+def test_a_weak_motor_is_met_by_that_motor_alone() -> None:
+    nominal, weak = (
+        hold(LawPilot("pid"), "calm", SEEDS, threads=1, mismatch=Mismatch(motor=motor)) for motor in (1.0, 0.8)
+    )
+    assert nominal.power == pytest.approx(1.0, rel=0.01)
+    assert weak.power == pytest.approx((3.0 + 1.25**1.5) / 4.0, rel=0.02), "it is commanded as much more as it lacks"
+
+
+@pytest.mark.parametrize("step", ["forward", "heading", "attitude"])
+def test_a_law_makes_every_step(step: str) -> None:
+    response = response_of(respond(LawPilot("lqr"), step, SEEDS, threads=1))
+    assert response.settling_s is not None
+    assert response.settling_s < 1.5
+    assert response.offset_percent < 3.0
+
+
+def test_a_push_is_recovered_from() -> None:
+    away = push(LawPilot("pid"), SEEDS, threads=1)
+    assert 0.1 < away.max() < 0.4
+    assert recovery_s(away) is not None
+    assert recovery_s(np.full(200, 0.06)) is None
+
+
+class Idle:
+    """Lets the rotors stand."""
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Nothing is remembered."""
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        return np.zeros((len(obs["base_pos"]), 4))
+
+
+def test_who_does_not_fly_has_no_figures_but_crashes() -> None:
+    pilot = PolicyPilot(Idle(), "rotor", "idle")
+    assert hold(pilot, "calm", SEEDS, threads=1) == Held(None, None, None, None, 1.0)
+    assert np.isnan(push(pilot, SEEDS, threads=1)).all()
+    assert response_of(respond(pilot, "forward", SEEDS, threads=1)).settling_s is None
+
+
+def test_responses_are_measured_as_defined() -> None:
+    lag = response_of(1.0 - np.exp(-TIMES / 0.2))
+    assert lag.rise_s == pytest.approx(0.2 * np.log(9.0), abs=0.02)
+    assert lag.settling_s == pytest.approx(0.2 * np.log(10.0), abs=0.02)
+    assert lag.overshoot_percent == 0.0
+    swinging = response_of(1.0 - np.exp(-0.5 * TIMES) * np.cos(20.0 * TIMES))
+    assert swinging.overshoot_percent > 80.0
+    assert swinging.settling_s is None
+    assert response_of(np.full(200, 0.8)).rise_s is None
+
+
+def test_what_comes_after_a_crash_does_not_count() -> None:
+    away = np.full((100, 2), 0.01)
+    away[50:, 1] = np.nan
+    thrust = np.where(np.isnan(away)[..., None], np.nan, 5.0) * np.ones(4)
+    found = held(away, away, thrust, 20.0, np.array([False, True]))
+    assert found == Held(1.0, 0.57, 1.0, 0.0, 0.5)
+
+
+def test_trainings_and_settings() -> None:
+    study = FlightControl(seeds=2)
+    assert len(study.trainings()) == 3 * (2 + 1)
+    assert study.trainings()[0] == Training("hover", "ppo", 0)
+    assert [(t.algorithm, t.seed) for t in study.trainings() if t.task == "hover"] == [
+        ("ppo", 0),
+        ("sac", 0),
+        ("ppo", 1),
+    ]
+    with pytest.raises(InvalidValueError, match=r"entropy names \['fly'\]; valid: hover"):
+        FlightControl(entropy={"fly": 0.1})
+    with pytest.raises(InvalidValueError, match=r"laws names \['mpc'\]; valid: pid, lqr"):
+        FlightControl(laws=("mpc",))
+
+
+def test_minutes_are_told_of_learners_alone() -> None:
+    learned = success_row_of("hover", "calm", "ppo", [result_with(4, 3), result_with(4, 4)], [600.0, 1200.0])
+    assert (learned["percent"], learned["minutes"]) == (87.5, 15.0)
+    assert success_row_of("hover", "calm", "pid", [result_with(4, 3)], [])["minutes"] is None
+
+
+def test_a_task_may_explore_less_than_the_others() -> None:
+    study = FlightControl(entropy={"land": 0.003})
+    entropies = {t.task: study.learner(t).entropy for t in study.trainings() if t.algorithm == "ppo"}
+    assert entropies == {"hover": 0.01, "take_off": 0.01, "land": 0.003}
+    assert study.learner(Training("land", "sac", 0)) == study.sac
+
+
+def test_a_pilot_that_crashes_is_drawn_hollow() -> None:
+    def flown(crashed: float) -> dict[str, dict[str, object]]:
+        kinds = ["nominal", *(f"mass {m}" for m in MASSES), *(f"motor {m}" for m in MOTORS)]
+        return {"mismatch": {kind: asdict(Held(1.0, 2.0, 1.0, 3.0, crashed)) for kind in kinds}}
+
+    drawn = by_mismatch({"pid": [flown(0.0)], "ppo": [flown(0.0), flown(0.2)], "sac": [flown(0.9)]})["mass"]
+    assert [crashed for _, _, crashed in drawn["pid"]] == [False] * 7
+    assert [crashed for _, _, crashed in drawn["ppo"]] == [True] * 7
+    assert drawn["sac"] == []
+    assert "<svg" in mismatch_lines({"mass": drawn})

@@ -1,0 +1,164 @@
+"""The study of imitation without reward: what it trains, and how it judges."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from aerial_il.core.errors import InvalidValueError
+from experiments.common.record import Record
+from experiments.gail import ratios
+from experiments.gail import study as gail
+from experiments.gail.ratios import LIKE
+from experiments.gail.study import Gail, Point
+
+
+def result(*returns: float) -> Any:
+    """Stand in for an evaluation."""
+    return SimpleNamespace(episodes=[SimpleNamespace(return_=value, success=value > 50) for value in returns])
+
+
+def test_every_task_has_learners_and_both_controls() -> None:
+    study = Gail(outside=("Hopper-v5",), suite={"reach": 250}, seeds=2, methods=("dac", "gail"))
+    points = study.points()
+    assert Point("Hopper-v5", "gail", "none", 1) in points
+    assert {p.method for p in points if p.task == "Hopper-v5"} == {"dac", "gail", gail.CLONE}
+    assert {p.method for p in points if p.task == "reach"} == {"gail", gail.CLONE}
+    assert {p.control for p in points if p.task == "reach"} == {"none", "random_actions", "constant_reward"}
+    assert len({p.place for p in points}) == len(points)
+    assert [p.seed for p in points] == sorted(p.seed for p in points)
+    apart = replace(study, apart={"Hopper-v5": {"seeds": 1, "controls": 0}}).points()
+    assert {(p.control, p.seed) for p in apart if p.task == "Hopper-v5"} == {("none", 0)}
+    assert [p for p in apart if p.task == "reach"] == [p for p in points if p.task == "reach"]
+
+
+def test_a_learner_is_told_its_task_and_its_control() -> None:
+    study = Gail(
+        apart={"reach": {"steps": 123}},
+        subsample=20,
+        suite_gail={"demonstrations": {"bounds": "demonstrations"}, "rollout": {"steps": 64}, "bc_pretrain_steps": 9},
+    )
+    own = study.learner_of(Point("reach", "gail", "constant_reward", 0))
+    shown = own.demonstrations
+    assert (own.steps, shown.subsample, shown.bounds, shown.control) == (123, 1, "demonstrations", "constant_reward")
+    clone = study.learner_of(Point("reach", gail.CLONE, "none", 0))
+    assert (clone.steps, clone.warmup, clone.bc_pretrain_steps) == (64, 64, 9), "reinforcement never moves it"
+    outside = study.learner_of(Point("Hopper-v5", "dac", "none", 0))
+    shown = outside.demonstrations
+    assert (shown.subsample, shown.bounds, shown.control) == (20, "environment", "none")
+    clone = study.learner_of(Point("Hopper-v5", gail.CLONE, "none", 0))
+    assert clone.steps < clone.warmup, "nor here"
+
+
+def test_experts_that_were_kept_are_taken(tmp_path: Path) -> None:
+    study, record = Gail(experts=str(tmp_path / "kept")), Record(tmp_path)
+    assert study.expert_run("Hopper-v5", record).parent == tmp_path / "experts"
+    (tmp_path / "kept" / "Hopper-v5" / "policy").mkdir(parents=True)
+    assert study.expert_run("Hopper-v5", record) == tmp_path / "kept" / "Hopper-v5"
+    assert Gail(experts=None).expert_run("Hopper-v5", record).parent == tmp_path / "experts"
+
+
+def test_trainings_differ_in_demonstrations_and_worlds(tmp_path: Path) -> None:
+    study, record = Gail(methods=("gail", LIKE), suite={"reach": 250}, outside=()), Record(tmp_path)
+    first, second = (study._decided_by(Point("reach", "gail", "none", seed), record) for seed in (0, 1))
+    assert first["shown"]["draw"] != second["shown"]["draw"]
+    outside = Gail(methods=("gail", LIKE), outside=("Hopper-v5",))
+    many, like = (outside._decided_by(Point("Hopper-v5", method, "none", 0), record) for method in ("gail", LIKE))
+    assert (many["worlds"], like["worlds"]) == (32, 8)
+    assert many["algorithm"] == like["algorithm"]
+
+
+def test_rewards_are_drawn_where_networks_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study, record = Gail(outside=("Hopper-v5",), suite={}, methods=("dac", "gail"), seeds=2), Record(tmp_path)
+    drawn: list[tuple[Path, int]] = []
+    monkeypatch.setattr(gail, "reward_along", lambda run, episode: drawn.append((run, episode)))
+    monkeypatch.setattr(gail, "shuffled", lambda episode: episode)
+    monkeypatch.setattr(Gail, "demonstrations", lambda self, task, draw, *more: [draw])
+
+    def keep(method: str, seed: int, *parts: str) -> Path:
+        run = study.run_of(Point("Hopper-v5", method, "none", seed), record)
+        for part in parts:
+            (run / part).mkdir(parents=True)
+            (run / part / "manifest.json").touch()
+        return run
+
+    keep("dac", 0, "reward"), keep(gail.CLONE, 0, "policy", "reward")
+    assert study._rewards(record, study.points()) == {}, "a reward without its policy, and a clone's, show nothing"
+    keep("gail", 0, "policy", "reward")
+    assert list(study._rewards(record, study.points())) == ["Hopper-v5, gail"]
+    first = keep("dac", 1, "policy", "reward")
+    assert list(study._rewards(record, study.points())) == ["Hopper-v5, dac"]
+    assert drawn[-2:] == [(first, 1)] * 2, "along a demonstration of the training's own draw"
+
+
+def test_ratios_are_to_the_expert(tmp_path: Path) -> None:
+    expert = result(100.0, 100.0)
+    row = ratios.row("Hopper-v5", "dac", "none", [result(90.0, 110.0)], expert, [])
+    assert row["ratio"] == 1.0
+    assert row["ratio_low"] <= 1.0 <= row["ratio_high"]
+    control = ratios.row("Hopper-v5", "dac", "random_actions", [result(1.0, 2.0)], expert, [])
+    assert [target.met for target in ratios.targets([row, control], {})] == [True]
+    clone = ratios.row("Hopper-v5", "clone alone", "none", [result(101.0)], expert, [])
+    assert [target.met for target in ratios.targets([row], {"Hopper-v5": clone})] == [False], "its start was better"
+    reach = ratios.row("reach", "dac", "none", [result(90.0, 10.0)], expert, [])
+    assert [target.met for target in ratios.targets([reach], {})] == [False]
+
+
+PEER = {
+    "task": "Hopper-v5", "library": "imitation 1.0.1 GAIL", "settings": "published settings", "worlds": 8,
+    "processes": "one process", "steps": 10, "returns": [[50.0, 52.0], [48.0, 50.0]], "train_s": 60.0,
+}  # fmt: skip
+
+
+def test_what_the_peer_reached_stands_in_the_same_table(tmp_path: Path) -> None:
+    (tmp_path / "Hopper-v5-published-8.json").write_text(json.dumps(PEER))
+    expert = result(100.0, 100.0)
+    (peer,) = ratios.peer_rows(tmp_path, {"Hopper-v5": expert})
+    own = ratios.row("Hopper-v5", "dac", "none", [result(90.0)], expert, [])
+    assert list(peer) == list(own)
+    assert (peer["ratio"], peer["train_min"], peer["trainings"], peer["each"]) == (0.5, 1.0, 2, "0.510 0.490")
+    assert peer["method"] == "imitation 1.0.1 GAIL, published settings, 8 worlds, one process"
+    assert peer["trainings_low"] < peer["ratio_low"] <= 0.5 <= peer["ratio_high"] < peer["trainings_high"]
+    assert not ratios.peer_rows(tmp_path, {})
+
+
+def arm(method: str, value: float, *, minutes: float = 1.0, trainings: int = 3, half: float = 0.05) -> dict[str, Any]:
+    ends = {"ratio": value, "trainings_low": value - half, "trainings_high": value + half}
+    common = {"task": "Hopper-v5", "control": "none", "steps": 1_000, "train_min": minutes, "trainings": trainings}
+    return {**common, "method": method, **ends}
+
+
+def test_a_peer_is_compared_like_with_like() -> None:
+    peer = arm("imitation 1.0.1 GAIL, published settings, 8 worlds, one process", 0.8, minutes=2.5)
+    better = [arm("gail", 0.95), arm(LIKE, 0.69), peer]
+    met = {target.what.split(":")[0]: target.met for target in ratios.peer_targets(better)}
+    assert met == {
+        "Hopper-v5, 8 worlds each": False,
+        f"Hopper-v5, {LIKE} beside {peer['method']}": False,
+        "Hopper-v5, each at its best": True,
+    }
+    equal = [arm(LIKE, 0.76), {**peer, "train_min": 3.0}]
+    assert all(target.met for target in ratios.peer_targets(equal)), "within the intervals, and three times as fast"
+
+
+def test_too_few_trainings_are_not_compared() -> None:
+    peer = arm("imitation 1.0.1 GAIL, published settings, 8 worlds, one process", 0.8)
+    found = list(ratios.peer_targets([arm(LIKE, 0.1, trainings=2, half=5.0), peer]))
+    assert [target.unit for target in found] == ["times"]
+    longer = {**arm(LIKE, 0.9), "steps": 2_000}
+    assert [target.unit for target in ratios.peer_targets([longer, peer])] == ["times"], "nor are longer ones"
+    assert not list(ratios.peer_targets([arm(LIKE, 0.9)]))
+
+
+def test_impossible_settings_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="no method of this study"):
+        Gail(methods=("bc",))
+    with pytest.raises(InvalidValueError, match=r"apart.reach names \['sead'\]; valid: steps, seeds, controls"):
+        Gail(apart={"reach": {"sead": 2}})
+    with pytest.raises(InvalidValueError, match="start at 1"):
+        Gail(seeds=0)

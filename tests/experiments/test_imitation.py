@@ -1,0 +1,133 @@
+"""The study of imitation: what is flown, what its tables say, and that it flies only what is missing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from aerial_il.algorithms.bc import BC
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.policies.mlp import MLP
+from experiments.common.demonstrations import Source
+from experiments.common.stages import Cloned
+from experiments.imitation import study as imitation
+from experiments.imitation.study import Flight, Imitation
+from tests.experiments.results import result_with
+
+ROBOTS = ("fa_hexa_arm4", "ua_quad_arm4", "big_four_z1")
+SMALL: dict[str, Any] = {
+    "policies": {"mlp": MLP(hidden=(16,))},
+    "algorithms": {"mlp": BC(steps=10, batch_size=16)},
+    "robots": ("fa_hexa_arm4",),
+    "tasks": ("reach",),
+    "demos": 2,
+    "flown_in": ("calm",),
+    "draws": (0, 1),
+    "episodes": 2,
+    "num_envs": 2,
+    "threads": 1,
+}
+
+
+def test_every_manipulation_task_is_flown_in_three_draws() -> None:
+    study = Imitation()
+    flights = [flight.arm | {"draw": flight.training.source.draw} for flight in study.planned_flights()]
+    assert {f["robot"] for f in flights} == set(ROBOTS)
+    cells = {(f["robot"], f["task"]) for f in flights}
+    assert cells == {c for c in imitation.aerial_il.list_cells() if c[0] in ROBOTS and c[1] != "hover"}
+    assert {f["draw"] for f in flights} == {0, 1, 2}
+    assert len(flights) == len(cells) * 3 * len(study.flown_in)
+
+
+def test_sizes_are_tried_in_every_draw() -> None:
+    study = Imitation(**{**SMALL, "sizes": (1, 2)})
+    assert [(f.training.demos, f.training.source.draw) for f in study.planned_flights()] == [
+        (2, 0),
+        (2, 1),
+        (1, 0),
+        (1, 1),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"tasks": ("hover",)}, "task"),
+        ({"methods": ("act",)}, "method"),
+        ({"algorithms": {}}, "differ"),
+        ({"first_episode": 9_999}, "from 10000"),
+        ({"episodes": 0}, "start at 1"),
+        ({"draws": ()}, "at least one"),
+        ({"flown_in": ("storm",)}, "storm"),
+    ],
+)
+def test_impossible_settings_are_refused(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises((InvalidValueError, UnknownNameError), match=said):
+        Imitation(**{**SMALL, **wrong})
+
+
+def flown(*rates: tuple[str, int, int]) -> dict[Flight, EvaluationResult]:
+    """Return evaluations of 20 episodes by (task, draw, successes)."""
+
+    def flight(task: str, draw: int) -> Flight:
+        source = Source(robot="fa_hexa_arm4", task=task, draw=draw)
+        return Flight(Cloned("mlp", source, 80, MLP(), BC()), "calm")
+
+    return {flight(task, draw): result_with(20, count) for task, draw, count in rates}
+
+
+def test_the_mean_counts_tasks_alike() -> None:
+    results = flown(("reach", 0, 20), ("reach", 1, 10), ("track", 0, 6), ("track", 1, 4))
+    (row,) = imitation.macro_rows(results)
+    assert (row["tasks"], row["draws"], row["trainings"], row["percent"]) == (2, 2, 4, 50.0)
+    assert row["worst"] == "track (25 %)"
+    assert row["trainings_low"] < row["flights_low"] < 50 < row["flights_high"] < row["trainings_high"]
+
+
+def test_a_task_that_lacks_a_draw_is_not_averaged_over() -> None:
+    with pytest.raises(InvalidValueError, match="as many trainings of each"):
+        imitation.macro_rows(flown(("reach", 0, 20), ("reach", 1, 10), ("track", 0, 6)))
+
+
+def test_targets_are_judged_in_full_only_and_can_be_missed() -> None:
+    study = Imitation()
+    row = {"robot": "fa_hexa_arm4", "method": "mlp", "trained_in": "calm", "flown_in": "calm", "percent": 94.0}
+    row |= {f"{unit}_{end}": 90.0 for unit in ("flights", "trainings") for end in ("low", "high")}
+    tasks = len(imitation.able_tasks("fa_hexa_arm4"))
+    macro, peg = [{**row, "tasks": tasks}], [{**row, "task": "insert_peg"}]
+    assert [(t.limit, t.met) for t in study.targets_of(macro, peg)] == [(95.0, False), (90.0, True)]
+    assert not list(study.targets_of([{**row, "tasks": tasks - 1}], [{**row, "task": "reach"}]))
+    assert not list(replace(study, draws=(0,)).targets_of(macro, peg)), "one draw proves nothing"
+    assert not list(study.targets_of([{**macro[0], "method": "act"}], [])), "nor does another class than the default"
+
+
+@pytest.mark.slow
+def test_an_arm_that_is_added_flies_itself_only(tmp_path: Path) -> None:
+    report = Imitation(**SMALL).run(tmp_path, progress=False)
+    (row,) = report.tables["Each task"]
+    assert (row["trainings"], row["episodes"]) == (2, 4)
+    assert set(report.figures) == {"tasks.svg"}
+    shown = sorted(path.name.rsplit("-", 2)[1] for path in tmp_path.rglob("*.mcap"))
+    assert shown == ["000000", "000001", "100000", "100001"], "other demonstrations in each draw"
+
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name == "evaluation.json"}
+    again = Imitation(**SMALL).run(tmp_path, progress=False)
+    assert json.dumps(again.tables) == json.dumps(report.tables)
+    assert again.wall_time_s == report.wall_time_s
+
+    wider = {**SMALL["policies"], "wide": MLP(hidden=(8,))}
+    more = {**SMALL, "policies": wider, "algorithms": dict.fromkeys(wider, SMALL["algorithms"]["mlp"])}
+    added = Imitation(**more).run(tmp_path, progress=False)
+    assert added.tables["Each task"][0] == row
+    assert len(added.tables["Each task"]) == 2
+    found = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name == "evaluation.json"}
+    assert len(found) == 2 * len(kept)
+    assert kept.items() <= found.items()
+
+    Imitation(**{**SMALL, "algorithms": {"mlp": BC(steps=11, batch_size=16)}}).run(tmp_path, progress=False)
+    assert len(list(tmp_path.rglob("evaluation.json"))) == 3 * len(kept), "other steps are another training"

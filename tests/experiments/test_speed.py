@@ -1,0 +1,113 @@
+"""The speed benchmark compares arms that do the same work."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.suite.batch import BatchEnvironment
+from experiments.common.stopwatch import Arm, interleave
+from experiments.speed import study as speed
+from experiments.speed.study import PARTS, RATES, SECTIONS, SPEED, Speed, time_of_a_step
+from experiments.speed.workload import RawPhysics, Workload, fly_again, record
+
+STEPS, WORLDS = 30, 2
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[BatchEnvironment]:
+    env = aerial_il.load_batch("ua_quad_arm4", "pick_place", num_envs=WORLDS, tier="gusts", num_threads=1)
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def work(env: BatchEnvironment) -> Workload:
+    return record(env, np.arange(WORLDS), STEPS)
+
+
+def test_the_batch_environment_repeats_the_flight_bit_for_bit(env: BatchEnvironment, work: Workload) -> None:
+    env.set_state(work.start)
+    fly_again(env, work)
+    np.testing.assert_array_equal(env.simulation.view.qpos, work.end)
+    assert work.world_steps == STEPS * WORLDS
+
+
+@pytest.mark.parametrize("way", ["step", "step_recorded", "roll_out"])
+def test_the_bare_engine_does_the_same_physics_bit_for_bit(env: BatchEnvironment, work: Workload, way: str) -> None:
+    raw = RawPhysics(env.model, work, 1)
+    for _ in range(2):
+        raw.rewind()
+        getattr(raw, way)()
+        np.testing.assert_array_equal(raw.qpos, work.end)
+
+
+def test_a_policy_could_see_the_states_that_are_handed_out(env: BatchEnvironment, work: Workload) -> None:
+    raw = RawPhysics(env.model, work, 1)
+    raw.rewind()
+    raw.step_recorded()
+    rows = raw.seen[:, 1 : 1 + env.model.nq]  # a state begins with the time, then come the positions
+    np.testing.assert_array_equal(rows, work.end)
+
+
+def test_the_parts_of_a_step_add_up(env: BatchEnvironment, work: Workload) -> None:
+    row = time_of_a_step(env, work)
+    parts = [row[f"{name}_us"] for name in SECTIONS]
+    assert min(parts) > 0.0
+    assert np.isclose(sum(parts), row["total_us"], atol=0.05)
+    np.testing.assert_array_equal(env.simulation.view.qpos, work.end)
+
+
+def test_arms_take_turns_and_the_first_round_does_not_count() -> None:
+    calls: list[str] = []
+    arms = {name: Arm(lambda name=name: calls.append(name), units=10) for name in ("a", "b")}
+    rates = interleave(arms, 2)
+    assert calls == ["a", "b"] * 3
+    assert {name: rate.shape for name, rate in rates.items()} == {"a": (2,), "b": (2,)}
+
+
+TINY = Speed(
+    robots=("ua_quad_arm4",), tasks=("pick_place",), num_envs=2, steps=5, repetitions=1, processes=2, demonstrations=2,
+    threads=1,
+)  # fmt: skip
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "SERIAL_WORLDS", 4)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few")
+def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "first_flight", lambda *_, **__: {"median_s": 4.0})
+    report = TINY.run(tmp_path, progress=False)
+    (row,) = report.tables["Speed"]
+    assert [target.limit for target in report.targets] == [0.8, 3.5, 4.0, 3000, 3.0, 15.0, 1.0, 3.0]
+    assert row["steps_per_s"] > 0
+    assert np.isclose(row["ratio_raw"], row["steps_per_s"] / row["raw_steps_per_s"], rtol=0.01)
+    assert min(row["ratio_gymnasium"], row["ratio_sb3"]) > 0.0
+    assert report.tables["Demonstrations per minute"][0]["recorded_per_minute"] > 0
+    assert not report.targets[-1].met, "four seconds to the first flight are too many"
+    json.dumps(report.to_dict(), allow_nan=False)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_cell_is_timed_once_with_the_same_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    timed: list[tuple[str, str]] = []
+    row = {"robot": "quad", "task": "hover", "flight_us": 1.0, "python_us": 1.0, "total_us": 2.0}
+    tables = {SPEED: [row], PARTS: [row], RATES: [row]}
+    monkeypatch.setattr(Speed, "_timed", lambda _, *cell: timed.append(cell) or tables)
+    monkeypatch.setattr(speed, "first_flight", lambda *_, **__: {"median_s": 1.0})
+    quad = Speed(robots=("quad",), tasks=("hover",))
+    reports = [quad.run(tmp_path, progress=False) for _ in range(2)]
+    assert timed == [("quad", "hover")]
+    assert reports[0].tables == reports[1].tables
+    replace(quad, repetitions=3).run(tmp_path, progress=False)
+    assert len(timed) == 2, "with other settings it is timed anew"
