@@ -86,14 +86,14 @@ def _numbers(task: str, found: Sequence[Flown]) -> Row:
     success, score = wilson(count, flights), bootstrap_mean(scores.ravel(), rng=named_rng(0, "adroit score"))
     return {
         "success": count, "episodes": flights, "percent": round(100 * count / flights, 1),
-        **_ends("ci95", success, 100), **_ends("trainings", t_interval(np.mean(solved, axis=1)), 100),
-        "score": round(float(scores.mean()), 1), **_ends("score", score),
-        **_ends("score_trainings", t_interval(scores.mean(axis=1))), "return": round(float(returns.mean()), 1),
+        **interval_ends("ci95", success, 100), **interval_ends("trainings", t_interval(np.mean(solved, axis=1)), 100),
+        "score": round(float(scores.mean()), 1), **interval_ends("score", score),
+        **interval_ends("score_trainings", t_interval(scores.mean(axis=1))), "return": round(float(returns.mean()), 1),
         "own_return": round(float(np.mean([value for one in found for value in one.own_returns])), 1),
     }  # fmt: skip
 
 
-def _ends(name: str, found: Interval, scale: float = 1.0) -> Row:
+def interval_ends(name: str, found: Interval, scale: float = 1.0) -> Row:
     known = np.isfinite(found.lo)
     ends = {"low": found.lo, "high": found.hi}
     return {f"{name}_{end}": round(scale * value, 1) if known else None for end, value in ends.items()}
@@ -155,10 +155,10 @@ def interactive_targets(rows: list[Row]) -> Iterator[Target]:
         yield Target(what, "at least", cloned["ci95_high"], taught["ci95_low"], "%", spread)
     if row := arms.get((f"mlp-{DAGGER}", 30)):
         yield success_target("relocate, 30 noise-free flights: DAgger", 95.0, row)
-        yield from _thrift(row, [found for (policy, _), found in arms.items() if policy == f"mlp-{THRIFTY}"])
+        yield from thrift_targets(row, [found for (policy, _), found in arms.items() if policy == f"mlp-{THRIFTY}"])
 
 
-def _thrift(taught: Row, thrifty: list[Row]) -> Iterator[Target]:
+def thrift_targets(taught: Row, thrifty: list[Row]) -> Iterator[Target]:
     """Yield what ThriftyDAgger, with the most flights that it was given, must save and keep against DAgger."""
     if not thrifty:
         return

@@ -146,9 +146,9 @@ class AdroitRl:
         rows = {arm: self._row(arm, results, stages) for arm, results in found.items()}
         return Report(
             study=self,
-            targets=tuple(_targets(rows)),
+            targets=tuple(targets_of(rows)),
             tables={"Arms": list(rows.values())},
-            notes=(*NOTES, self._control_differs()),
+            notes=(*NOTES, self.control_differs()),
             details={
                 "failed_seeds": {
                     f"{arm.task}, {arm.reward}, {arm.name}: {draw}": failed_seeds(result)
@@ -250,7 +250,7 @@ class AdroitRl:
             **pooled_row(results),
         }
 
-    def _control_differs(self) -> str:
+    def control_differs(self) -> str:
         """Return a note that names all in which the control differs from dapg, besides what is shown."""
         npg, dapg = self.npg, self.dapg
         widths = " and ".join("x".join(map(str, algorithm.critic_hidden)) for algorithm in (npg, dapg))
@@ -267,7 +267,7 @@ class AdroitRl:
         )
 
 
-def _targets(rows: Mapping[Arm, Row]) -> Iterator[Target]:
+def targets_of(rows: Mapping[Arm, Row]) -> Iterator[Target]:
     """Yield what dapg must reach with the environment's reward, and what the control must not."""
     for arm, row in rows.items():
         if arm.reward == "environment" and arm.name == ASKED:

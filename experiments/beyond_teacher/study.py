@@ -102,10 +102,10 @@ class BeyondTeacher:
             for task in self.tasks:
                 for name, training in self.trainings(task, draw).items():
                     found.setdefault((task, name), []).append(stages.judged(training, self.tier, seeds))
-        rows = [row for task in self.tasks for row in self._rows(task, teachers[task], found, stages)]
+        rows = [row for task in self.tasks for row in self.table_rows(task, teachers[task], found, stages)]
         return Report(
             study=self,
-            targets=tuple(_targets(rows)),
+            targets=tuple(targets_of(rows)),
             tables={"Time to success": rows},
             notes=(self._flown(), *NOTES, *stages.record.notes()),
             details={
@@ -147,7 +147,7 @@ class BeyondTeacher:
             progress=stages.progress,
         )
 
-    def _rows(
+    def table_rows(
         self,
         task: str,
         teacher: EvaluationResult,
@@ -166,11 +166,11 @@ class BeyondTeacher:
                 "flown": round(float(np.mean(practised))) if practised else 0,
                 "minutes": stages.minutes(trained) if trained else None,
                 **pooled_row(results),
-                **_times(results, teacher),
+                **times_row(results, teacher),
             }
 
 
-def _times(results: Sequence[EvaluationResult], teacher: EvaluationResult) -> Row:
+def times_row(results: Sequence[EvaluationResult], teacher: EvaluationResult) -> Row:
     """Return the mean time to success, and its share of the teacher's on the seeds that both solved, in percent."""
     theirs = _solved(teacher)
     pairs = [(seed, s, theirs[seed]) for result in results for seed, s in _solved(result).items() if seed in theirs]
@@ -210,7 +210,7 @@ def _ratio_of_sums(ours: np.ndarray, theirs: np.ndarray) -> Interval:
     return Interval(float(low), float(high))
 
 
-def _targets(rows: Sequence[Row]) -> Iterator[Target]:
+def targets_of(rows: Sequence[Row]) -> Iterator[Target]:
     """Yield what practice must reach: a shorter time, and no success lost for it."""
     experts_percent = {row["task"]: row["percent"] for row in rows if row["arm"] == EXPERT}
     for row in rows:

@@ -83,7 +83,7 @@ class Controllers:
         }
         return Report(
             study=self,
-            targets=tuple(target for key, found in figures.items() for target in _targets(*key, found)),
+            targets=tuple(target for key, found in figures.items() for target in targets_of(*key, found)),
             tables={
                 "Flight laws": [_summary(robot, law, figures, tracked) for robot, law in cells],
                 "Step responses": [_step_row(*key, found) for key, found in figures.items()],
@@ -91,10 +91,13 @@ class Controllers:
             },
             notes=NOTES,
             figures={
-                "steps.svg": step_lines(_times(drawn, self.step_s), _by_panel(percent)),
+                "steps.svg": step_lines(times_row(drawn, self.step_s), _by_panel(percent)),
                 "tracking.svg": tracking_bars(tracked, LIMITS_CM),
             },
-            details={"time_s": _times(drawn, self.step_s), **{", ".join(key): found for key, found in percent.items()}},
+            details={
+                "time_s": times_row(drawn, self.step_s),
+                **{", ".join(key): found for key, found in percent.items()},
+            },
             wall_time_s=time.perf_counter() - started,
         )
 
@@ -130,7 +133,7 @@ def _step_row(robot: str, kind: StepKind, law: str, found: StepFigures) -> Row:
     return {"robot": robot, "step": kind, "controller": law, **asdict(found)}
 
 
-def _targets(robot: str, kind: StepKind, law: str, found: StepFigures) -> list[Target]:
+def targets_of(robot: str, kind: StepKind, law: str, found: StepFigures) -> list[Target]:
     what = f"{robot}, {law}, {kind} step"
     return [
         Target(f"{what}: settling", "at most", LARGEST_SETTLING_S[kind], found.settling_s, "s"),
@@ -138,7 +141,7 @@ def _targets(robot: str, kind: StepKind, law: str, found: StepFigures) -> list[T
     ]
 
 
-def _times(drawn: slice, step_s: float) -> list[float]:
+def times_row(drawn: slice, step_s: float) -> list[float]:
     """Times of the drawn control steps, s."""
     return [round(CONTROL_DT_S * (k + 1), 4) for k in range(round(step_s / CONTROL_DT_S))[drawn]]
 

@@ -149,15 +149,15 @@ class Dagger:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._all_arms())
+        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self.all_arms())
         results = {arm: stages.judged(arm.training, self.tier, seeds) for arm in bar(arms, self.name, progress)}
         singles = [_row(arm, [arm], results, stages) for arm in results]
-        groups = list(_grouped(results))
+        groups = list(grouped_by(results))
         pooled = [_row(group[0], group, results, stages) for group in groups]
-        differences = list(_differences(groups, results))
+        differences = list(differences_of(groups, results))
         return Report(
             study=self,
-            targets=(*_targets(pooled), *_beside_control(differences)),
+            targets=(*targets_of(pooled), *beside_control(differences)),
             tables={
                 "Cloning and asking": pooled,
                 "Asking beside its controls": differences,
@@ -170,7 +170,7 @@ class Dagger:
             wall_time_s=stages.seconds(),
         )
 
-    def _all_arms(self) -> Iterator[Arm]:
+    def all_arms(self) -> Iterator[Arm]:
         """Yield what is trained, draw by draw: each interactive arm with its controls."""
         for draw, task in product(self.draws, self.tasks):
             source = Source(robot=self.robot, task=task, tier=self.tier, noise=self.noise, draw=draw)
@@ -183,7 +183,7 @@ class Dagger:
                 yield Arm(STEPS, name, Cloned("bc", source, asked.episodes, self.policy, longer))
 
 
-def _grouped(results: Results) -> Iterator[list[Arm]]:
+def grouped_by(results: Results) -> Iterator[list[Arm]]:
     """Yield the trainings of each arm, which differ in their draws only."""
     groups: dict[tuple[str, str, str], list[Arm]] = {}
     for arm in results:
@@ -217,7 +217,7 @@ def _cost(training: Cloned | Asked, stages: Stages) -> dict[str, int]:
     }  # fmt: skip
 
 
-def _differences(groups: Sequence[Sequence[Arm]], results: Results) -> Iterator[Row]:
+def differences_of(groups: Sequence[Sequence[Arm]], results: Results) -> Iterator[Row]:
     """Yield by how much each interactive arm is better than each of its controls, paired by draw."""
     by_name = {(g[0].training.source.task, g[0].name, g[0].control_of): g for g in groups}
     for (task, name, control_of), group in by_name.items():
@@ -242,14 +242,14 @@ def _rates(arms: Sequence[Arm], results: Results) -> np.ndarray:
     return np.array([results[arm].success["rate"] for arm in arms])
 
 
-def _targets(pooled: Sequence[Row]) -> Iterator[Target]:
+def targets_of(pooled: Sequence[Row]) -> Iterator[Target]:
     """Yield what classic DAgger must reach on each task."""
     for row in pooled:
         if row["arm"] == JUDGED:
             yield pooled_target(f"{row['task']}: DAgger, {row['episodes']} episodes", JUDGED_PERCENT, row)
 
 
-def _beside_control(differences: Sequence[Row]) -> Iterator[Target]:
+def beside_control(differences: Sequence[Row]) -> Iterator[Target]:
     """Yield that asking must not be worse than cloning as many episodes with as many optimisation steps."""
     for row in differences:
         if row["control"] == STEPS:

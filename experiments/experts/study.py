@@ -85,7 +85,7 @@ class Experts:
         returns = [self._returns(*cell, record) for cell in bar(cells, "returns", progress)] if self.returns else []
         return Report(
             study=self,
-            targets=tuple(_targets(rows)),
+            targets=tuple(targets_of(rows)),
             tables={"Success of the experts": rows} | ({"Returns": returns} if returns else {}),
             notes=NOTES,
             figures={"experts.svg": success_dots(rows, LIMITS_PERCENT)},
@@ -125,7 +125,7 @@ def distinct(flown: Mapping[str, EvaluationResult]) -> Mapping[str, list[str]]:
     return {first: further for first, *further in alike}
 
 
-def _targets(rows: list[Row]) -> Iterator[Target]:
+def targets_of(rows: list[Row]) -> Iterator[Target]:
     """Yield what was asked for, of each cell and tier."""
     for row in rows:
         limit = LIMITS_PERCENT.get(row["tier"])

@@ -307,7 +307,7 @@ class FlightControl:
         success = list(self._success(record, results))
         return Report(
             study=self,
-            targets=tuple(self._targets(success)),
+            targets=tuple(self.targets_of(success)),
             tables={"Tasks": success, **manoeuvre_tables(flown)},
             notes=NOTES,
             figures={
@@ -332,21 +332,21 @@ class FlightControl:
         """Yield success of each law and each learner on each task in each tier."""
         for task, tier in product(TASKS, TIERS):
             for law in self.laws:
-                yield _success_row(task, tier, law, [results[(task, law), tier]], [])
+                yield success_row_of(task, tier, law, [results[(task, law), tier]], [])
             for by in self.learners:
                 trainings = self.trainings_of(task, by)
                 seconds = [own_time_s(self.run_of(training, record)) for training in trainings]
-                yield _success_row(task, tier, by, [results[training, tier] for training in trainings], seconds)
+                yield success_row_of(task, tier, by, [results[training, tier] for training in trainings], seconds)
 
-    def _targets(self, rows: list[Row]) -> Iterator[Target]:
+    def targets_of(self, rows: list[Row]) -> Iterator[Target]:
         """Yield what the best learner is asked for on each task, in the gusts that it has learned in."""
         for task in TASKS:
             found = [r for r in rows if (r["task"], r["tier"]) == (task, OWN_TIER) and r["flown_by"] in self.learners]
-            best = max(found, key=lambda row: row["percent"])
-            yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
+            if best := max(found, key=lambda row: row["percent"], default=None):
+                yield pooled_target(f"{task}, {OWN_TIER}: {best['flown_by']}, the best learner", WANTED_PERCENT, best)
 
 
-def _success_row(task: str, tier: str, name: str, found: list[EvaluationResult], training_s: Sequence[float]) -> Row:
+def success_row_of(task: str, tier: str, name: str, found: list[EvaluationResult], training_s: Sequence[float]) -> Row:
     """Return the row of a law, or of a learner whose trainings took ``training_s``."""
     return {
         "task": task,

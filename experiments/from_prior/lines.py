@@ -46,7 +46,7 @@ def practice_lines(
             with ``flights_low`` and ``flights_high``.
         over: what is drawn over, ``flown`` steps or ``minutes``. titles: of the panels. wanted: cell -> percent.
     """
-    looks = _looks(final)
+    looks = looks_of(final)
 
     def draw(axes: Axes, cell: Cell) -> None:
         lines, dots = ([row for row in given if _cell(row) == cell] for given in (rows, final))
@@ -66,7 +66,7 @@ def practice_lines(
     return in_panels(titles, draw, width=1.6, height=1.5)
 
 
-def _looks(final: Rows) -> dict[str, Look]:
+def looks_of(final: Rows) -> dict[str, Look]:
     """Return how each arm is drawn: in colours those that practise, in grey the others."""
     arms = dict.fromkeys(row["arm"] for row in final)
     practised = {row["arm"] for row in final if row["flown"]}
@@ -113,14 +113,14 @@ def _scale(axes: Axes, over: str) -> None:
 
     ticks = STEP_TICKS if over == "flown" else MINUTE_TICKS
     axes.set_xscale("function", functions=(lambda x: np.sqrt(np.maximum(x, 0.0)), np.square))
-    axes.xaxis.set_major_locator(FixedLocator(_apart(list(ticks), axes.get_xlim()[1])))
+    axes.xaxis.set_major_locator(FixedLocator(kept_apart(list(ticks), axes.get_xlim()[1])))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: ticks[x]))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlim(left=0.0)
     axes.set_xlabel("control steps flown" if over == "flown" else "minutes of flying and learning")
 
 
-def _apart(ticks: Sequence[float], last: float) -> list[float]:
+def kept_apart(ticks: Sequence[float], last: float) -> list[float]:
     """Return those of the ticks, in order, whose labels do not touch where the axis ends with ``last``."""
     kept = [ticks[0]]
     for tick in ticks[1:]:

@@ -181,19 +181,21 @@ class FromPrior:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        arms = list(self._all_arms())
+        arms = list(self.all_arms())
         work = [(arm, tier) for arm in arms for tier in (self.tier, self.harder)]
-        results = {key: stages.judged(key[0].training, key[1], self._seeds) for key in bar(work, self.name, progress)}
+        results = {
+            key: stages.judged(key[0].training, key[1], self.judging_seeds) for key in bar(work, self.name, progress)
+        }
         groups = list(grouped(arms))
         pooled = [_row(group, tier, results, stages) for group in groups for tier in (self.tier, self.harder)]
         gains = list(self._gains(groups, results, stages))
         practice = Practice(stages, [arm for arm in arms if not isinstance(arm.training, Cloned)], BASELINES)
         return Report(
             study=self,
-            targets=(*self._targets(pooled, gains), *practice.targets()),
+            targets=(*self.targets_of(pooled, gains), *practice.targets()),
             tables={"Success": pooled, "Gains": gains, "Dips": practice.dips},
-            notes=(*self._notes(arms), *stages.record.notes()),
-            figures=self._figures(pooled, practice),
+            notes=(*self.notes_of(arms), *stages.record.notes()),
+            figures=self.drawn_figures(pooled, practice),
             details={
                 "on_the_way": by_training(practice.on_the_way),
                 "rounds": by_training(practice.listed),
@@ -205,11 +207,11 @@ class FromPrior:
         )
 
     @property
-    def _seeds(self) -> range:
+    def judging_seeds(self) -> range:
         """What judges the final policies."""
         return range(self.first_episode, self.first_episode + self.episodes)
 
-    def _figures(self, pooled: Sequence[Row], practice: Practice) -> dict[str, str]:
+    def drawn_figures(self, pooled: Sequence[Row], practice: Practice) -> dict[str, str]:
         """Return the figures, each task in the tier that it is practised in, or in ``tier`` where that is a third."""
         final = [row for row in pooled if row["tier"] == self._drawn_in(row["task"])]
         titles = {(row["task"], row["demos"]): self._panel(row["task"], row["demos"]) for row in final}
@@ -232,7 +234,7 @@ class FromPrior:
         practised, final = self._practised_in(task), self._drawn_in(task)
         return f"{task} from {demos}, in {practised}{'' if final == practised else f', final in {final}'}"
 
-    def _notes(self, arms: Sequence[Arm]) -> Iterator[str]:
+    def notes_of(self, arms: Sequence[Arm]) -> Iterator[str]:
         """Yield what flew, who demonstrated what how often, in which tier, and which seeds judge; then the usual."""
         begun = (
             f"{task} in {self._practised_in(task)}, {listed([str(count) for count in counts])} times"
@@ -241,20 +243,20 @@ class FromPrior:
         )
         yield (
             f"Robot: {demonstrator(self.robot, self.noise)}. Demonstrated, and practised in the same tier: "
-            f'{"; ".join(begun)}; "many demonstrations" are {self.many}. Judged: on the seeds {self._seeds[0]} to '
-            f"{self._seeds[-1]}."
+            f'{"; ".join(begun)}; "many demonstrations" are {self.many}. Judged: on the seeds '
+            f"{self.judging_seeds[0]} to {self.judging_seeds[-1]}."
         )
         yield from notes_on({arm.name for arm in arms}, NOTES, watched=self.watched)
 
     def _practised_in(self, task: str) -> str:
         return self.practised_in.get(task, self.tier)
 
-    def _all_arms(self) -> Iterator[Arm]:
+    def all_arms(self) -> Iterator[Arm]:
         """Yield what is trained, draw by draw."""
         for draw, (task, counts) in product(self.draws, self.starts.items()):
             tier = self._practised_in(task)
             source = Source(robot=self.robot, task=task, tier=tier, noise=self.noise, draw=draw)
-            names = [name for name in self._named() if draw in self.draws[: self.fewer.get(name)]]
+            names = [name for name in self.named_arms() if draw in self.draws[: self.fewer.get(name)]]
             scratch = [name for name in names if not self.practising[name].demonstrated and self._starts(name, task, 0)]
             many = Cloned("bc", source, self.many, self.policy, self.cloning)
             for count in counts:
@@ -268,7 +270,7 @@ class FromPrior:
             for name in scratch:
                 yield Arm(name, 0, self._practised(name, source, 0))
 
-    def _named(self) -> Sequence[str]:
+    def named_arms(self) -> Sequence[str]:
         """Return the names of the arms that practise, in the order of the page."""
         order = [*_all_practising()]
         return self.arms or sorted(self.practising, key=lambda name: order.index(name) if name in order else len(order))
@@ -301,7 +303,7 @@ class FromPrior:
         """Yield what each arm added to the policies that its trainings began with, where there are any."""
         for group, tier in product(groups, (self.tier, self.harder)):
             pairs = [
-                (stages.judged(arm.training.prior, tier, self._seeds), results[arm, tier])
+                (stages.judged(arm.training.prior, tier, self.judging_seeds), results[arm, tier])
                 for arm in group
                 if isinstance(arm.training, Continued) and arm.training.prior
             ]
@@ -309,7 +311,7 @@ class FromPrior:
                 task, demos = group[0].cell
                 yield {"task": task, "demos": demos, "arm": group[0].name, "tier": tier, **gain_row(pairs)}
 
-    def _targets(self, pooled: Sequence[Row], gains: Sequence[Row] = ()) -> Iterator[Target]:
+    def targets_of(self, pooled: Sequence[Row], gains: Sequence[Row] = ()) -> Iterator[Target]:
         """Yield how many methods must reach what is wanted from each start, in both tiers and in time."""
         wanted = {(task, demos): asked for (robot, task, demos), asked in WANTED.items() if robot == self.robot}
         rows = [row for row in pooled if self._is_judged(row)]

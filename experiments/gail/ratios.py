@@ -35,7 +35,7 @@ def ratio(trainings: Sequence[Sequence[float]], expert: EvaluationResult) -> Row
         "ratio": round(float(flights.mean()) / best, 3),
         "ratio_low": round(low / best, 3),
         "ratio_high": round(high / best, 3),
-        **_ends("trainings", t_interval(np.array(own))),
+        **interval_ends("trainings", t_interval(np.array(own))),
         "each": " ".join(f"{value:.3f}" for value in own),
     }
 
@@ -92,7 +92,7 @@ def peer_rows(folder: Path, experts: Mapping[str, EvaluationResult]) -> list[Row
     return rows
 
 
-def _ends(name: str, found: Interval) -> Row:
+def interval_ends(name: str, found: Interval) -> Row:
     known = np.isfinite(found.lo)
     return {f"{name}_low": round(found.lo, 3) if known else None, f"{name}_high": round(found.hi, 3) if known else None}
 

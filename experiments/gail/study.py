@@ -244,10 +244,10 @@ class Gail:
     def pilot(self, task: str, record: Record) -> Policy:
         """Return the expert of a task: trained here, or scripted."""
         if task in self.outside:
-            return load_policy(self._expert_run(task, record))
+            return load_policy(self.expert_run(task, record))
         return aerial_il.expert(self.robot, task, noise=self.noise)
 
-    def _expert_run(self, task: str, record: Record) -> Path:
+    def expert_run(self, task: str, record: Record) -> Path:
         """Return where the expert of one of Gymnasium's tasks is, or will be: kept from before, or in the record."""
         decided_by = {"algorithm": without_cadence(self.expert), "policy": described(self.policy)}
         return self._kept(task) or record.place(EXPERTS, task, decided_by)
@@ -261,7 +261,7 @@ class Gail:
         if task in self.outside and self._kept(task) is None:
             env = self.environment(task)
             try:
-                self.expert.train(None, self.policy, env=env, run=self._expert_run(task, record), progress=progress)
+                self.expert.train(None, self.policy, env=env, run=self.expert_run(task, record), progress=progress)
             finally:
                 env.close()
         judged = record.place("evaluations", f"{task}/{EXPERT}", self._flown_by(task, record) | self._judging)
@@ -276,7 +276,7 @@ class Gail:
         if task not in self.outside:
             return {"robot": self.robot, "noise": self.noise, "horizon": self.suite[task]}
         versions = {name: metadata.version(name) for name in ("gymnasium", "mujoco")}
-        return {"expert": sha256_of(self._expert_run(task, record) / "policy" / "manifest.json"), **versions}
+        return {"expert": sha256_of(self.expert_run(task, record) / "policy" / "manifest.json"), **versions}
 
     def _shown_by(self, task: str, record: Record, draw: int) -> dict[str, Any]:
         """Return what decides the demonstrations of a draw."""
@@ -307,7 +307,7 @@ class Gail:
     def _trained(self, point: Point, record: Record, progress: bool) -> Policy:
         env = self.environment(point.task, learner=point.method)
         try:
-            return self._learner(point).train(
+            return self.learner_of(point).train(
                 self.demonstrations(point.task, point.seed, record, progress),
                 self._policy(point),
                 env=env,
@@ -328,7 +328,7 @@ class Gail:
         return {
             "shown": self._shown_by(point.task, record, point.seed),
             "demos": self.trajectories if outside else self.suite_demos,
-            "algorithm": without_cadence(self._learner(point)),
+            "algorithm": without_cadence(self.learner_of(point)),
             "policy": described(self._policy(point)),
             "worlds": self._worlds(point.method) if outside else self.suite_envs,
         }
@@ -337,7 +337,7 @@ class Gail:
         """Return how many of Gymnasium's worlds a method flies at once."""
         return {"gail": self.gail_envs, LIKE: self.like_envs}.get(method, self.num_envs)
 
-    def _learner(self, point: Point) -> Any:
+    def learner_of(self, point: Point) -> Any:
         """Return the algorithm of a training."""
         if point.task not in self.outside:
             learner = self._fitted(changed(self.gail, self.suite_gail), point)

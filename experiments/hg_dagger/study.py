@@ -106,7 +106,7 @@ class HgDagger:
         steps = [{"draw": each.draw, **each.steps()} for each in draws]
         return Report(
             study=self,
-            targets=tuple(_targets(pooled, rounds, steps)),
+            targets=tuple(targets_of(pooled, rounds, steps)),
             tables={"Success": pooled, "Round by round": rounds, "Steps of the command, mm": steps},
             notes=NOTES,
             details={
@@ -266,7 +266,7 @@ def command_steps(actions: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np
     return steps[changes], steps[usual]
 
 
-def _targets(pooled: Sequence[Row], rounds: Sequence[Row], steps: Sequence[Row]) -> Iterator[Target]:
+def targets_of(pooled: Sequence[Row], rounds: Sequence[Row], steps: Sequence[Row]) -> Iterator[Target]:
     arms: Mapping[str, Row] = {row["arm"]: row for row in pooled}
     start, judged = arms[START], arms[ASKED]
     yield Target("the policy to begin with", "at most", 50.0, start["percent"], "%", "40 to 50 % is meant")

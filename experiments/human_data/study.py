@@ -132,17 +132,17 @@ class HumanData:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Collect, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=1, progress=progress)
-        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._trainings())
+        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self.all_trainings())
         found = [(*arm, stages.judged(arm[2], self.tier, seeds)) for arm in bar(arms, self.name, progress)]
         return Report(
             study=self,
-            tables={"Success": list(_rows(found))},
+            tables={"Success": list(table_rows(found))},
             notes=(*NOTES, *stages.record.notes()),
             details={"failed_seeds": {f"{teacher}: {t.label}": failed_seeds(r) for _, teacher, t, r in found}},
             wall_time_s=stages.seconds(),
         )
 
-    def _trainings(self) -> Iterator[tuple[str, str, Training]]:
+    def all_trainings(self) -> Iterator[tuple[str, str, Training]]:
         """Yield policy class, teacher and training, draw by draw."""
         for draw, name, teacher in product(self.draws, self.arms or tuple(self.policies), TEACHERS):
             wanted = teacher != RECORDED or name in self.as_recorded
@@ -159,7 +159,7 @@ class HumanData:
         return ClonedDriver(source, self.demos, policy, algorithm)
 
 
-def _rows(found: list[tuple[str, str, Training, EvaluationResult]]) -> Iterator[Row]:
+def table_rows(found: list[tuple[str, str, Training, EvaluationResult]]) -> Iterator[Row]:
     """Yield a row for each class and teacher, over all draws."""
     groups: dict[tuple[str, str], list[EvaluationResult]] = {}
     for name, teacher, _, result in found:

@@ -117,7 +117,7 @@ class Imitation:
     def __post_init__(self) -> None:
         if set(self.policies) != set(self.algorithms) or not self.policies:
             raise InvalidValueError(f"policies {list(self.policies)} and algorithms {list(self.algorithms)} differ.")
-        able = sorted({task for robot in self.robots for task in _able(robot)})
+        able = sorted({task for robot in self.robots for task in able_tasks(robot)})
         for names, valid, what in ((self.methods, self.policies, "method"), (self.tasks, able, "task")):
             for name in names:
                 if name not in valid:
@@ -135,25 +135,25 @@ class Imitation:
             record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress, most=most
         )
         seeds = range(self.first_episode, self.first_episode + self.episodes)
-        flights = list(self._flights())
+        flights = list(self.planned_flights())
         results = {f: stages.judged(f.training, f.tier, seeds) for f in bar(flights, self.name, progress)}
         usual = {f: r for f, r in results.items() if f.training.demos == self.demos}
-        per_task, macro, scaling = _per_task(usual, stages), _macro(usual), self._scaling(results)
+        per_task, macro, scaling = _per_task(usual, stages), macro_rows(usual), self._scaling(results)
         sizes = {"Success over demonstrations": scaling} if self.sizes else {}
         return Report(
             study=self,
-            targets=tuple(self._targets(macro, per_task)),
+            targets=tuple(self.targets_of(macro, per_task)),
             tables={"All tasks": macro, "Each task": per_task, **sizes},
             notes=(*NOTES, *stages.record.notes()),
-            figures=self._figures(per_task, scaling),
+            figures=self.drawn_figures(per_task, scaling),
             details={"failed_seeds": {f"{f.training.label}/{f.tier}": failed_seeds(r) for f, r in results.items()}},
             wall_time_s=stages.seconds(),
         )
 
     def _cells(self) -> list[tuple[str, str]]:
-        return [(robot, task) for robot in self.robots for task in _able(robot) if task in (self.tasks or (task,))]
+        return [(robot, task) for robot in self.robots for task in able_tasks(robot) if task in (self.tasks or (task,))]
 
-    def _flights(self) -> Iterator[Flight]:
+    def planned_flights(self) -> Iterator[Flight]:
         """Yield what is flown: draw by draw what is judged, then fewer and more demonstrations."""
         methods = self.methods or tuple(self.policies)
         for draw, method, tier, cell in product(self.draws, methods, self.trained_in, self._cells()):
@@ -177,20 +177,21 @@ class Imitation:
             for f, r in results.items()
             if (f.training.source.tier, f.tier) == (self.trained_in[0], self.flown_in[0])
         }
-        rows = [{**arm, "task": MACRO, **_mean(found)} for arm, found in _grouped(tried, "robot", "method", "demos")]
+        rows = [{**arm, "task": MACRO, **_mean(found)} for arm, found in grouped_by(tried, "robot", "method", "demos")]
         rows += [
-            {**arm, **pooled_row(found.values())} for arm, found in _grouped(tried, "robot", "method", "demos", "task")
+            {**arm, **pooled_row(found.values())}
+            for arm, found in grouped_by(tried, "robot", "method", "demos", "task")
         ]
         kept = ("robot", "method", "task", "demos", "percent")
         ends = [f"{unit}_{end}" for unit in ("flights", "trainings") for end in ("low", "high")]
         return [{key: row[key] for key in (*kept, *ends)} for row in rows]
 
-    def _targets(self, macro: Sequence[Row], per_task: Sequence[Row]) -> Iterator[Target]:
+    def targets_of(self, macro: Sequence[Row], per_task: Sequence[Row]) -> Iterator[Target]:
         """Yield the targets of the default class, of what was flown in full."""
         if self.demos != JUDGED_DEMOS or len(self.draws) < 3:
             return
         for row in filter(self._is_judged, macro):
-            if row["robot"] in MACRO_PERCENT and row["tasks"] == len(_able(row["robot"])):
+            if row["robot"] in MACRO_PERCENT and row["tasks"] == len(able_tasks(row["robot"])):
                 what = f"{row['robot']}, {self.demos} demonstrations: mean success of all {row['tasks']} tasks"
                 yield pooled_target(what, MACRO_PERCENT[row["robot"]], row)
         for row in filter(self._is_judged, per_task):
@@ -202,7 +203,7 @@ class Imitation:
         tiers_ = (self.trained_in[0], self.flown_in[0])
         return row["method"] == DEFAULT and (row["trained_in"], row["flown_in"]) == tiers_
 
-    def _figures(self, per_task: Sequence[Row], scaling: Sequence[Row]) -> dict[str, str]:
+    def drawn_figures(self, per_task: Sequence[Row], scaling: Sequence[Row]) -> dict[str, str]:
         dots = [{**row, **_drawn(row), "method": f"{row['robot']}, {row['method']}"} for row in per_task]
         lines = [{**row, **_drawn(row), "robot": f"{row['robot']}, {row['method']}"} for row in scaling]
         return {"tasks.svg": method_dots(dots)} | (
@@ -210,12 +211,12 @@ class Imitation:
         )
 
 
-def _able(robot: str) -> list[str]:
+def able_tasks(robot: str) -> list[str]:
     """Return the tasks that a robot does with its end effector."""
     return [task for flown_by, task in aerial_il.list_cells() if flown_by == robot and task != "hover"]
 
 
-def _grouped(results: Results, *names: str) -> Iterator[tuple[Row, Results]]:
+def grouped_by(results: Results, *names: str) -> Iterator[tuple[Row, Results]]:
     """Group flights by some of their properties, in the order in which they were flown."""
     groups: dict[tuple[Any, ...], dict[Flight, EvaluationResult]] = {}
     for flight, result in results.items():
@@ -224,20 +225,20 @@ def _grouped(results: Results, *names: str) -> Iterator[tuple[Row, Results]]:
 
 
 def _per_task(results: Results, stages: Stages) -> list[Row]:
-    groups = _grouped(results, "robot", "method", "trained_in", "flown_in", "demos", "task")
+    groups = grouped_by(results, "robot", "method", "trained_in", "flown_in", "demos", "task")
     return [
         {**arm, **pooled_row(found.values()), "train_min": stages.minutes(f.training for f in found)}
         for arm, found in groups
     ]
 
 
-def _macro(results: Results) -> list[Row]:
-    groups = _grouped(results, "robot", "method", "trained_in", "flown_in", "demos")
+def macro_rows(results: Results) -> list[Row]:
+    groups = grouped_by(results, "robot", "method", "trained_in", "flown_in", "demos")
     return [{**arm, **_mean(found)} for arm, found in groups]
 
 
 def _mean(results: Results) -> Row:
-    return macro_row({arm["task"]: list(found.values()) for arm, found in _grouped(results, "task")})
+    return macro_row({arm["task"]: list(found.values()) for arm, found in grouped_by(results, "task")})
 
 
 def _drawn(row: Row) -> Row:

@@ -82,13 +82,13 @@ class LearningCurve:
             most=max(self.sizes),
         )
         seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
-        trainings = list(self._trainings())
+        trainings = list(self.all_trainings())
         results = {t: stages.judged(t, self.tier, seeds) for t in bar(trainings, self.name, progress)}
-        rows = list(_rows(results, stages))
+        rows = list(table_rows(results, stages))
         lines = [{**row, "ci95_low": row["flights_low"], "ci95_high": row["flights_high"]} for row in rows]
         return Report(
             study=self,
-            targets=tuple(target for row in rows if row["demos"] == JUDGED_SIZE for target in _targets(row)),
+            targets=tuple(target for row in rows if row["demos"] == JUDGED_SIZE for target in targets_of(row)),
             tables={"Success over demonstrations": rows},
             notes=(*NOTES, *stages.record.notes()),
             figures={"learning_curve.svg": learning_lines(lines, LIMITS_PERCENT)},
@@ -96,7 +96,7 @@ class LearningCurve:
             wall_time_s=stages.seconds(),
         )
 
-    def _trainings(self) -> Iterator[Cloned]:
+    def all_trainings(self) -> Iterator[Cloned]:
         """Yield what is trained, draw by draw."""
         cells = [c for c in aerial_il.list_cells() if c[0] in (self.robots or c) and c[1] in (self.tasks or c)]
         for draw, (robot, task), demos in product(self.draws, cells, sorted(self.sizes)):
@@ -104,7 +104,7 @@ class LearningCurve:
             yield Cloned(self.policy.name, source, demos, self.policy, self.algorithm)
 
 
-def _rows(results: Mapping[Cloned, EvaluationResult], stages: Stages) -> Iterator[Row]:
+def table_rows(results: Mapping[Cloned, EvaluationResult], stages: Stages) -> Iterator[Row]:
     """Yield a row for each cell and size."""
     arms: dict[tuple[str, str, int], list[Cloned]] = {}
     for training in results:
@@ -115,7 +115,7 @@ def _rows(results: Mapping[Cloned, EvaluationResult], stages: Stages) -> Iterato
         yield {**head, **pooled_row(results[training] for training in found), **cost}
 
 
-def _targets(row: Row) -> Sequence[Target]:
+def targets_of(row: Row) -> Sequence[Target]:
     what = f"{row['robot']}, {row['task']}, {row['demos']} demonstrations"
     limit = LIMITS_PERCENT.get(row["task"])
     success = [pooled_target(f"{what}: success", limit, row)] if limit else []

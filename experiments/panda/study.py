@@ -112,7 +112,7 @@ class Panda:
         rows = {arm: self._row(arm, results, stages) for arm, results in found.items()}
         return Report(
             study=self,
-            targets=tuple(_targets(rows)),
+            targets=tuple(targets_of(rows)),
             tables={"Arms": list(rows.values())},
             notes=NOTES,
             details={
@@ -161,7 +161,7 @@ def _installed(packages: Sequence[str]) -> list[str]:
     return [package for package in packages if any(metadata.distributions(name=package))]
 
 
-def _targets(rows: Mapping[Arm, Row]) -> Iterator[Target]:
+def targets_of(rows: Mapping[Arm, Row]) -> Iterator[Target]:
     """Yield what each algorithm must reach with the worst of its trainings, and on reach how fast on the whole."""
     for arm, row in rows.items():
         spread = f"{row['success']} of {row['episodes']} in {row['trainings']} trainings"

@@ -79,19 +79,19 @@ class Pixels:
         """Collect, train and evaluate what ``folder`` does not hold yet; see :class:`Study`."""
         require_rendering("bench pixels")
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        seeds, trainings = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self._trainings())
+        seeds, trainings = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self.all_trainings())
         results = {t: stages.judged(t, self.tier, seeds) for t in bar(trainings, self.name, progress)}
-        rows = list(_rows(results, stages))
+        rows = list(table_rows(results, stages))
         return Report(
             study=self,
-            targets=tuple(_targets(rows)),
+            targets=tuple(targets_of(rows)),
             tables={"Success on images": rows},
             notes=(*NOTES, *stages.record.notes()),
             details={"failed_seeds": {training.label: failed_seeds(r) for training, r in results.items()}},
             wall_time_s=stages.seconds(),
         )
 
-    def _trainings(self) -> Iterator[Cloned]:
+    def all_trainings(self) -> Iterator[Cloned]:
         """Yield what is trained, draw by draw: each policy and its blind control."""
         policies = {SEEING: self.policy, BLIND: replace(self.policy, images=())}
         cameras = tuple(map(camera_name, self.policy.images))
@@ -108,7 +108,7 @@ class Pixels:
             yield Cloned(sight, source, self.demos, policy, self.algorithm)
 
 
-def _rows(results: Mapping[Cloned, EvaluationResult], stages: Stages) -> Iterator[Row]:
+def table_rows(results: Mapping[Cloned, EvaluationResult], stages: Stages) -> Iterator[Row]:
     """Yield a row for each task and sight."""
     arms: dict[tuple[str, str], list[Cloned]] = {}
     for training in results:
@@ -128,7 +128,7 @@ def _busy_percent(run: Path) -> float:
     return 100 * (1 - waited / elapsed[-1])
 
 
-def _targets(rows: Sequence[Row]) -> Iterator[Target]:
+def targets_of(rows: Sequence[Row]) -> Iterator[Target]:
     """Yield that images must be worth something: the lower end with them above the upper end without."""
     arms = {(row["task"], row["sees"]): row for row in rows}
     for (task, sight), row in arms.items():

@@ -97,7 +97,7 @@ class Policies:
         with torch_threads(self.threads), torch_rng(self.seed, "policies"):
             for name in bar(self.policies or policies.names(), self.name, progress):
                 config: PolicySettings = registry.get("policy", name)()
-                policy, training, interface = _prepared(config, demos)
+                policy, training, interface = prepared_for(config, demos)
                 times = self._act_times(policy, demos)
                 acting.append({"policy": name, **_acting_row(policy.network, times)})
                 rates = interleave(
@@ -107,7 +107,7 @@ class Policies:
                 details.append({"policy": name, "rates": {k: v.round(2).tolist() for k, v in rates.items()}})
         return Report(
             study=self,
-            targets=tuple(_targets(acting, learning, self.num_envs)),
+            targets=tuple(targets_of(acting, learning, self.num_envs)),
             tables={"Time to act": acting, "Optimisation steps per second": learning},
             notes=NOTES,
             details={"repetitions": details},
@@ -206,7 +206,7 @@ class OneByOne(Dataset):
         )
 
 
-def _prepared(config: PolicySettings, demos: list[Episode]) -> tuple[ChunkPolicy, TrainingSet, Interface]:
+def prepared_for(config: PolicySettings, demos: list[Episode]) -> tuple[ChunkPolicy, TrainingSet, Interface]:
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     interface = fit_interface(layout, windows, config)
@@ -256,7 +256,7 @@ def _learning_row(rates: dict[str, np.ndarray]) -> Row:
     return row
 
 
-def _targets(acting: list[Row], learning: list[Row], worlds: int) -> Iterator[Target]:
+def targets_of(acting: list[Row], learning: list[Row], worlds: int) -> Iterator[Target]:
     for row in acting:
         spread = f"median {row['alone_p50_ms']:g} ms"
         yield Target(f"{row['policy']}: act in one world, p99", "at most", TICK_MS, row["alone_p99_ms"], "ms", spread)

@@ -53,7 +53,7 @@ class Replay:
         """Record what ``folder`` does not hold yet, and fly all of it again; see :class:`Study`."""
         started, record = time.perf_counter(), Record(folder)
         cells = [c for c in aerial_il.list_cells() if c[0] in (self.robots or c) and c[1] in (self.tasks or c)]
-        rows = [row for cell in bar(cells, self.name, progress) for row in self._rows(*cell, record)]
+        rows = [row for cell in bar(cells, self.name, progress) for row in self.table_rows(*cell, record)]
         return Report(
             study=self,
             targets=[
@@ -64,7 +64,7 @@ class Replay:
             wall_time_s=time.perf_counter() - started,
         )
 
-    def _rows(self, robot: str, task: str, record: Record) -> Iterator[Row]:
+    def table_rows(self, robot: str, task: str, record: Record) -> Iterator[Row]:
         """Yield a row for each tier."""
         seeds = range(self.seed, self.seed + self.episodes)
         for tier in self.tiers:

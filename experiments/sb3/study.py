@@ -94,10 +94,10 @@ class Sb3:
         found: dict[str, list[tuple[Found, Found]]] = {name: [] for name in chosen}
         for name, seed in bar(trainings, self.name, progress):
             found[name].append((self._ours(chosen[name], seed, stages), self._theirs(chosen[name], seed, stages)))
-        rows = [row for name, pairs in found.items() for row in _rows(name, chosen[name], pairs)]
+        rows = [row for name, pairs in found.items() for row in table_rows(name, chosen[name], pairs)]
         return Report(
             study=self,
-            targets=tuple(target for name, pairs in found.items() for target in _targets(name, chosen[name], pairs)),
+            targets=tuple(target for name, pairs in found.items() for target in targets_of(name, chosen[name], pairs)),
             tables={"Both sides": rows},
             notes=tuple(notes_on(chosen, NOTES)),
             details={name: [[kept(side) for side in pair] for pair in pairs] for name, pairs in found.items()},
@@ -132,9 +132,9 @@ class Sb3:
         return Found(**json.loads(file.read_text()))
 
 
-def _rows(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[Row]:
+def table_rows(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[Row]:
     """Return a row for each side."""
-    sooner = _times_sooner(pairs)
+    sooner = times_sooner(pairs)
     rows = []
     for k, side in enumerate((OURS, THEIRS)):
         means = np.array([np.mean(pair[k].returns) for pair in pairs])
@@ -147,7 +147,7 @@ def _rows(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[R
                 "steps": _whole(steps.mean()),
                 "trainings": len(pairs),
                 "return": round(float(means.mean()), 1),
-                **_ends(means, cell.bounds),
+                **interval_ends(means, cell.bounds),
                 "each": " ".join(f"{mean:.0f}" for mean in means),
                 "exploring": _exploring([pair[k] for pair in pairs]),
                 "train_s": round(float(seconds.mean()), 1),
@@ -158,7 +158,7 @@ def _rows(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[R
     return rows
 
 
-def _targets(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[Target]:
+def targets_of(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> list[Target]:
     ours, theirs = (np.array([np.mean(pair[k].returns) for pair in pairs]) for k in (0, 1))
     spread = f"{_said(ours)}; Stable-Baselines3 {_said(theirs)}"
     targets = []
@@ -168,7 +168,7 @@ def _targets(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> lis
         what, wanted = f"{name}: return without exploration, no worse than theirs", round(float(theirs.mean()), 1)
         targets.append(Target(what, "at least", wanted, float(ours.mean()), "", spread))
     if cell.sooner is not None:
-        sooner = _times_sooner(pairs)
+        sooner = times_sooner(pairs)
         each = "never" if sooner is None else " ".join(f"{value:.2f}" for value in sooner)
         measured = 0.0 if sooner is None else float(np.median(sooner))
         what = f"{name}: times sooner at the same return with exploration"
@@ -176,7 +176,7 @@ def _targets(name: str, cell: Cell, pairs: Sequence[tuple[Found, Found]]) -> lis
     return targets
 
 
-def _times_sooner(pairs: Sequence[tuple[Found, Found]]) -> list[float] | None:
+def times_sooner(pairs: Sequence[tuple[Found, Found]]) -> list[float] | None:
     """Return of each pair how many times sooner ours first has what both reach; None without curves."""
     if not all(side.curve for pair in pairs for side in pair):
         return None
@@ -206,7 +206,7 @@ def _whole(value: float) -> int | None:
     return int(value) if np.isfinite(value) else None
 
 
-def _ends(means: np.ndarray, bounds: tuple[float, float]) -> Mapping[str, Any]:
+def interval_ends(means: np.ndarray, bounds: tuple[float, float]) -> Mapping[str, Any]:
     """Return both ends of the interval of a mean return within its bounds; None where there is none to speak of."""
     found = np.clip(t_interval(means), *bounds)
     told = np.isfinite(found).all() and (len(means) >= FEWEST or np.isfinite(bounds).all())

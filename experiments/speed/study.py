@@ -150,7 +150,7 @@ class Speed:
         return Report(
             study=self,
             targets=(
-                *(t for row in tables[SPEED] for t in _targets(row)),
+                *(t for row in tables[SPEED] for t in targets_of(row)),
                 *(t for row in tables[DEMONSTRATIONS] for t in _goals(row)),
                 *(t for row in tables[SERIAL] for t in _serial_targets(row)),
                 Target("first flight of a fresh process", "at most", FIRST_FLIGHT_S, first["median_s"], "s"),
@@ -273,7 +273,7 @@ def _compared(rates: dict[str, np.ndarray]) -> Row:
     return row
 
 
-def _targets(row: Row) -> list[Target]:
+def targets_of(row: Row) -> list[Target]:
     """The targets of a cell's ratios."""
     raw = RAW_RATIO_MANIPULATION if row["task"] == MANIPULATION else RAW_RATIO
     wanted = (

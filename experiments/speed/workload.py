@@ -75,7 +75,7 @@ class RawPhysics:
         self.work = work
         self._batch = mujoco_batch.Batch(model, len(work.start), num_threads)
         rows = np.empty((len(work.start), SUBSTEPS, self._batch.nstate))
-        self._rows = {int(STATE): rows}
+        self.table_rows = {int(STATE): rows}
 
     @property
     def qpos(self) -> np.ndarray:
@@ -85,7 +85,7 @@ class RawPhysics:
     @property
     def seen(self) -> np.ndarray:
         """(n, S) states after the last control step of :meth:`step_recorded`."""
-        return self._rows[int(STATE)][:, -1]
+        return self.table_rows[int(STATE)][:, -1]
 
     def rewind(self) -> None:
         """Go back to the beginning of the flight."""
@@ -99,7 +99,7 @@ class RawPhysics:
     def step_recorded(self) -> None:
         """The same with each world's state handed out, so that a policy could see it: a row after each physics step."""
         for inputs in self._control_steps():
-            self._batch.rollout(SUBSTEPS, inputs, int(INPUTS), record=(int(STATE),), out=self._rows)
+            self._batch.rollout(SUBSTEPS, inputs, int(INPUTS), record=(int(STATE),), out=self.table_rows)
 
     def roll_out(self) -> None:
         """Fly on in one call: each thread takes a world from its first step to its last, the fastest there is."""

@@ -97,7 +97,7 @@ class Teleop:
         page = {**wide, **replayed}
         return Report(
             study=self,
-            targets=_targets(page, narrow, silences, cuts),
+            targets=targets_of(page, narrow, silences, cuts),
             tables={"Page": [page], "Narrow link": [narrow], **({"Power cuts": _summary(cuts)} if cuts else {})},
             notes=(*NOTES, _priority()),
             details={"keys_ms": latencies, "silences_ms": silences, "cuts": cuts},
@@ -183,7 +183,7 @@ class Teleop:
     def _cut(self, env: BatchEnvironment, out: Path, number: int) -> Row:
         rng = np.random.default_rng((self.seed, number))
         status = asyncio.run(self._killed(out, rng.uniform(0.1, 3.0), KEYS[int(rng.integers(len(KEYS)))]))
-        return {**status, **_found(env, out, status)}
+        return {**status, **found_rows(env, out, status)}
 
     async def _killed(self, out: Path, after_s: float, key: str) -> Row:
         """Record one episode, begin another one, and kill the server; return what the page had been told."""
@@ -215,7 +215,7 @@ async def _ages(tab: Tab) -> None:
     await tab.value(f"window.ages = []; setInterval(() => ages.push({age}), 50); 1")
 
 
-def _found(env: BatchEnvironment, out: Path, status: Row) -> Row:
+def found_rows(env: BatchEnvironment, out: Path, status: Row) -> Row:
     """Return what is there after the power cut: finished episodes that are whole, steps of the open one."""
     whole = sum(_is_whole(env, file) for kind in ("demos", "failures") for file in DatasetFolder(out).files(kind))
     recovered, problem = 0, ""
@@ -259,7 +259,7 @@ def _summary(cuts: Sequence[Row]) -> list[Row]:
     ]
 
 
-def _targets(page: Row, narrow: Row, silences: Sequence[float], cuts: Sequence[Row]) -> tuple[Target, ...]:
+def targets_of(page: Row, narrow: Row, silences: Sequence[float], cuts: Sequence[Row]) -> tuple[Target, ...]:
     spread = f"95 % of {page['keys']} within {page['key_ms_95']:g} ms"
     found = [
         Target("ticks on time", "at least", ON_TIME_PERCENT, page["on_time_percent"], "%", f"{page['ticks']} ticks"),

@@ -121,8 +121,8 @@ class Tracking:
         return Report(
             study=self,
             targets=(
-                *(t for (robot, tier, law), f in flown.items() if law == DEFAULT for t in _targets(robot, tier, f)),
-                *_observer_targets(flown),
+                *(t for (robot, tier, law), f in flown.items() if law == DEFAULT for t in targets_of(robot, tier, f)),
+                *observer_targets(flown),
             ),
             tables={"Tracking": rows, f"By motion, {DEFAULT}": by_motion},
             notes=(*NOTES, *map(_air, self.tiers)),
@@ -203,7 +203,7 @@ def _runs(flights: Flights) -> dict[str, Row]:
     return found
 
 
-def _targets(robot: str, tier: str, flights: Flights) -> list[Target]:
+def targets_of(robot: str, tier: str, flights: Flights) -> list[Target]:
     limits = LIMITS_CM.get((robot, tier), {})
     parts = {kind: flights.select(m.kind == kind for m in flights.motions) for kind in limits}
     return [
@@ -219,7 +219,7 @@ def _targets(robot: str, tier: str, flights: Flights) -> list[Target]:
     ]
 
 
-def _observer_targets(flown: Mapping[tuple[str, str, str], Flights]) -> Iterator[Target]:
+def observer_targets(flown: Mapping[tuple[str, str, str], Flights]) -> Iterator[Target]:
     """Yield what the disturbance observer must bring in wind, to the base: what it is off by, the arm makes up for."""
     for (robot, tier, law), flights in flown.items():
         blind = flown.get((robot, tier, UNOBSERVED))

@@ -78,7 +78,7 @@ class Wind:
         frequency, measured, theory = _spectra(airs[first], winds[first])
         return Report(
             study=self,
-            targets=tuple(target for row in turbulence for target in _targets(row)),
+            targets=tuple(target for row in turbulence for target in targets_of(row)),
             tables={"Wind and its drag": rows, f"Turbulence against theory ({', '.join(first)})": turbulence},
             notes=NOTES,
             figures={
@@ -135,7 +135,7 @@ def _turbulence_rows(air: Air, wind: np.ndarray) -> list[Row]:
     return rows
 
 
-def _targets(row: Row) -> list[Target]:
+def targets_of(row: Row) -> list[Target]:
     name = row["component"]
     spread = 100.0 * abs(row["sd_m_s"] / row["sd_theory_m_s"] - 1.0)
     memory = 100.0 * abs(row["correlation_there"] - row["correlation_theory"])

@@ -259,7 +259,7 @@ class Z1Reach:
         }
         return Report(
             study=self,
-            targets=self._targets(rows),
+            targets=self.targets_of(rows),
             tables={"Arms": list(rows.values()), "Single trainings": list(self._singles(record, results))},
             notes=NOTES,
             figures={"z1_reach.svg": success_curves(curves)},
@@ -290,7 +290,7 @@ class Z1Reach:
     def _holding(self, arm: Arm, seed: int, record: Record) -> dict[str, float]:
         return json.loads((self.judged_place(arm, seed, record) / HOLDING).read_text())
 
-    def _targets(self, rows: Mapping[Arm, Row]) -> tuple[Target, ...]:
+    def targets_of(self, rows: Mapping[Arm, Row]) -> tuple[Target, ...]:
         """Return what the best algorithm is asked for, smooth, against itself without."""
         best, plain = (Arm(self.actions[0], self.rewards[0], self.algorithms[0], smooth) for smooth in (True, False))
         share, what = rows[best]["jerk"] / rows[plain]["jerk"], f"{best.label}, {best.action}"

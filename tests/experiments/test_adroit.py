@@ -31,7 +31,7 @@ needs_robotics = pytest.mark.skipif(
 @needs_experts
 @needs_robotics
 @pytest.mark.parametrize("name", TASKS)
-def test_the_experts_solve_their_tasks_and_earn_what_was_published(name: str) -> None:
+def test_the_experts_earn_what_was_published(name: str) -> None:
     task = TASKS[name]
     env = PublishedRewards(task, 2)
     result = evaluate(env, expert_of(task, DATA, noise=0.0), [0, 1], policy_name="expert", progress=False)
@@ -66,7 +66,7 @@ def test_a_missing_folder_is_said_and_skipped(tmp_path: Path) -> None:
         expert_of(TASKS["door"], tmp_path, noise=0.0)
 
 
-def test_the_trainings_that_targets_ask_for_come_first_and_unknown_classes_are_left_out() -> None:
+def test_what_targets_ask_for_is_trained_first() -> None:
     clean = ({"demos": 15, "bc": 3},)
     study = Adroit(policies={"mlp": {"chunk": 1}, "no_such_class": {}}, clean=clean, seeds=2)
     points = study.points()
@@ -75,7 +75,7 @@ def test_the_trainings_that_targets_ask_for_come_first_and_unknown_classes_are_l
     assert len(points) == len(set(points)) == 2 * (2 + 2) + 3
 
 
-def test_ways_that_are_near_to_each_other_get_as_many_trainings_as_is_said() -> None:
+def test_each_way_gets_its_number_of_trainings() -> None:
     study = Adroit(clean=({"demos": 15, "bc": 4, "ask": 2},), interactive={"ask": None}, seeds=1)
     trained = [(p.method, p.seed) for p in study.points() if p.clean]
     assert trained == [("bc", 0), ("ask", 0), ("bc", 1), ("ask", 1), ("bc", 2), ("bc", 3)]
@@ -84,7 +84,7 @@ def test_ways_that_are_near_to_each_other_get_as_many_trainings_as_is_said() -> 
             Adroit(clean=(wrong,))
 
 
-def test_cloning_beside_an_interactive_way_takes_as_many_steps_and_another_draw_other_flights() -> None:
+def test_a_control_takes_as_many_steps() -> None:
     training = BC(steps=100)
     asking = {"ask": DAgger(rounds=5, between_steps=40, training=training)}
     study = Adroit(clean=({"demos": 15, "bc_as_ask": 2, "ask": 1},), interactive=asking, algorithm=training, seeds=1)
@@ -100,12 +100,16 @@ def row(percent: float, *, queries: int = 100, demos: int = 30, score: float = 9
     return {"percent": percent, "success": round(3 * percent), "episodes": 300, "noise_free": True, **ends, **told}
 
 
-def test_wide_intervals_do_not_make_a_learner_as_good_and_success_alone_does_not() -> None:
+def test_wide_intervals_do_not_make_a_learner_as_good() -> None:
     taught = row(96.0)
-    assert [t.met for t in adroit_tables._thrift(taught, [row(96.0, queries=40)])] == [True, True, True]
-    assert [t.met for t in adroit_tables._thrift(taught, [row(96.0, queries=40, score=80.0)])] == [True, True, False]
+    assert [t.met for t in adroit_tables.thrift_targets(taught, [row(96.0, queries=40)])] == [True, True, True]
+    assert [t.met for t in adroit_tables.thrift_targets(taught, [row(96.0, queries=40, score=80.0)])] == [
+        True,
+        True,
+        False,
+    ]
     few = {**row(90.0, queries=60), "success": 9, "episodes": 10}
-    assert [t.met for t in adroit_tables._thrift(taught, [few])] == [False, False, True]
+    assert [t.met for t in adroit_tables.thrift_targets(taught, [few])] == [False, False, True]
 
 
 def test_dagger_is_judged_beside_cloning_with_as_many_steps_only() -> None:

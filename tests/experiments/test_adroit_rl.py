@@ -15,7 +15,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from experiments.adroit.people import flown_by_people
 from experiments.adroit.tasks import TASKS, PublishedRewards
-from experiments.adroit_rl.study import ASKED, CELLS, CLONE, CONTROL, AdroitRl, Arm, _targets
+from experiments.adroit_rl.study import ASKED, CELLS, CLONE, CONTROL, AdroitRl, Arm, targets_of
 from experiments.common.outside import OutsideStages
 from experiments.common.record import Record
 from tests.experiments.results import result_with
@@ -58,7 +58,7 @@ def test_what_people_flew_fits_the_environment() -> None:
 
 @pytest.mark.slow
 @needs_data
-def test_a_small_study_has_its_control_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_small_study_has_its_control_and_resumes(tmp_path: Path) -> None:
     report = AdroitRl(**SMALL).run(tmp_path, progress=False)
     arms = {row["arm"]: row for row in report.tables["Arms"]}
     assert list(arms) == [CLONE, ASKED, CONTROL]
@@ -76,13 +76,13 @@ def test_a_clone_was_not_trained_for_itself_and_has_no_minutes(tmp_path: Path) -
 
 
 def test_the_page_names_what_sets_the_control_apart() -> None:
-    said = AdroitRl()._control_differs()
+    said = AdroitRl().control_differs()
     for words in ("step size (0.05 and 0.1)", "(64 and 1024)", "(64x64 and 128x128)", "50000 steps", "begins at 0.3"):
         assert words in said
 
 
 @needs_data
-def test_draws_of_the_experts_flights_differ_and_those_of_people_cannot(tmp_path: Path) -> None:
+def test_draws_differ_where_experts_fly(tmp_path: Path) -> None:
     study, stages = AdroitRl(data=str(DATA)), OutsideStages(record=Record(tmp_path))
     expert, people = (
         [study.training(Arm(task, ASKED, "environment"), draw, stages).shown for draw in (0, 1)]
@@ -95,7 +95,7 @@ def test_draws_of_the_experts_flights_differ_and_those_of_people_cannot(tmp_path
     assert control.algorithm.steps == study.dapg.steps
 
 
-def test_what_a_target_asks_for_is_trained_on_every_draw_and_the_rest_on_the_first() -> None:
+def test_what_targets_ask_for_is_trained_on_every_draw() -> None:
     planned = AdroitRl(tasks=("door",)).trainings()
     assert [draw for draw, arm in planned if arm == Arm("door", ASKED, "environment")] == [0, 1, 2]
     assert [draw for draw, arm in planned if arm.name == CONTROL] == [0, 0]
@@ -119,7 +119,7 @@ def test_both_targets_can_be_missed() -> None:
     def verdicts(asked: float, control: float) -> list[bool | None]:
         percents = {ASKED: asked, CONTROL: control}
         rows = {Arm("door", name, "environment"): {**usual, "percent": value} for name, value in percents.items()}
-        return [target.met for target in _targets(rows)]
+        return [target.met for target in targets_of(rows)]
 
     assert verdicts(80.0, 5.0) == [True, True]
     assert verdicts(79.0, 6.0) == [False, False]

@@ -15,7 +15,7 @@ from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import changed
 from aerial_il.policies.mlp import MLP
-from experiments.beyond_teacher.study import ASKED, CLONE, EXPERT, BeyondTeacher, _targets, _times
+from experiments.beyond_teacher.study import ASKED, CLONE, EXPERT, BeyondTeacher, targets_of, times_row
 from experiments.common.practised import Continued
 from experiments.common.stages import Stages
 from tests.experiments.results import result_with
@@ -29,18 +29,18 @@ def flown(*times: float | None) -> Any:
 
 def test_nobody_becomes_faster_by_failing_where_it_takes_long() -> None:
     teacher = flown(2.0, 8.0)
-    assert _times([flown(2.0, None)], teacher)["of_expert"] == 100.0
-    assert _times([flown(1.0, 4.0), flown(2.0, 8.0)], teacher)["of_expert"] == 75.0, "over all trainings"
-    assert _times([flown(1.0, 4.0)], flown(2.0, None))["of_expert"] == 50.0, "where the teacher failed says nothing"
-    assert _times([flown(None, None)], teacher)["of_expert"] is None
+    assert times_row([flown(2.0, None)], teacher)["of_expert"] == 100.0
+    assert times_row([flown(1.0, 4.0), flown(2.0, 8.0)], teacher)["of_expert"] == 75.0, "over all trainings"
+    assert times_row([flown(1.0, 4.0)], flown(2.0, None))["of_expert"] == 50.0, "where the teacher failed says nothing"
+    assert times_row([flown(None, None)], teacher)["of_expert"] is None
 
 
 def interval(results: list[Any], teacher: Any) -> tuple[float, float]:
-    row = _times(results, teacher)
+    row = times_row(results, teacher)
     return row["of_expert_low"], row["of_expert_high"]
 
 
-def test_only_what_differs_from_the_teachers_time_widens_the_interval() -> None:
+def test_only_differences_in_time_widen_the_interval() -> None:
     times = np.random.default_rng(0).uniform(2.0, 8.0, 50)
     assert interval([flown(*times)], flown(*times)) == (100.0, 100.0), "the expert against itself"
     assert interval([flown(*0.7 * times), flown(*0.7 * times)], flown(*times)) == (70.0, 70.0)
@@ -68,7 +68,7 @@ def test_the_interval_covers_the_ratio_of_the_means() -> None:
 
 
 def test_an_expert_was_not_trained_and_has_no_minutes() -> None:
-    row = next(BeyondTeacher()._rows("reach", result_with(4, 3), {}, cast(Stages, None)))
+    row = next(BeyondTeacher().table_rows("reach", result_with(4, 3), {}, cast(Stages, None)))
     assert (row["arm"], row["minutes"], row["of_expert"]) == (EXPERT, None, 100.0)
 
 
@@ -79,7 +79,7 @@ def test_every_target_can_be_missed() -> None:
             {"task": "reach", "arm": EXPERT, "percent": 99.0},
             {"task": "reach", "arm": ASKED, "percent": percent, "of_expert": of_expert, **ends},
         ]
-        return [target.met for target in _targets(rows)]
+        return [target.met for target in targets_of(rows)]
 
     assert verdicts(75.0, 99.0) == [True, True]
     assert verdicts(75.1, 98.5) == [False, False]

@@ -24,7 +24,7 @@ def second_order(damping: float, omega: float = 4.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("damping", [0.4, 0.6, 0.8])
-def test_figures_of_a_second_order_system_are_those_of_the_textbook(damping: float) -> None:
+def test_a_second_order_system_is_that_of_the_textbook(damping: float) -> None:
     found = step_figures(second_order(damping), DT)
     overshoot = 100.0 * np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2))
     assert found.overshoot_percent == pytest.approx(overshoot, abs=0.1)

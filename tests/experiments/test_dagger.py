@@ -33,7 +33,7 @@ SMALL: dict[str, Any] = {
 }
 
 
-def test_a_small_study_tells_what_labels_cost_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_small_study_tells_what_labels_cost_and_resumes(tmp_path: Path) -> None:
     report = Dagger(**SMALL).run(tmp_path, progress=False)
     rows = {row["arm"]: row for row in report.tables["Cloning and asking"]}
     assert list(rows) == [START, "dagger", EPISODES, STEPS]
@@ -66,17 +66,17 @@ def flown(asked: int, cloned: int, draw: int) -> dict[Arm, Any]:
 
 def test_asking_that_is_worse_than_its_control_misses_its_target() -> None:
     results = flown(90, 95, 0) | flown(92, 95, 1)
-    (row,) = dagger._differences(list(dagger._grouped(results)), results)
+    (row,) = dagger.differences_of(list(dagger.grouped_by(results)), results)
     assert (row["control"], row["difference"], row["draws"]) == (STEPS, -4.0, 2)
     assert row["low"] < -4.0 < row["high"]
-    assert [target.met for target in dagger._beside_control([row])] == [False]
-    assert [target.met for target in dagger._beside_control([{**row, "difference": 0.5}])] == [True]
+    assert [target.met for target in dagger.beside_control([row])] == [False]
+    assert [target.met for target in dagger.beside_control([{**row, "difference": 0.5}])] == [True]
 
 
 def test_each_way_of_asking_has_controls_of_its_own_cost() -> None:
     study = Dagger()
     study = replace(study, arms=("dagger", "dart"), draws=(0,), tasks=("reach",))
-    arms = {(arm.name, arm.control_of): arm.training for arm in study._all_arms()}
+    arms = {(arm.name, arm.control_of): arm.training for arm in study.all_arms()}
     for name in ("dagger", "dart"):
         asked, control = arms[name, ""], arms[STEPS, name]
         assert (control.demos, control.algorithm.steps) == (asked.episodes, asked.steps)

@@ -18,7 +18,7 @@ SMALL = Experts(tasks=("reach",), tiers=("calm",), episodes=1, returns=2, thread
 
 
 @pytest.mark.slow
-def test_experts_fly_every_cell_keep_each_evaluation_and_go_on_with_the_rest(tmp_path: Path) -> None:
+def test_experts_fly_every_cell_and_resume(tmp_path: Path) -> None:
     report = replace(SMALL, robots=("ua_quad_arm4",)).run(tmp_path, progress=False)
     (row,) = report.tables["Success of the experts"]
     assert (row["robot"], row["task"], row["tier"], row["success"]) == ("ua_quad_arm4", "reach", "calm", 1)
@@ -43,10 +43,10 @@ def test_tiers_in_which_the_flights_are_the_same_count_once() -> None:
     assert distinct({"calm": calm, "breeze": calm, "hard": hard}) == {"calm": ["breeze"], "hard": []}
 
 
-def test_every_target_can_be_missed_and_hard_has_those_that_were_set() -> None:
+def test_every_target_can_be_missed() -> None:
     cells = [("big_four_z1", "inspect_contact"), ("ua_quad_arm4", "insert_peg"), ("ua_quad_arm4", "reach")]
     none = {"percent": 0.0, "ci95_low": 0.0, "ci95_high": 2.0, "success": 0, "episodes": 200}
     rows = [{"robot": r, "task": t, "tier": tier, **none} for r, t in cells for tier in ("calm", "gusts", "hard")]
-    targets = list(experts._targets(rows))
+    targets = list(experts.targets_of(rows))
     assert [t.limit for t in targets] == [99.0, 95.0, 85.0, 99.0, 95.0, 95.0, 99.0, 95.0]
     assert not any(target.met for target in targets)

@@ -22,7 +22,7 @@ from experiments.flight_control.manoeuvres import (
     response_of,
 )
 from experiments.flight_control.pilots import LawPilot, PolicyPilot
-from experiments.flight_control.study import FlightControl, Training, _success_row
+from experiments.flight_control.study import FlightControl, Training, success_row_of
 from experiments.flight_control.tables import MASSES, MOTORS, by_mismatch
 from tests.experiments.results import result_with
 
@@ -113,9 +113,9 @@ def test_trainings_and_settings() -> None:
 
 
 def test_minutes_are_told_of_learners_alone() -> None:
-    learned = _success_row("hover", "calm", "ppo", [result_with(4, 3), result_with(4, 4)], [600.0, 1200.0])
+    learned = success_row_of("hover", "calm", "ppo", [result_with(4, 3), result_with(4, 4)], [600.0, 1200.0])
     assert (learned["percent"], learned["minutes"]) == (87.5, 15.0)
-    assert _success_row("hover", "calm", "pid", [result_with(4, 3)], [])["minutes"] is None
+    assert success_row_of("hover", "calm", "pid", [result_with(4, 3)], [])["minutes"] is None
 
 
 def test_a_task_may_explore_less_than_the_others() -> None:
@@ -125,7 +125,7 @@ def test_a_task_may_explore_less_than_the_others() -> None:
     assert study.learner(Training("land", "sac", 0)) == study.sac
 
 
-def test_a_pilot_that_crashes_at_times_is_drawn_hollow_and_one_that_mostly_does_not_at_all() -> None:
+def test_a_pilot_that_crashes_is_drawn_hollow() -> None:
     def flown(crashed: float) -> dict[str, dict[str, object]]:
         kinds = ["nominal", *(f"mass {m}" for m in MASSES), *(f"motor {m}" for m in MOTORS)]
         return {"mismatch": {kind: asdict(Held(1.0, 2.0, 1.0, 3.0, crashed)) for kind in kinds}}

@@ -43,27 +43,27 @@ def test_a_learner_is_told_its_task_and_its_control() -> None:
         subsample=20,
         suite_gail={"demonstrations": {"bounds": "demonstrations"}, "rollout": {"steps": 64}, "bc_pretrain_steps": 9},
     )
-    own = study._learner(Point("reach", "gail", "constant_reward", 0))
+    own = study.learner_of(Point("reach", "gail", "constant_reward", 0))
     shown = own.demonstrations
     assert (own.steps, shown.subsample, shown.bounds, shown.control) == (123, 1, "demonstrations", "constant_reward")
-    clone = study._learner(Point("reach", gail.CLONE, "none", 0))
+    clone = study.learner_of(Point("reach", gail.CLONE, "none", 0))
     assert (clone.steps, clone.warmup, clone.bc_pretrain_steps) == (64, 64, 9), "reinforcement never moves it"
-    outside = study._learner(Point("Hopper-v5", "dac", "none", 0))
+    outside = study.learner_of(Point("Hopper-v5", "dac", "none", 0))
     shown = outside.demonstrations
     assert (shown.subsample, shown.bounds, shown.control) == (20, "environment", "none")
-    clone = study._learner(Point("Hopper-v5", gail.CLONE, "none", 0))
+    clone = study.learner_of(Point("Hopper-v5", gail.CLONE, "none", 0))
     assert clone.steps < clone.warmup, "nor here"
 
 
 def test_experts_that_were_kept_are_taken(tmp_path: Path) -> None:
     study, record = Gail(experts=str(tmp_path / "kept")), Record(tmp_path)
-    assert study._expert_run("Hopper-v5", record).parent == tmp_path / "experts"
+    assert study.expert_run("Hopper-v5", record).parent == tmp_path / "experts"
     (tmp_path / "kept" / "Hopper-v5" / "policy").mkdir(parents=True)
-    assert study._expert_run("Hopper-v5", record) == tmp_path / "kept" / "Hopper-v5"
-    assert Gail(experts=None)._expert_run("Hopper-v5", record).parent == tmp_path / "experts"
+    assert study.expert_run("Hopper-v5", record) == tmp_path / "kept" / "Hopper-v5"
+    assert Gail(experts=None).expert_run("Hopper-v5", record).parent == tmp_path / "experts"
 
 
-def test_trainings_of_an_arm_differ_in_their_demonstrations_and_worlds_are_part_of_what_decides(tmp_path: Path) -> None:
+def test_trainings_differ_in_demonstrations_and_worlds(tmp_path: Path) -> None:
     study, record = Gail(methods=("gail", LIKE), suite={"reach": 250}, outside=()), Record(tmp_path)
     first, second = (study._decided_by(Point("reach", "gail", "none", seed), record) for seed in (0, 1))
     assert first["shown"]["draw"] != second["shown"]["draw"]
@@ -73,9 +73,7 @@ def test_trainings_of_an_arm_differ_in_their_demonstrations_and_worlds_are_part_
     assert many["algorithm"] == like["algorithm"]
 
 
-def test_the_learned_reward_is_drawn_of_trainings_that_still_have_their_networks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rewards_are_drawn_where_networks_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study, record = Gail(outside=("Hopper-v5",), suite={}, methods=("dac", "gail"), seeds=2), Record(tmp_path)
     drawn: list[tuple[Path, int]] = []
     monkeypatch.setattr(gail, "reward_along", lambda run, episode: drawn.append((run, episode)))
@@ -98,7 +96,7 @@ def test_the_learned_reward_is_drawn_of_trainings_that_still_have_their_networks
     assert drawn[-2:] == [(first, 1)] * 2, "along a demonstration of the training's own draw"
 
 
-def test_ratios_are_those_to_the_expert_and_targets_judge_the_first_method(tmp_path: Path) -> None:
+def test_ratios_are_to_the_expert(tmp_path: Path) -> None:
     expert = result(100.0, 100.0)
     row = ratios.row("Hopper-v5", "dac", "none", [result(90.0, 110.0)], expert, [])
     assert row["ratio"] == 1.0
@@ -135,7 +133,7 @@ def arm(method: str, value: float, *, minutes: float = 1.0, trainings: int = 3, 
     return {**common, "method": method, **ends}
 
 
-def test_beside_a_peer_like_is_compared_with_like_and_each_at_its_best() -> None:
+def test_a_peer_is_compared_like_with_like() -> None:
     peer = arm("imitation 1.0.1 GAIL, published settings, 8 worlds, one process", 0.8, minutes=2.5)
     better = [arm("gail", 0.95), arm(LIKE, 0.69), peer]
     met = {target.what.split(":")[0]: target.met for target in ratios.peer_targets(better)}
@@ -148,7 +146,7 @@ def test_beside_a_peer_like_is_compared_with_like_and_each_at_its_best() -> None
     assert all(target.met for target in ratios.peer_targets(equal)), "within the intervals, and three times as fast"
 
 
-def test_too_few_trainings_are_not_compared_lest_wide_intervals_win() -> None:
+def test_too_few_trainings_are_not_compared() -> None:
     peer = arm("imitation 1.0.1 GAIL, published settings, 8 worlds, one process", 0.8)
     found = list(ratios.peer_targets([arm(LIKE, 0.1, trainings=2, half=5.0), peer]))
     assert [target.unit for target in found] == ["times"]

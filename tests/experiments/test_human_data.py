@@ -16,8 +16,8 @@ from experiments.human_data.study import DRIVER, SCRIPT, TEACHERS, ClonedDriver,
 SUITED = Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="hand")
 
 
-def test_the_drivers_arm_is_suited_to_hands_and_the_others_are_not() -> None:
-    found = {teacher: training for _, teacher, training in HumanData(arms=("flow",), draws=(0,))._trainings()}
+def test_only_the_drivers_arm_is_suited_to_hands() -> None:
+    found = {teacher: training for _, teacher, training in HumanData(arms=("flow",), draws=(0,)).all_trainings()}
     driver, recorded, script = (found[teacher] for teacher in TEACHERS)
     assert isinstance(driver, ClonedDriver)
     assert isinstance(recorded, ClonedDriver)
@@ -30,7 +30,7 @@ def test_the_drivers_arm_is_suited_to_hands_and_the_others_are_not() -> None:
 
 
 def test_a_class_may_be_trained_in_fewer_draws() -> None:
-    found = list(HumanData(arms=("mlp", "act"), fewer={"act": 1})._trainings())
+    found = list(HumanData(arms=("mlp", "act"), fewer={"act": 1}).all_trainings())
     assert Counter((name, teacher) for name, teacher, _ in found) == {
         **{("mlp", teacher): 3 for teacher in TEACHERS}, ("act", DRIVER): 1, ("act", SCRIPT): 1,
     }  # fmt: skip

@@ -34,9 +34,9 @@ SMALL: dict[str, Any] = {
 }
 
 
-def test_every_task_with_an_end_effector_is_flown_by_three_robots_in_three_draws() -> None:
+def test_every_manipulation_task_is_flown_in_three_draws() -> None:
     study = Imitation()
-    flights = [flight.arm | {"draw": flight.training.source.draw} for flight in study._flights()]
+    flights = [flight.arm | {"draw": flight.training.source.draw} for flight in study.planned_flights()]
     assert {f["robot"] for f in flights} == set(ROBOTS)
     cells = {(f["robot"], f["task"]) for f in flights}
     assert cells == {c for c in imitation.aerial_il.list_cells() if c[0] in ROBOTS and c[1] != "hover"}
@@ -46,7 +46,12 @@ def test_every_task_with_an_end_effector_is_flown_by_three_robots_in_three_draws
 
 def test_sizes_are_tried_in_every_draw() -> None:
     study = Imitation(**{**SMALL, "sizes": (1, 2)})
-    assert [(f.training.demos, f.training.source.draw) for f in study._flights()] == [(2, 0), (2, 1), (1, 0), (1, 1)]
+    assert [(f.training.demos, f.training.source.draw) for f in study.planned_flights()] == [
+        (2, 0),
+        (2, 1),
+        (1, 0),
+        (1, 1),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -76,9 +81,9 @@ def flown(*rates: tuple[str, int, int]) -> dict[Flight, EvaluationResult]:
     return {flight(task, draw): result_with(20, count) for task, draw, count in rates}
 
 
-def test_the_mean_counts_tasks_alike_and_its_wider_interval_is_that_of_the_draws() -> None:
+def test_the_mean_counts_tasks_alike() -> None:
     results = flown(("reach", 0, 20), ("reach", 1, 10), ("track", 0, 6), ("track", 1, 4))
-    (row,) = imitation._macro(results)
+    (row,) = imitation.macro_rows(results)
     assert (row["tasks"], row["draws"], row["trainings"], row["percent"]) == (2, 2, 4, 50.0)
     assert row["worst"] == "track (25 %)"
     assert row["trainings_low"] < row["flights_low"] < 50 < row["flights_high"] < row["trainings_high"]
@@ -86,23 +91,23 @@ def test_the_mean_counts_tasks_alike_and_its_wider_interval_is_that_of_the_draws
 
 def test_a_task_that_lacks_a_draw_is_not_averaged_over() -> None:
     with pytest.raises(InvalidValueError, match="as many trainings of each"):
-        imitation._macro(flown(("reach", 0, 20), ("reach", 1, 10), ("track", 0, 6)))
+        imitation.macro_rows(flown(("reach", 0, 20), ("reach", 1, 10), ("track", 0, 6)))
 
 
 def test_targets_are_judged_in_full_only_and_can_be_missed() -> None:
     study = Imitation()
     row = {"robot": "fa_hexa_arm4", "method": "mlp", "trained_in": "calm", "flown_in": "calm", "percent": 94.0}
     row |= {f"{unit}_{end}": 90.0 for unit in ("flights", "trainings") for end in ("low", "high")}
-    tasks = len(imitation._able("fa_hexa_arm4"))
+    tasks = len(imitation.able_tasks("fa_hexa_arm4"))
     macro, peg = [{**row, "tasks": tasks}], [{**row, "task": "insert_peg"}]
-    assert [(t.limit, t.met) for t in study._targets(macro, peg)] == [(95.0, False), (90.0, True)]
-    assert not list(study._targets([{**row, "tasks": tasks - 1}], [{**row, "task": "reach"}]))
-    assert not list(replace(study, draws=(0,))._targets(macro, peg)), "one draw proves nothing"
-    assert not list(study._targets([{**macro[0], "method": "act"}], [])), "nor does another class than the default"
+    assert [(t.limit, t.met) for t in study.targets_of(macro, peg)] == [(95.0, False), (90.0, True)]
+    assert not list(study.targets_of([{**row, "tasks": tasks - 1}], [{**row, "task": "reach"}]))
+    assert not list(replace(study, draws=(0,)).targets_of(macro, peg)), "one draw proves nothing"
+    assert not list(study.targets_of([{**macro[0], "method": "act"}], [])), "nor does another class than the default"
 
 
 @pytest.mark.slow
-def test_what_is_there_is_taken_and_an_arm_that_is_added_flies_itself_only(tmp_path: Path) -> None:
+def test_an_arm_that_is_added_flies_itself_only(tmp_path: Path) -> None:
     report = Imitation(**SMALL).run(tmp_path, progress=False)
     (row,) = report.tables["Each task"]
     assert (row["trainings"], row["episodes"]) == (2, 4)

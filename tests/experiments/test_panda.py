@@ -12,12 +12,12 @@ from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda import study as panda
-from experiments.panda.study import PUSH, REACH, Arm, Panda, _targets
+from experiments.panda.study import PUSH, REACH, Arm, Panda, targets_of
 
 needs_panda = pytest.mark.skipif(importlib.util.find_spec("panda_gym") is None, reason="panda-gym is not installed")
 
 
-def test_every_algorithm_is_trained_with_every_seed_and_push_as_often_as_is_said() -> None:
+def test_every_algorithm_is_trained_with_every_seed() -> None:
     planned = Panda(seeds=2, pushes=1).trainings()
     assert [arm for arm, seed in planned if seed == 1] == [Arm(REACH, name) for name in ("ddpg", "td3", "sac")]
     assert [seed for arm, seed in planned if arm == Arm(PUSH, "sac")] == [0]
@@ -26,7 +26,7 @@ def test_every_algorithm_is_trained_with_every_seed_and_push_as_often_as_is_said
 def test_every_target_can_be_missed() -> None:
     def verdicts(worst: float, found: float) -> list[bool | None]:
         row = {"success": 1, "episodes": 1, "trainings": 1, "worst": worst, "return": found, "worst_return": found}
-        return [target.met for target in _targets({Arm(REACH, "sac"): row, Arm(PUSH, "sac"): row})]
+        return [target.met for target in targets_of({Arm(REACH, "sac"): row, Arm(PUSH, "sac"): row})]
 
     assert verdicts(100.0, -1.9) == [True, True, True]
     assert verdicts(99.5, -2.1) == [False, False, True]

@@ -10,13 +10,13 @@ import pytest
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
-from experiments.policies.study import OneByOne, Policies, _prepared
+from experiments.policies.study import OneByOne, Policies, prepared_for
 from tests.algorithms.point_mass import demonstrations
 
 
 def test_the_loader_gives_the_windows_that_training_gathers() -> None:
     demos, config = demonstrations(3), MLP(history=3, chunk=7)
-    _, training, interface = _prepared(config, demos)
+    _, training, interface = prepared_for(config, demos)
     one_by_one = OneByOne(demos, interface, config)
     assert len(one_by_one) == len(training)
     index = np.array([0, 1, len(demos[0]) - 1, len(demos[0]), len(training) - 1])

@@ -14,7 +14,7 @@ from experiments.common.notes import notes_on
 from experiments.common.outside import mean_of_last
 from experiments.sb3.cells import Cell, cells
 from experiments.sb3.curves import kept
-from experiments.sb3.study import NOTES, Sb3, _ends, _rows, _targets, _times_sooner
+from experiments.sb3.study import NOTES, Sb3, interval_ends, table_rows, targets_of, times_sooner
 from experiments.sb3.theirs import INSTALLED, Found, keywords, schedule
 
 needs_sb3 = pytest.mark.skipif(not INSTALLED, reason="Stable-Baselines3 is not installed")
@@ -39,12 +39,12 @@ def found(mean: float, when: float) -> Found:
 
 
 def test_sooner_is_the_time_to_what_both_reach() -> None:
-    assert _times_sooner([(found(100.0, 2.0), found(100.0, 6.0))]) == [3.0]
-    assert _times_sooner([(found(200.0, 2.0), found(100.0, 6.0))]) == [6.0], "ours was there with its first half"
-    assert _times_sooner([(Found([1.0], 1.0, []), found(1.0, 1.0))]) is None
+    assert times_sooner([(found(100.0, 2.0), found(100.0, 6.0))]) == [3.0]
+    assert times_sooner([(found(200.0, 2.0), found(100.0, 6.0))]) == [6.0], "ours was there with its first half"
+    assert times_sooner([(Found([1.0], 1.0, []), found(1.0, 1.0))]) is None
 
 
-def test_a_study_keeps_the_end_of_a_long_curve_and_a_short_one_whole() -> None:
+def test_a_long_curve_keeps_its_end() -> None:
     curve = [(8 * k, 0.123456 * k, 1.0 / (k + 1)) for k in range(1001)]
     long, short = kept(Found([1.23456], 9.0, curve)), kept(Found([], 9.0, curve[:3]))
     assert 50 < len(long["curve"]) <= 100
@@ -57,14 +57,14 @@ def test_a_study_keeps_the_end_of_a_long_curve_and_a_short_one_whole() -> None:
 def test_every_target_can_be_missed() -> None:
     cell = replace(cells()["ppo_reach"], wanted=50.0, as_theirs=True)
     better, worse = found(60.0, 2.0), found(40.0, 6.0)
-    assert [target.met for target in _targets("any", cell, [(better, worse)])] == [True, True, True]
-    assert [target.met for target in _targets("any", cell, [(worse, better)])] == [False, False, False]
+    assert [target.met for target in targets_of("any", cell, [(better, worse)])] == [True, True, True]
+    assert [target.met for target in targets_of("any", cell, [(worse, better)])] == [False, False, False]
 
 
-def test_who_is_to_be_sooner_is_to_fly_no_worse_without_exploration() -> None:
+def test_who_is_sooner_may_fly_no_worse() -> None:
     """The return that both reach sooner is flown with exploration, which a policy may need."""
     sooner = [Found([40.0] * 3, 10.0, found(60.0, 2.0).curve), found(50.0, 6.0)]
-    targets = _targets("any", cells()["ppo_reach"], [(sooner[0], sooner[1])])
+    targets = targets_of("any", cells()["ppo_reach"], [(sooner[0], sooner[1])])
     assert [(target.limit, target.met) for target in targets] == [(50.0, False), (2.0, True)]
     assert [target.what.partition(": ")[2] for target in targets] == [
         "return without exploration, no worse than theirs",
@@ -74,11 +74,11 @@ def test_who_is_to_be_sooner_is_to_fly_no_worse_without_exploration() -> None:
 
 def test_an_interval_stays_within_what_a_return_can_be() -> None:
     cart_pole, anything = cells()["dqn_cartpole"].bounds, cells()["ppo_half_cheetah"].bounds
-    assert _ends(np.array([19.0, 500.0, 500.0]), cart_pole) == {"low": 0.0, "high": 500.0}
-    assert _ends(np.array([500.0, 400.0]), cart_pole) == {"low": 0.0, "high": 500.0}
-    assert _ends(np.array([500.0, 400.0]), anything) == {"low": None, "high": None}, "of two it says nothing"
-    assert _ends(np.array([1.0, 2.0, 3.0]), anything) == {"low": -0.5, "high": 4.5}
-    assert _ends(np.array([500.0]), cart_pole) == {"low": None, "high": None}
+    assert interval_ends(np.array([19.0, 500.0, 500.0]), cart_pole) == {"low": 0.0, "high": 500.0}
+    assert interval_ends(np.array([500.0, 400.0]), cart_pole) == {"low": 0.0, "high": 500.0}
+    assert interval_ends(np.array([500.0, 400.0]), anything) == {"low": None, "high": None}, "of two it says nothing"
+    assert interval_ends(np.array([1.0, 2.0, 3.0]), anything) == {"low": -0.5, "high": 4.5}
+    assert interval_ends(np.array([500.0]), cart_pole) == {"low": None, "high": None}
 
 
 def test_a_page_tells_how_the_sides_differ_in_what_is_on_it() -> None:
@@ -115,9 +115,9 @@ def test_a_comparison_that_takes_long_is_made_with_fewer_seeds(tmp_path: Path, m
         Sb3(fewer={"ppo_reac": 1})
 
 
-def test_flights_of_the_mean_action_stand_beside_those_of_training() -> None:
+def test_flights_of_the_mean_stand_beside_training() -> None:
     pair = (Found([1.0, 3.0], 10.0, [(1.0, 1.0, 5.0), (2.0, 2.0, 7.0)]), Found([4.0], 10.0, []))
-    ours, theirs = _rows("any", cells()["ppo_reach"], [pair])
+    ours, theirs = table_rows("any", cells()["ppo_reach"], [pair])
     assert (ours["return"], ours["exploring"]) == (2.0, 7.0)
     assert (theirs["return"], theirs["exploring"], theirs["steps"]) == (4.0, None, None), "no episode ended on the way"
 

@@ -8,7 +8,7 @@ import pytest
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import DatasetFolder
-from experiments.teleop.study import Teleop, _found, _targets
+from experiments.teleop.study import Teleop, found_rows, targets_of
 from tests.teleop.hands import world
 from tests.teleop.session.test_cockpit import cockpit_of, fly, recorded, schedule
 
@@ -21,21 +21,21 @@ def test_what_was_told_must_be_there_and_whole(tmp_path: Path) -> None:
     fly(cockpit, schedule((1, 2, ["record"]), (6, 100, ["up-"])), 100)
     cockpit.logbook.close()
     told = {"finished": 1, "steps": 90}
-    assert _found(env, tmp_path, told)["intact"]
-    assert not _found(env, tmp_path, {**told, "finished": 2})["intact"]
-    assert not _found(env, tmp_path, {**told, "steps": 400})["intact"]
+    assert found_rows(env, tmp_path, told)["intact"]
+    assert not found_rows(env, tmp_path, {**told, "finished": 2})["intact"]
+    assert not found_rows(env, tmp_path, {**told, "steps": 400})["intact"]
     (file,) = DatasetFolder(tmp_path).files("failures")
     raw = bytearray(file.read_bytes())
     raw[len(raw) // 2] ^= 1
     file.write_bytes(raw)
-    found = _found(env, tmp_path, told)
+    found = found_rows(env, tmp_path, told)
     assert (found["whole"], found["intact"]) == (0, False)
 
 
 def test_targets_are_missed_by_what_misses_them() -> None:
     page = {"on_time_percent": 94.9, "ticks": 9, "key_ms": 101.0, "keys": 1, "key_ms_95": 1.0, "steps": 3}
     cuts = [{"intact": True}, {"intact": False}]
-    targets = _targets({**page, "replayed_percent": 99.9}, {"age_ms": 501.0, "age_ms_95": 1.0}, [301.0], cuts)
+    targets = targets_of({**page, "replayed_percent": 99.9}, {"age_ms": 501.0, "age_ms_95": 1.0}, [301.0], cuts)
     assert len(targets) == 6
     assert not any(target.met for target in targets)
 

@@ -22,7 +22,7 @@ HINDSIGHT = build(SAC, {"hindsight": {"goals": 4}})
 STUDY = Z1Reach(seeds=2, sac=HINDSIGHT, smooth=replace(SAC().smoothness, temporal=1.0))
 
 
-def test_every_algorithm_is_tried_everywhere_and_smooth_where_that_alone_differs() -> None:
+def test_every_algorithm_is_tried_everywhere() -> None:
     arms = STUDY.arms()
     assert len(arms) == len(set(arms)) == 3 * 2 * 2 + 3
     for arm in (arm for arm in arms if arm.smooth):
@@ -49,7 +49,7 @@ def test_unknown_algorithms_are_refused() -> None:
         Z1Reach(algorithms=("ppo",))
 
 
-def test_an_action_that_swings_is_told_from_one_that_rests_and_from_one_that_drifts() -> None:
+def test_swinging_is_told_from_resting_and_drifting() -> None:
     steps = np.arange(100)
     swings, rests, drifts = (-1.0) ** steps, np.zeros(100), steps / 100
     found = held(np.stack([swings, rests, drifts], 1)[:, None], np.full((100, 1), 0.01), 0.02)

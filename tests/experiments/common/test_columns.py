@@ -58,7 +58,7 @@ def test_an_interval_stands_beside_its_number(row: dict[str, Any], shown: dict[s
     assert cells(row) == [shown]
 
 
-def test_numbers_stand_to_the_right_with_their_intervals_and_words_to_the_left() -> None:
+def test_numbers_stand_right_and_words_left() -> None:
     row = {
         "arm": "bc",
         "each": "1 (2); 3 (4)",

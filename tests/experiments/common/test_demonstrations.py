@@ -67,7 +67,7 @@ def test_an_expert_that_always_fails_is_noticed(flown: tuple[set[int], set[int]]
         gather(tmp_path, 10)
 
 
-def test_draws_share_no_seed_with_each_other_nor_with_evaluations() -> None:
+def test_draws_and_evaluations_share_no_seed() -> None:
     with pytest.raises(InvalidValueError, match="at most 2500"):
         gather(Path("nowhere"), MOST_PER_DRAW + 1)
     assert 2 * MOST_PER_DRAW <= min(TUNING_SEEDS) < EVALUATION_SEED < SEEDS_PER_DRAW

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from experiments.common.figures import mismatch_lines, success_curves
-from experiments.from_prior.lines import STEP_TICKS, _apart, _looks, practice_lines
+from experiments.from_prior.lines import STEP_TICKS, kept_apart, looks_of, practice_lines
 
 ARMS = ("expert_iteration", "filtered_bc", "bc_ppo", "residual", "dapg", "jsrl", "ibrl", "rlpd", "ppo")
 CLONES = ("bc, first", "bc, as practice begins", "bc, many")
@@ -31,7 +31,7 @@ def texts(svg: str) -> set[str]:
 
 
 def test_no_two_arms_look_alike() -> None:
-    looks = _looks([*(final(arm) for arm in ARMS), *(final(arm, flown=0) for arm in CLONES)])
+    looks = looks_of([*(final(arm) for arm in ARMS), *(final(arm, flown=0) for arm in CLONES)])
     assert len({(look.colour, look.marker) for look in looks.values()}) == len({look.colour for look in looks.values()})
     assert len({look.marker for look in looks.values()}) == len(ARMS) + len(CLONES)
 
@@ -39,7 +39,7 @@ def test_no_two_arms_look_alike() -> None:
 @pytest.mark.parametrize(
     ("over", "axis"), [("flown", "control steps flown"), ("minutes", "minutes of flying and learning")]
 )
-def test_practice_is_drawn_with_its_tier_its_target_and_every_arm(over: str, axis: str) -> None:
+def test_practice_is_drawn_with_tier_target_and_arms(over: str, axis: str) -> None:
     rows = [*way("bc_ppo", 0, 50.0, 80.0), *way("bc_ppo", 1, 55.0, 70.0), *way("ppo", 0, 0.0, 10.0, faint=True)]
     policies = [final("bc, first", flown=0), final("bc_ppo"), final("ppo")]
     titles, wanted = {CELL: "pick_place from 10, in gusts"}, {CELL: 85.0, ("insert_peg", 40): 90.0}
@@ -50,8 +50,8 @@ def test_practice_is_drawn_with_its_tier_its_target_and_every_arm(over: str, axi
 
 
 def test_ticks_whose_labels_would_touch_are_left_out() -> None:
-    assert _apart(list(STEP_TICKS), 8e6) == [0.0, 1e5, 5e5, 1e6, 2e6, 4e6, 8e6, 2e7]
-    assert _apart(list(STEP_TICKS), 2e7) == [0.0, 5e5, 2e6, 4e6, 8e6, 2e7]
+    assert kept_apart(list(STEP_TICKS), 8e6) == [0.0, 1e5, 5e5, 1e6, 2e6, 4e6, 8e6, 2e7]
+    assert kept_apart(list(STEP_TICKS), 2e7) == [0.0, 5e5, 2e6, 4e6, 8e6, 2e7]
 
 
 def test_learning_is_drawn_from_no_step_on_in_millions() -> None:

@@ -48,7 +48,7 @@ def test_the_curve_has_a_point_for_each_size(report: Report) -> None:
     json.dumps(report.to_dict(), allow_nan=False)
 
 
-def test_each_size_learns_from_the_first_demonstrations_of_its_draw(report: Report, folder: Path) -> None:
+def test_each_size_takes_the_first_of_its_draw(report: Report, folder: Path) -> None:
     for draw, size in ((0, 1), (0, 2), (1, 1), (1, 2)):
         (run,) = folder.glob(f"training/mlp/ua_quad_arm4-reach-calm/{size}/{draw}-*")
         assert load_policy(run).origin["dataset"]["demonstrations"] == size
@@ -78,7 +78,7 @@ def test_impossible_settings_are_refused() -> None:
         replace(TINY, sizes=())
 
 
-def test_the_interval_over_trainings_is_the_wider_where_they_differ_and_absent_for_one() -> None:
+def test_the_interval_over_trainings_is_the_wider() -> None:
     row = pooled_row([result_with(100, count) for count in (90, 70, 50)])
     assert (row["trainings"], row["success"], row["percent"], row["worst"], row["best"]) == (3, 210, 70.0, 50.0, 90.0)
     assert row["trainings_low"] < row["flights_low"] < 70 < row["flights_high"] < row["trainings_high"] == 100.0

@@ -24,14 +24,14 @@ def test_a_last_row_of_flights_alone_does_not_hide_the_time(tmp_path: Path) -> N
     assert own_time_s(run) == trained_s(run) == 70.0
 
 
-def test_what_it_began_with_counts_and_rounds_within_it_do_not_count_twice(tmp_path: Path) -> None:
+def test_the_start_counts_and_rounds_count_once(tmp_path: Path) -> None:
     run = told(tmp_path / "run", [{"step": 1, "elapsed_s": 100.0}])
     told(run / "prior", [{"step": 5, "elapsed_s": 20.0}])
     told(run / "rounds" / "001" / "training", [{"step": 5, "elapsed_s": 40.0}])
     assert trained_s(run) == 120.0
 
 
-def test_rounds_of_a_run_that_does_not_tell_its_own_time_count_with_their_optimisation(tmp_path: Path) -> None:
+def test_rounds_count_where_the_run_tells_no_time(tmp_path: Path) -> None:
     run = told(tmp_path / "run", [{"step": 1, "flights": 3.0}])
     told(run / "rounds" / "001" / "training", [{"step": 5, "elapsed_s": 40.0}])
     assert own_time_s(run) == 0.0

@@ -28,7 +28,7 @@ def test_the_dip_is_the_largest_on_the_way_however_it_ends(percent: tuple[float,
     assert largest_dip(rounds(*percent)) == dip
 
 
-def test_of_many_rounds_some_are_listed_from_the_first_to_the_last() -> None:
+def test_of_many_rounds_some_are_listed() -> None:
     rounds = [{"round": number} for number in range(1, 246)]
     listed = [row["round"] for row in spread_evenly(rounds, 16)]
     assert (listed[0], listed[-1], len(set(listed))) == (1, 245, 16)
@@ -36,7 +36,7 @@ def test_of_many_rounds_some_are_listed_from_the_first_to_the_last() -> None:
     assert spread_evenly([], 16) == []
 
 
-def test_practice_that_goes_on_from_other_practice_counts_the_steps_and_minutes_of_both(tmp_path: Path) -> None:
+def test_practice_after_practice_counts_both(tmp_path: Path) -> None:
     """Or a method would look as quick as its last stretch."""
     source = Source(robot="z1", task="reach")
     rounds = Practised("rounds", source, 2, MLP(), ExpertIteration(rounds=2))
@@ -103,9 +103,7 @@ def test_no_method_may_fall_far_below_its_prior(name: str, met: bool | None) -> 
 
 
 @pytest.mark.parametrize(("rates", "dip"), [((0.8, 0.1, 0.77, 0.9), 3.0), ((0.8, 0.1, 0.5, 0.9), 30.0), ((), None)])
-def test_the_dip_of_what_learns_step_by_step_is_that_of_its_flights_on_the_way(
-    rates: tuple[float, ...], dip: float | None, tmp_path: Path
-) -> None:
+def test_a_dip_is_that_of_flights_on_the_way(rates: tuple[float, ...], dip: float | None, tmp_path: Path) -> None:
     """However good practice looked meanwhile; and practice itself is judged where nothing was flown on the way."""
     source = Source(robot="z1", task="reach")
     clone = Cloned("bc", source, 2, MLP(), BC())

@@ -53,7 +53,7 @@ SMALL: dict[str, Any] = {
 
 
 @pytest.mark.slow
-def test_a_small_study_stands_beside_its_controls_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_small_study_runs_and_resumes(tmp_path: Path) -> None:
     report = FromPrior(**SMALL).run(tmp_path, progress=False)
     success = report.tables["Success"]
     assert [(row["arm"], row["tier"]) for row in success] == [
@@ -78,7 +78,7 @@ def rows_of(arm: str, percent: float, harder: float, minutes: float = 60.0) -> l
     return [{**head, "tier": "calm", "percent": percent}, {**head, "tier": "gusts", "percent": harder}]
 
 
-def test_a_method_reaches_the_target_in_both_tiers_and_in_time_or_not_at_all() -> None:
+def test_a_target_is_reached_in_both_tiers_and_in_time() -> None:
     fine = [row for arm in ("bc_ppo", "dapg") for row in rows_of(arm, 95.0, 90.0)]
     for arm, *numbers, reached in (
         ("jsrl", 95.0, 90.0, 60.0, 3),
@@ -88,14 +88,14 @@ def test_a_method_reaches_the_target_in_both_tiers_and_in_time_or_not_at_all() -
         ("filtered_bc", 95.0, 90.0, 60.0, 2),
         (CLONE, 95.0, 90.0, 60.0, 2),
     ):
-        (target,) = FromPrior()._targets([*fine, *rows_of(arm, *numbers)])
+        (target,) = FromPrior().targets_of([*fine, *rows_of(arm, *numbers)])
         assert (target.limit, target.measured, target.met) == (3, reached, reached == 3)
-    assert not list(FromPrior()._targets(rows_of("filtered_bc", 95.0, 90.0)))
-    assert not list(FromPrior()._targets([{**row, "demos": 11} for row in fine]))
-    assert not list(FromPrior(robot="quad")._targets(fine)), "nothing is wanted of another robot"
+    assert not list(FromPrior().targets_of(rows_of("filtered_bc", 95.0, 90.0)))
+    assert not list(FromPrior().targets_of([{**row, "demos": 11} for row in fine]))
+    assert not list(FromPrior(robot="quad").targets_of(fine)), "nothing is wanted of another robot"
 
 
-def test_a_method_that_adds_nothing_to_a_policy_that_reaches_the_target_does_not_count() -> None:
+def test_a_method_that_adds_nothing_does_not_count() -> None:
     """Else whoever goes on from it, and learns nothing, would reach the target."""
     rows = [row for arm in ("expert_iteration", "bc_ppo", "dapg") for row in rows_of(arm, 95.0, 90.0)]
 
@@ -106,12 +106,12 @@ def test_a_method_that_adds_nothing_to_a_policy_that_reaches_the_target_does_not
         return [{**head, "tier": t, "won": w, "lost": n, "p": mcnemar(w, n)} for t, (w, n) in counts.items()]
 
     for before, won, lost, counted in ((95.0, 9, 9, 2), (95.0, 17, 4, 3), (95.0, 4, 17, 2), (50.0, 9, 9, 3)):
-        (target,) = FromPrior()._targets(rows, gains(before, won, lost))
+        (target,) = FromPrior().targets_of(rows, gains(before, won, lost))
         assert target.measured == counted
         assert ("not counted: dapg" in target.spread) == (counted == 2)
 
 
-def test_the_heavy_vehicle_is_asked_for_success_in_both_tiers_of_more_than_filtered_cloning() -> None:
+def test_the_heavy_vehicle_is_judged_in_both_tiers() -> None:
     study = FromPriorBigFour()
     assert (study.robot, study.practised_in["insert_peg"]) == ("big_four_z1", "gusts")
     for arm, percent, harder, met in (
@@ -122,7 +122,7 @@ def test_the_heavy_vehicle_is_asked_for_success_in_both_tiers_of_more_than_filte
         (CLONE, 95.0, 95.0, None),
     ):
         rows = [{**row, "task": "insert_peg", "demos": 40} for row in rows_of(arm, percent, harder)]
-        assert [target.met for target in study._targets(rows)] == ([] if met is None else [met])
+        assert [target.met for target in study.targets_of(rows)] == ([] if met is None else [met])
 
 
 def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
@@ -136,13 +136,13 @@ def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
         assert getattr(algorithm, "reward", "sparse") == "sparse"
 
 
-def test_the_shipped_study_has_every_arm_in_the_order_of_its_page() -> None:
-    assert list(FromPrior()._named()) == list(FromPrior().practising)
+def test_every_arm_stands_in_the_order_of_the_page() -> None:
+    assert list(FromPrior().named_arms()) == list(FromPrior().practising)
 
 
-def test_what_is_shown_nothing_is_trained_once_however_many_demonstrations_others_have() -> None:
+def test_what_is_shown_nothing_is_trained_once() -> None:
     starts: Any = {"starts": {"reach": (2, 4)}, "only_from": {}}
-    arms = list(FromPrior(**starts, draws=(0,), arms=("bc_ppo", "ppo"))._all_arms())
+    arms = list(FromPrior(**starts, draws=(0,), arms=("bc_ppo", "ppo")).all_arms())
     assert [arm.demos for arm in arms if arm.name == "ppo"] == [0]
     assert [arm.demos for arm in arms if arm.name == "bc_ppo"] == [2, 4]
 
@@ -154,7 +154,7 @@ def test_a_study_of_nothing_is_refused(wrong: dict[str, Any]) -> None:
 
 
 def test_an_arm_may_be_trained_in_fewer_draws() -> None:
-    arms = list(FromPrior(starts={"reach": (2,)}, arms=("bc_ppo", "dapg"), fewer={"dapg": 1})._all_arms())
+    arms = list(FromPrior(starts={"reach": (2,)}, arms=("bc_ppo", "dapg"), fewer={"dapg": 1}).all_arms())
     assert [arm.training.source.draw for arm in arms if arm.name == "bc_ppo"] == [0, 1, 2]
     assert [arm.training.source.draw for arm in arms if arm.name == "dapg"] == [0]
     with pytest.raises(InvalidValueError, match="fewer"):
@@ -164,7 +164,7 @@ def test_an_arm_may_be_trained_in_fewer_draws() -> None:
 def test_an_arm_may_be_trained_from_some_of_the_starts_alone() -> None:
     only_from = {"dapg": ("reach_4",), "ppo": ("pick_place_0",)}
     study = FromPrior(starts={"reach": (2, 4)}, draws=(0,), arms=("bc_ppo", "dapg", "ppo"), only_from=only_from)
-    arms = [(arm.name, arm.demos) for arm in study._all_arms() if arm.name in study.practising]
+    arms = [(arm.name, arm.demos) for arm in study.all_arms() if arm.name in study.practising]
     assert arms == [("bc_ppo", 2), ("bc_ppo", 4), ("dapg", 4)]
     with pytest.raises(UnknownNameError, match="dapgg"):
         FromPrior(only_from={"dapgg": ("reach_4",)})
@@ -172,12 +172,12 @@ def test_an_arm_may_be_trained_from_some_of_the_starts_alone() -> None:
         FromPrior(only_from={"dapg": ("reech_4",)})
 
 
-def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
+def test_practice_is_shorter_only_where_it_is_said() -> None:
     shorter = {"shorter": {"reach_4": 200_000}, "only_from": {}}
     study = FromPrior(starts={"reach": (2, 4)}, arms=("bc_ppo", "ibrl"), draws=(0,), **shorter)
     steps = {
         (arm.name, arm.demos): arm.training.algorithm.steps
-        for arm in study._all_arms()
+        for arm in study.all_arms()
         if isinstance(arm.training, Continued)
     }
     assert steps == {("bc_ppo", 2): 16_000_000, ("bc_ppo", 4): 200_000, ("ibrl", 2): 30_000, ("ibrl", 4): 30_000}
@@ -186,16 +186,16 @@ def test_practice_is_shorter_only_where_it_is_said_and_never_longer() -> None:
 def test_a_task_can_be_practised_in_another_tier() -> None:
     starts = {"pick_place": (10,), "insert_peg": (40,)}
     study = FromPrior(starts=starts, arms=("bc_ppo", "ppo"), draws=(0,), practised_in={"insert_peg": "hard"})
-    tiers = {(a.training.source.task, a.training.source.tier) for a in study._all_arms()}
+    tiers = {(a.training.source.task, a.training.source.tier) for a in study.all_arms()}
     assert tiers == {("pick_place", "calm"), ("insert_peg", "hard")}
     told = 'pick_place in calm, 10 times; insert_peg in hard, 40 times; "many demonstrations" are 400.'
-    assert told in next(study._notes([]))
+    assert told in next(study.notes_of([]))
     assert study._panel("pick_place", 10) == "pick_place from 10, in calm"
     assert study._panel("insert_peg", 40) == "insert_peg from 40, in hard, final in calm", "which is not judged in hard"
     assert FromPrior()._panel("insert_peg", 40) == "insert_peg from 40, in gusts"
 
 
-def test_figures_show_each_task_in_the_tier_it_practises_in_and_what_is_wanted_there(
+def test_figures_show_each_task_in_its_own_tier(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drawn: dict[str, Any] = {}
@@ -204,29 +204,29 @@ def test_figures_show_each_task_in_the_tier_it_practises_in_and_what_is_wanted_t
         {"task": task, "demos": 40, "tier": tier} for task in ("pick_place", "insert_peg") for tier in ("calm", "gusts")
     ]
     nothing: Any = SimpleNamespace(lines=[])
-    FromPrior()._figures(rows, nothing)
+    FromPrior().drawn_figures(rows, nothing)
     assert [(row["task"], row["tier"]) for row in drawn["final"]] == [("pick_place", "calm"), ("insert_peg", "gusts")]
     assert drawn["titles"]["insert_peg", 40] == "insert_peg from 40, in gusts"
     assert (drawn["wanted"]["pick_place", 40], drawn["wanted"]["insert_peg", 40]) == (98.0, 85.0)
 
 
-def test_a_page_names_robot_demonstrator_and_seeds_and_only_the_arms_that_are_on_it() -> None:
+def test_a_page_names_only_the_arms_on_it() -> None:
     study: Any = FromPriorBigFour()
-    said = "\n".join(study._notes(list(study._all_arms())))
+    said = "\n".join(study.notes_of(list(study.all_arms())))
     assert said.startswith("Robot: big_four_z1, demonstrated by its scripted expert with a noise of 0.3")
     assert "insert_peg in gusts, 40 times" in said
     assert "10000 to 10199" in said
     assert "20 times on the way" in said
     for name in ("ppo is", "rlpd", "ibrl", "residual", "dapg", "jsrl", BEGINNING, "Slow methods"):
         assert name not in said
-    everything = "\n".join(FromPrior()._notes(list(FromPrior()._all_arms())))
+    everything = "\n".join(FromPrior().notes_of(list(FromPrior().all_arms())))
     for name in (*FromPrior().practising, BEGINNING, "Slow methods"):
         assert name in everything
     assert set(practice_notes.SLOW) == set(from_prior.FEWER)
 
 
 def test_settings_can_be_tried_on_seeds_that_judge_nothing() -> None:
-    assert FromPrior(first_episode=5_000)._seeds == range(5_000, 5_200)
+    assert FromPrior(first_episode=5_000).judging_seeds == range(5_000, 5_200)
     with pytest.raises(InvalidValueError, match="demonstrations use others"):
         FromPrior(first_episode=5_900)
 
@@ -243,7 +243,7 @@ def test_a_task_can_have_settings_of_its_own() -> None:
         draws=(0,),
         suited={"hover": changes},
     )
-    arms = {(a.name, a.training.source.task): a.training for a in study._all_arms()}
+    arms = {(a.name, a.training.source.task): a.training for a in study.all_arms()}
     usual: Any = study.practising
     assert arms["dapg", "hover"].algorithm == changed(usual["dapg"], changes["dapg"])
     rounds = usual["expert_iteration"]
@@ -255,7 +255,7 @@ def test_a_task_can_have_settings_of_its_own() -> None:
     assert arms[BEGINNING, "reach"].algorithm == arms["dapg", "reach"].beginning.algorithm == study.beginning
 
 
-def test_what_practises_can_go_on_from_the_policy_of_other_practice() -> None:
+def test_practice_can_go_on_from_other_practice() -> None:
     study = FromPrior(
         starts={"reach": (2,), "pick_place": (2,)},
         arms=(ITERATED, "bc_ppo", "rlpd"),
@@ -264,7 +264,7 @@ def test_what_practises_can_go_on_from_the_policy_of_other_practice() -> None:
         only_from={},
         suited={"pick_place": {ITERATED: {"rounds": 3}}},
     )
-    arms: Any = {(a.name, a.training.source.task): a.training for a in study._all_arms()}
+    arms: Any = {(a.name, a.training.source.task): a.training for a in study.all_arms()}
     begun = arms["bc_ppo", "pick_place"].prior
     assert digest(begun.decided_by()) == digest(arms[ITERATED, "pick_place"].decided_by()), "of the arm beside it"
     assert isinstance(arms["bc_ppo", "reach"].prior, Cloned)
@@ -291,13 +291,13 @@ def test_a_task_that_is_none_is_refused_wherever_it_is_named(name: str, value: A
 @pytest.mark.parametrize(
     ("changes", "wanted"), [({"dapg": {"exploration": {"nose": 0.1}}}, "noise"), ({"dagp": {}}, "dapg")]
 )
-def test_unknown_names_in_a_tasks_own_settings_are_answered_with_the_nearest(changes: Any, wanted: str) -> None:
+def test_unknown_names_in_suited_are_answered(changes: Any, wanted: str) -> None:
     with pytest.raises(UnknownNameError, match=f"Did you mean '{wanted}'"):
         FromPrior(suited={"hover": changes})
 
 
-def test_practice_begins_with_the_clone_of_hidden_fields_that_stands_in_the_table() -> None:
-    arms = {arm.name: arm.training for arm in FromPrior(starts={"reach": (2,)}, draws=(0,))._all_arms()}
+def test_practice_starts_from_the_clone_in_the_table() -> None:
+    arms = {arm.name: arm.training for arm in FromPrior(starts={"reach": (2,)}, draws=(0,)).all_arms()}
     hiding = digest(arms[BEGINNING].decided_by())
     assert hiding != digest(arms[CLONE].decided_by())
     for training in arms.values():
@@ -318,7 +318,7 @@ def test_an_arm_that_is_none_is_refused() -> None:
 
 def decisions_of(study: FromPrior) -> dict[str, str]:
     """Return a digest of all that decides the trainings of each arm."""
-    return {f"{arm.name}/{arm.demos}": digest(arm.training.decided_by()) for arm in study._all_arms()}
+    return {f"{arm.name}/{arm.demos}": digest(arm.training.decided_by()) for arm in study.all_arms()}
 
 
 def test_an_arm_that_is_added_leaves_what_decides_the_others() -> None:
@@ -342,9 +342,7 @@ def test_whatever_practice_begins_with_decides_it() -> None:
 
 
 @pytest.mark.slow
-def test_what_practises_step_by_step_goes_on_from_the_clone_beside_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_continued_practice_starts_from_its_clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All of them, from one clone, once, beside the two that have none."""
     monkeypatch.setattr(practised, "WATCHED_FLIGHTS", 2)
     small = {"steps": 128, "rollout": 64, "warmup": 64, "critic_hidden": (8,), "log_every": 64, "batch_size": 16}

@@ -59,7 +59,7 @@ def test_it_begins_anew_and_leaves_the_signal_as_it_was() -> None:
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
-def test_a_machine_too_busy_to_take_samples_in_time_does_not_pile_them_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_busy_machine_piles_up_no_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     depth, deepest = 0, 0
     taken = Sampler._section
 

@@ -40,7 +40,7 @@ def test_references_stay_where_reach_has_its_targets(motion: Motion) -> None:
 
 
 @EVERY
-def test_the_orientation_is_a_rotation_that_points_down_by_the_pitch(motion: Motion) -> None:
+def test_the_orientation_points_down_by_the_pitch(motion: Motion) -> None:
     x, y = motion.rot6d[:3], motion.rot6d[3:]
     np.testing.assert_allclose([x @ x, y @ y, x @ y], [1.0, 1.0, 0.0], atol=1e-12)
     assert np.isclose(np.arcsin(-x[2]), motion.pitch_rad)
