@@ -63,10 +63,10 @@ def new(settings: New) -> Started:
     Raises:
         InvalidValueError: the name is taken, or a file is there already.
     """
-    from aerial_il.core import registry
+    from aerial_il.core.schema import options
     from aerial_il.workflows.starts import start
 
-    if settings.name in registry.names(settings.kind):
+    if settings.name in options(settings.kind):
         raise InvalidValueError(f"A {settings.kind} named {settings.name} already exists. See: aerial-il list")
     top = Path(settings.into) if settings.into is not None else _checkout()
     files = {top / path: text for path, text in start(settings.kind, settings.name).items()}

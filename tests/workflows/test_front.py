@@ -29,7 +29,7 @@ def test_a_choice_is_settings_a_name_or_a_mapping(tmp_path: Path) -> None:
         for policy in (SquashedGaussian(hidden=(8,)), {"name": "squashed_gaussian", "hidden": [8]}):
             run = tmp_path / f"{number}{type(policy).__name__}"
             weights.append(aerial_il.train(run=run, algorithm=algorithm, policy=policy, **where).to_checkpoint().arrays)
-    assert all(np.array_equal(one[name], weights[0][name]) for one in weights for name in one)
+    assert all(np.array_equal(one[name], weights[0][name], equal_nan=True) for one in weights for name in one)
     with pytest.raises(UnknownNameError, match="Did you mean 'sac'"):
         aerial_il.train(run=tmp_path / "no", algorithm="sacs", **where)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import ClassVar, Protocol
 
+from aerial_il.algorithms.off_policy import loop
 from aerial_il.algorithms.off_policy.from_prior import check_weights, explored
 from aerial_il.algorithms.off_policy.hindsight import Hindsight, goal_columns
 from aerial_il.algorithms.online import problems
@@ -23,31 +24,16 @@ from aerial_il.policies.parts.network import PolicySettings
 OWN_NORM = "A prior brings its own normalisation of observations: set algorithm.obs_norm=false."
 
 
-class WarmedUp(Protocol):
-    """Settings of those that fly for a while before their policy learns."""
-
-    @property
-    def steps(self) -> int: ...
-    @property
-    def warmup(self) -> int: ...
-    @property
-    def lr_floor(self) -> float: ...
-
-
-class Relabelled(Rewarded, Protocol):
+class Relabelled(loop.Settings, Rewarded, Protocol):
     """Settings of those that are rewarded, in hindsight for other goals too."""
+
+    name: ClassVar[str]
 
     @property
     def hindsight(self) -> Hindsight: ...
 
 
-class Taught(WarmedUp, Relabelled, Protocol):
-    """Settings of those that the reward alone teaches."""
-
-    name: ClassVar[str]
-
-
-class Begun(Taught, Protocol):
+class StartedFromPrior(Relabelled, Protocol):
     """Settings of those that may start from a prior's weights, too."""
 
     @property
@@ -60,13 +46,13 @@ class RelabelledDemonstrated(problems.Demonstrated, Relabelled, Protocol):
     """Settings of those that are shown demonstrations as well."""
 
 
-def check_warmup(settings: WarmedUp, env: BatchEnv) -> None:
+def check_warmup(settings: loop.Settings, env: BatchEnv) -> None:
     """Raise :class:`InvalidValueError` where a run in ``env`` would end before its policy learns."""
     last = 0 if settings.lr_floor else env.num_envs  # the last turn, where no learning rate is left
     check_steps(settings, "warmup", whole_turns(settings.warmup, env.num_envs) + last)
 
 
-def from_reward(settings: Taught, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+def from_reward(settings: Relabelled, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
     """Return a problem of the reward alone.
 
     Raises:
@@ -76,7 +62,7 @@ def from_reward(settings: Taught, policy: PolicySettings, env: BatchEnv, seed: i
     return problems.from_environment(settings.name, policy, env, seed, relabelled_scheme(settings))
 
 
-def from_reward_or_prior(settings: Begun, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+def from_reward_or_prior(settings: StartedFromPrior, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
     """Return a problem of the reward alone; with a prior, through that policy's interface and from its weights.
 
     Raises:

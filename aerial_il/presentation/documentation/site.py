@@ -12,7 +12,7 @@ from aerial_il.core.errors import AerialError
 from aerial_il.presentation.documentation import modules, spaces
 from aerial_il.presentation.documentation.sources import COPIED, PAGES, assemble
 
-NEEDED = ("sphinx", "furo", "myst_nb", "sphinx_copybutton", "math_core")
+NEEDED = ("sphinx", "furo", "myst_nb", "sphinx_copybutton", "math_core", "ziamath")
 STYLE = Path(__file__).parent / "style"
 SETTINGS: dict[str, Any] = {
     "project": "aerial_il",
@@ -26,7 +26,6 @@ SETTINGS: dict[str, Any] = {
     "html_math_renderer": "mathml",
     "html_theme": "furo",
     "html_title": "aerial_il",
-    "html_static_path": [str(STYLE)],
     "html_css_files": ["site.css"],
     "html_js_files": ["site.js"],
     "html_copy_source": False,
@@ -92,7 +91,8 @@ def _run_sphinx(work: Path, out: Path, *, again: bool, quiet: bool) -> list[str]
     from sphinx.util.docutils import docutils_namespace, patch_docutils
 
     said, source = io.StringIO(), str(work / PAGES)
-    settings = {**SETTINGS, "html_extra_path": [str(work / COPIED)]}
+    static = [str(STYLE), str(_font())]
+    settings = {**SETTINGS, "html_static_path": static, "html_extra_path": [str(work / COPIED)]}
     nocolor()
     with patch_docutils(), docutils_namespace():
         app = Sphinx(
@@ -101,3 +101,11 @@ def _run_sphinx(work: Path, out: Path, *, again: bool, quiet: bool) -> list[str]
         )  # fmt: skip
         app.build(force_all=again)
     return [line.replace(f"{source}/", "") for line in said.getvalue().splitlines() if line.strip()]
+
+
+def _font() -> Path:
+    """Return the font of formulas: without one that knows how, a browser sets hats into their letters."""
+    package = importlib.util.find_spec("ziamath")  # needed for nothing else
+    assert package is not None
+    assert package.origin is not None
+    return Path(package.origin).with_name("fonts") / "STIXTwoMath-Regular.ttf"

@@ -102,13 +102,14 @@ def found(root: Path = ROOT) -> Iterator[tuple[str, str]]:
 def with_contents(text: str, contents: Mapping[str, str | bytes]) -> str:
     """Return the start page with a list of contents for the margin, under its own headings."""
     groups = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
-    trees = []
+    trees, seen = list[str](), set[str]()
     for group in groups:
         heading = group.partition("\n")[0].strip()
         listed = LISTED.findall(group)
         listed += [name for form in MADE.get(heading, ()) for name in sorted(contents) if fnmatch(name, form)]
-        if listed:
-            trees.append(_tree(list(dict.fromkeys(listed)), heading))
+        if listed := [name for name in dict.fromkeys(listed) if name not in seen]:
+            trees.append(_tree(listed, heading))
+            seen |= {*listed}
     return "\n\n".join([text.rstrip(), *trees, ""])
 
 

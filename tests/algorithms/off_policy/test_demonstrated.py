@@ -59,7 +59,7 @@ class Silent(Drift):
 
 
 @each
-def test_demonstrations_without_rewards_are_refused_where_rewards_are_needed(tmp_path: Path, name: str) -> None:
+def test_demonstrations_without_rewards_are_refused(tmp_path: Path, name: str) -> None:
     unpaid = [replace(d, rewards=0.0 * d.rewards) for d in demonstrations(4, ends_at_success=True)]
     env = Drift(8, ends_at_success=True)
     with pytest.raises(InvalidValueError, match=r"carry no reward.*algorithm\.reward=sparse"):
@@ -93,7 +93,7 @@ def test_a_sparse_reward_needs_the_step_that_solved_the_task(tmp_path: Path, nam
 
 
 @each
-def test_a_sparse_reward_that_never_comes_is_said(tmp_path: Path, name: str) -> None:
+def test_a_sparse_reward_that_never_comes_is_reported(tmp_path: Path, name: str) -> None:
     """Of its own flights: what demonstrations were paid tells nothing of what the agent can reach."""
     env, demos = Silent(8, ends_at_success=True), demonstrations(4, ends_at_success=True)
     with pytest.raises(NoRewardError, match="reward_patience"):
@@ -145,7 +145,7 @@ class Flown(Drift):
 
 
 @pytest.mark.slow
-def test_rlpd_learns_from_demonstrations_what_it_does_not_learn_from_random_flights(tmp_path: Path) -> None:
+def test_rlpd_learns_more_than_from_random_flights(tmp_path: Path) -> None:
     """A few steps of its own, the same for both."""
     settings = {"steps": 640, "utd_ratio": 2.0, "actor_every": 2, "critics": 4, "entropy": -3.0}
     shown, random = (
@@ -161,7 +161,7 @@ def batch(size: int = 7) -> Batch:
     return Batch(obs, action, torch.randn(size, 3), torch.randn(size), torch.ones(size))
 
 
-def test_a_backup_believes_the_least_of_the_critics_that_were_drawn() -> None:
+def test_a_backup_takes_the_least_of_the_critics_drawn() -> None:
     """With all of them drawn, that of all; alpha at nothing, so that only rewards and values are left."""
     settings = made(RLPD, {"critics": 3, "subset": 3, "critic_hidden": (8,), "alpha": 1e-9})
     agent, seen = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch()
@@ -191,7 +191,7 @@ def test_more_critics_are_drawn_than_there_are() -> None:
         made(RLPD, {"critics": 2, "subset": 3})
 
 
-def test_the_pull_to_demonstrations_moves_the_actor_to_their_actions() -> None:
+def test_the_pull_moves_the_actor_to_demonstrated_actions() -> None:
     settings = made(RLPD, {"critics": 2, "critic_hidden": (8,), "actor_every": 1, "bc_weight": 1e4, "lr": 1e-2})
     agent, demos = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch(32)
     demos = demos._replace(obs=torch.cat([demos.obs[:, :2], torch.zeros(32, 1)], 1), actions=torch.full((32, 1), 0.7))
@@ -221,13 +221,13 @@ def test_in_an_absorbing_state_no_action_is_rough() -> None:
 
 
 @each
-def test_what_an_expert_meant_is_not_paired_with_the_rewards_of_what_was_executed(name: str) -> None:
+def test_labels_of_an_expert_are_not_paired_with_rewards(name: str) -> None:
     with pytest.raises(InvalidValueError, match=r"labels=expert.*labels=executed"):
         short(name, labels="expert")
 
 
 @each
-def test_failures_alone_are_refused_where_success_alone_is_rewarded(tmp_path: Path, name: str) -> None:
+def test_failures_alone_are_refused_with_a_sparse_reward(tmp_path: Path, name: str) -> None:
     failed = [replace(d, success=False) for d in demonstrations(4, ends_at_success=True)]
     with pytest.raises(InvalidValueError, match=r"None of the 4 demonstrations succeeds.*reward=environment"):
         train(short(name, reward="sparse", failures=True), tmp_path, failed, Drift(8, ends_at_success=True))

@@ -28,7 +28,7 @@ def drawn(noise: ExplorationNoise, actor: SquashedGaussianNetwork, steps: int) -
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
-def test_noise_has_its_deviation_and_its_correlation_at_every_step(
+def test_noise_has_its_deviation_and_correlation_at_every_step(
     actor: SquashedGaussianNetwork, correlation: float
 ) -> None:
     found = drawn(ExplorationNoise(0.1, correlation), actor, 20)

@@ -62,7 +62,7 @@ def train(name: str, run: Path, *, evaluate: Any = None, **changes: Any) -> Any:
 
 
 @each
-def test_through_the_warm_up_the_prior_flies_and_critics_alone_learn(tmp_path: Path, name: str, prior: Path) -> None:
+def test_in_the_warm_up_the_prior_flies_and_critics_learn(tmp_path: Path, name: str, prior: Path) -> None:
     obs, taken = Drift(20).reset(0), {}
 
     def evaluate(policy: Any, step: int) -> dict[str, float]:
@@ -112,7 +112,7 @@ def test_another_prior_in_the_same_place_is_another_run(tmp_path: Path, prior: P
         train("td3", tmp_path / "run", checkpoint_every=80)
 
 
-def test_a_switch_is_flown_as_the_prior_flies_it_and_what_never_varied_is_held() -> None:
+def test_switches_are_kept_and_what_never_varied_is_held() -> None:
     """Three actions: one that varied, a gripper that only opens and closes, and one that stayed at 0.3."""
     rng = np.random.default_rng(0)
     shown = np.stack([rng.normal(size=99), rng.choice([0.2, 1.0], 99), np.full(99, 0.3)], 1).astype(np.float32)
@@ -135,7 +135,7 @@ def test_what_filled_one_unit_is_not_taken_for_what_never_varied() -> None:
     assert np.isnan(explored(interface).switches.low).all()
 
 
-def test_an_offset_that_never_varied_is_held_where_the_end_effector_is() -> None:
+def test_an_offset_that_never_varied_is_held() -> None:
     """At a place of the world it could not be held: the commanded height is as high as the tool, wherever that is."""
     layout = Layout(point_mass.SPEC, ("ee_pos", "cube_pos"), anchor="ee_pos")
     rng = np.random.default_rng(0)

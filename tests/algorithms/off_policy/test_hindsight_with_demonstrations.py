@@ -94,7 +94,7 @@ def test_demonstrations_are_rewarded_by_the_rule_of_their_goals(name: str) -> No
 
 
 @each
-def test_stopped_in_the_middle_of_its_episodes_it_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
+def test_stopped_within_episodes_it_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
     settings = short(name, evaluate_every=104)
     train(settings, tmp_path / "whole", Sought(8), evaluate=lambda policy, step: {})
 

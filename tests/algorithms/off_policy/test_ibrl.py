@@ -69,7 +69,7 @@ def test_what_is_saved_flies_as_what_was_trained(tmp_path: Path, prior: Path) ->
     assert 0 < followed.sum() < 20, "in some worlds the prior is followed, in others it is not"
 
 
-def test_stopped_at_any_step_of_a_chunk_it_ends_with_the_same_bytes(tmp_path: Path, prior: Path) -> None:
+def test_stopped_within_a_chunk_it_ends_with_the_same_bytes(tmp_path: Path, prior: Path) -> None:
     settings = {"prior": str(prior), "evaluate_every": 40, "checkpoint_every": 40}
     train(tmp_path / "whole", evaluate=lambda policy, step: {}, **settings)
     for stop in (120, 200):
@@ -86,7 +86,7 @@ def test_stopped_at_any_step_of_a_chunk_it_ends_with_the_same_bytes(tmp_path: Pa
     assert run == whole
 
 
-def test_to_be_judged_on_the_way_leaves_the_prior_that_flies_alone(tmp_path: Path, prior: Path) -> None:
+def test_evaluation_leaves_the_prior_that_flies_alone(tmp_path: Path, prior: Path) -> None:
     """Judging flies the same prior in other worlds, with a memory of its own."""
 
     def judged(policy: Any, step: int) -> dict[str, float]:
@@ -204,7 +204,7 @@ def test_backups_take_the_better_of_two_actions() -> None:
     assert 0 < share < 1, "each is the better one at times"
 
 
-def test_more_caution_leaves_the_prior_more_rarely_and_no_listening_never() -> None:
+def test_more_caution_leaves_the_prior_more_rarely() -> None:
     shares = [agent(caution=caution).bellman_targets(batch(), listen=True)[1] for caution in (0.0, 1.0, 3.0)]
     assert shares[0] > shares[1] >= shares[2]
     assert agent(caution=0.0).bellman_targets(batch(), listen=False)[1] == 0.0

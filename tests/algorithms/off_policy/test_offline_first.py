@@ -37,7 +37,7 @@ def train(name: str, run: Path, demos: list[Episode] | None = None, evaluate: An
 
 
 @each
-def test_gradient_steps_before_the_first_flight_are_counted_up_to_zero(tmp_path: Path, name: str) -> None:
+def test_offline_steps_are_counted_up_to_zero(tmp_path: Path, name: str) -> None:
     train(name, tmp_path, evaluate=lambda policy, step: {"at": float(step)})
     rows = read_metrics(tmp_path)
     assert [row["step"] for row in rows if "critic/loss" in row][:3] == [-30, -10, 0]
@@ -47,7 +47,7 @@ def test_gradient_steps_before_the_first_flight_are_counted_up_to_zero(tmp_path:
 
 
 @each
-def test_stopped_before_its_first_flight_it_ends_with_the_same_bytes(
+def test_stopped_before_it_flies_it_ends_with_the_same_bytes(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the middle of the offline part, and again while the policy that is to fly is judged."""

@@ -110,7 +110,7 @@ class Silent(Drift):
 
 
 @pytest.mark.parametrize("name", REWARDED)
-def test_a_reward_that_never_comes_is_said_and_more_patience_goes_on(tmp_path: Path, name: str) -> None:
+def test_a_reward_that_never_comes_is_reported(tmp_path: Path, name: str) -> None:
     settings = short(name, steps=480, reward_patience=160)
     with pytest.raises(NoRewardError, match=r"no reward but 0 has come.*reward_patience"):
         train(settings, tmp_path / "run", Silent(8))
@@ -118,7 +118,7 @@ def test_a_reward_that_never_comes_is_said_and_more_patience_goes_on(tmp_path: P
     assert read_metrics(tmp_path / "run")[-1]["step"] == 480
 
 
-def test_a_constant_reward_says_something_where_episodes_end_early(tmp_path: Path) -> None:
+def test_a_constant_reward_informs_where_episodes_end_early(tmp_path: Path) -> None:
     """As in CartPole: each step is paid alike, and an episode that lives longer is paid more."""
 
     class Alive(Drift):

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from aerial_il.cli import launchers
+from aerial_il.core import registry
 from aerial_il.evaluation.run_collection import read_runs
 
 WORDS = ["train", "-m", "dataset=demos", "experiment=quick", "algorithm.steps=300", "policy.hidden=[16]", "seed=0,1"]
@@ -76,7 +76,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_launcher_is_tested_here() -> None:
-    assert {way.partition("_")[0] for way in WAYS} | {"serial"} == set(launchers.names())
+    assert {way.partition("_")[0] for way in WAYS} | {"serial"} == set(registry.names("launcher"))
 
 
 @pytest.mark.slow
