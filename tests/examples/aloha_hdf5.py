@@ -47,10 +47,11 @@ def _raw(file: Path, wanted: Wanted) -> Raw:
         names = [name for name in NUMBERS if name in seen]
         require_size(file, raw, [rows(file, raw, "action"), *(rows(file, seen, name) for name in names)])
         obs: dict[str, np.ndarray | Later] = {name: array(file, seen, name) for name in names}
-        pictures = child(file, seen, "images", h5py.Group) if "images" in seen and wanted.cameras else ()
-        for camera in pictures:
-            if wanted.cameras is True or image_name(camera) in wanted.cameras:
-                obs[image_name(camera)] = _pictures(file, rows(file, pictures, camera), bool(raw.attrs.get("compress")))
+        if "images" in seen and wanted.cameras:
+            images, compressed = child(file, seen, "images", h5py.Group), bool(raw.attrs.get("compress", False))
+            for camera in images:
+                if wanted.cameras is True or image_name(camera) in wanted.cameras:
+                    obs[image_name(camera)] = _pictures(file, rows(file, images, camera), compressed)
         simulated = bool(raw.attrs.get("sim", False))
         return Raw(obs=obs, actions=array(file, raw, "action"), provenance={"policy": "human", "simulated": simulated})
 
