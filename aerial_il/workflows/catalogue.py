@@ -92,6 +92,8 @@ def catalogue() -> Catalogue:
 
 
 def _robot_row(robot: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    from aerial_il.robots.parts.camera import STANDARD
+
     return {
         "name": robot.name,
         "summary": robot.summary,
@@ -99,7 +101,7 @@ def _robot_row(robot: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]
         "rotors": robot.num_rotors,
         "joints": robot.num_joints,
         "mass_kg": round(float(robot.vehicle.mass), 2),
-        "cameras": [camera.name for camera in robot.mounted_cameras],
+        "cameras": list(STANDARD) if robot.cameras is None else [camera.name for camera in robot.cameras],
         "tasks": [task for name, task in cells if name == robot.name],
     }
 
