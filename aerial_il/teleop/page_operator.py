@@ -14,7 +14,8 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.flight import CAMERAS, Site, about
 from aerial_il.teleop.input.inbox import Inbox
 from aerial_il.teleop.input.mapping import Bindings
-from aerial_il.teleop.session.cockpit import Cockpit, by_hand
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.helm import by_hand
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.loop import Loop
 from aerial_il.teleop.session.session import State

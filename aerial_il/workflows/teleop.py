@@ -167,7 +167,7 @@ def _flown_once(env: BatchEnvironment) -> BatchEnvironment:
     """
     import numpy as np
 
-    from aerial_il.teleop.session.cockpit import by_hand
+    from aerial_il.teleop.session.helm import by_hand
 
     by_hand(env).reset(0)
     env.step(np.zeros((1, env.spec.action.size)))

@@ -25,8 +25,9 @@ from aerial_il.teleop.input.inbox import Inbox
 from aerial_il.teleop.input.mapping import Bindings
 from aerial_il.teleop.page import PAGE
 from aerial_il.teleop.session.clock import Pace
-from aerial_il.teleop.session.cockpit import Cockpit, Status
+from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.loop import Loop
+from aerial_il.teleop.session.status import Status
 from aerial_il.teleop.web.controls import Controls
 from aerial_il.teleop.web.film import Film, Shot
 from aerial_il.teleop.web.messages import Message, MessageError, read_message

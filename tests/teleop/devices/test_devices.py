@@ -68,14 +68,14 @@ def until(said: Callable[[], bool], timeout_s: float = 10.0) -> None:
 @pytest.mark.parametrize("name", DRIVEN)
 def test_every_driven_device_is_read_lost_and_found_again(name: str, tmp_path: Path) -> None:
     seen: list[Reading] = []
-    lost, found = list[str](), Event()
+    lost, back = list[str](), Event()
     with simulated(name, tmp_path) as device:
         attached = Attached(
             name,
             driver_of(name, device.settings),
             lambda _, reading: seen.append(reading),
             lost=lost.append,
-            found=lambda _: found.set(),
+            back=lambda _: back.set(),
         )
         attached.start()
         try:
@@ -90,7 +90,7 @@ def test_every_driven_device_is_read_lost_and_found_again(name: str, tmp_path: P
             time.sleep(0.6)
             assert len(lost) == 1, "it is told once"
             device.plug_in()
-            assert found.wait(10.0)
+            assert back.wait(10.0)
             device.move()
             until(lambda: any(seen[-1].axes.values()))
         finally:

@@ -249,7 +249,7 @@ def _button(down: bool) -> str:
 Plan = Callable[[Sight], Wish]  # keeps in mind where it is
 
 
-class Stranger:
+class PageReader:
     """Flies what the page shows.
 
     Args:

@@ -16,9 +16,9 @@ from aerial_il.teleop.session.refly import refly
 from tests.teleop.chromium import browser, needs_browser
 from tests.teleop.flown import flown
 from tests.teleop.hands import world
+from tests.teleop.page_reader import KeyHands, PadHands, PageReader, read_number
 from tests.teleop.plans import PLANS, Reach
 from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again, rescued
-from tests.teleop.stranger import KeyHands, PadHands, Stranger, read_number
 
 ATTEMPTS, LIMIT_S = 3, 60.0
 
@@ -35,7 +35,7 @@ def test_a_number_on_the_page_is_read_with_its_word(text: str, number: float) ->
 @pytest.mark.browser
 @pytest.mark.render
 @needs_browser
-def test_by_what_the_page_shows_a_stranger_solves_reach_with_keys(tmp_path: Path) -> None:
+def test_reach_is_solved_with_keys_by_what_the_page_shows(tmp_path: Path) -> None:
     fly_once(tmp_path, "reach", "keys")
     recordings_hold(tmp_path, "reach", solved=1)
 
@@ -68,7 +68,7 @@ def test_a_session_of_keeping_discarding_and_recording_again(tmp_path: Path) -> 
         async with flown(tmp_path) as flight, browser() as opened:
             tab = await opened(flight.server.url)
             await tab.look(width=1280, height=720)
-            person = Stranger(tab, KeyHands(tab))
+            person = PageReader(tab, KeyHands(tab))
             for part in (kept, discarded_and_brought_back, recorded_again):
                 await part(person)
             assert person.sight.counts == (2, 1, 1)
@@ -99,7 +99,7 @@ def test_a_flight_that_a_policy_leads_astray_is_rescued(tmp_path: Path, hands: t
         async with flown(tmp_path, policy=Stray()) as flight, browser() as opened:
             tab = await opened(flight.server.url)
             await tab.look(width=1280, height=720)
-            person = Stranger(tab, hands(tab))
+            person = PageReader(tab, hands(tab))
             if isinstance(person.hands, PadHands):
                 await person.hands.plug_in()
             await rescued(person)
@@ -121,7 +121,7 @@ def test_who_cannot_see_the_numbers_cannot_fly_by_them(tmp_path: Path) -> None:
         async with flown(tmp_path) as flight, browser() as opened:
             tab = await opened(flight.server.url)
             await tab.look(width=1280, height=720)
-            person = Stranger(tab, KeyHands(tab))
+            person = PageReader(tab, KeyHands(tab))
             await person.until(lambda s: "tool to target, cm" in s.numbers)
             await tab.tap("KeyN")
             await person.until(lambda s: not s.numbers)
@@ -139,7 +139,7 @@ def fly_once(out: Path, task: str, hands: str) -> None:
         async with flown(out, task=task) as flight, browser() as opened:
             tab = await opened(flight.server.url)
             await tab.look(width=1280, height=720)
-            person = Stranger(tab, KeyHands(tab) if hands == "keys" else PadHands(tab))
+            person = PageReader(tab, KeyHands(tab) if hands == "keys" else PadHands(tab))
             if isinstance(person.hands, PadHands):
                 await person.hands.plug_in()
             for _ in range(ATTEMPTS):
