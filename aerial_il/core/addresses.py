@@ -25,8 +25,8 @@ def called(result: types.Type, *given: types.Type) -> Any:
         nothing = result == types.void
         kinds = [context.get_value_type(kind) for kind in given]
         function = ir.FunctionType(ir.VoidType() if nothing else context.get_value_type(result), kinds)
-        found = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-        return context.get_dummy_value() if nothing else found
+        value = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+        return context.get_dummy_value() if nothing else value
 
     return emit
 
@@ -47,7 +47,7 @@ def record_of_numbers(numbers: dict[str, Any]) -> np.ndarray:
     """
     values = {name: np.asarray(value) for name, value in (numbers or {"none": 0.0}).items()}
     kinds = [(n, np.int64 if v.dtype.kind == "i" else np.float64, v.shape) for n, v in values.items()]
-    found = np.zeros(1, np.dtype(kinds, align=True))
+    record = np.zeros(1, np.dtype(kinds, align=True))
     for name, value in values.items():
-        found[name][0] = value
-    return found
+        record[name][0] = value
+    return record

@@ -28,12 +28,12 @@ def open_demonstrations(
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
     if limit is None:
-        return open_dataset(path, cameras=tuple(images), failures=failures)
+        return open_dataset(path, cameras=tuple(images), failures=failures, states=False)
     if failures:
         raise InvalidValueError(
             f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
         )
-    dataset = open_dataset(path)
+    dataset = open_dataset(path, states=False)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
     chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
@@ -42,7 +42,7 @@ def open_demonstrations(
             "Collect more into it, or leave dataset.episodes=null for all."
         )
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
-        return open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
+        return open_dataset(path, cameras=tuple(images), states=False).only([episode.uid for episode in chosen])
     return chosen
 
 

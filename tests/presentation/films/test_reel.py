@@ -11,7 +11,7 @@ import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.presentation.films import reel
 from aerial_il.workflows.film import REEL
-from tests.evaluation.conftest import Flown
+from tests.evaluation.flights import Flown
 from tests.presentation.films.test_side_by_side import cut
 
 SMALL = reel.ReelLook(height=64, width=96, fps=5.0, seconds=6.0, exposures=1, title="A film")

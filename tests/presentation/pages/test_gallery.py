@@ -17,7 +17,7 @@ from aerial_il.presentation.pages import gallery
 from aerial_il.presentation.pages.gallery import Gallery, write_gallery, write_sheet
 from aerial_il.workflows.catalogue import catalogue
 from tests.evaluation.browser import needs_browser, picture
-from tests.evaluation.conftest import Flown
+from tests.evaluation.flights import Flown
 from tests.evaluation.outline import needs_nothing_else
 
 DT_S = 0.02

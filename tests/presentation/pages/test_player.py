@@ -21,7 +21,7 @@ from aerial_il.presentation.films import video, window
 from aerial_il.presentation.pages.player import write_player
 from aerial_il.presentation.pages.trace_plots import trace_plots
 from tests.evaluation.browser import dom_after, needs_browser
-from tests.evaluation.conftest import Flown
+from tests.evaluation.flights import Flown
 from tests.evaluation.outline import Outline, needs_nothing_else
 
 

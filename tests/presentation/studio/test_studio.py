@@ -14,7 +14,7 @@ from aerial_il.presentation.studio.studio import MOVING, QUICK, STILL, Studio
 from aerial_il.suite import tasks
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.scenario import Scenario
-from tests.evaluation.conftest import Flown
+from tests.evaluation.flights import Flown
 
 HEIGHT, WIDTH = 48, 64
 ROBOTS = sorted({robot for robot, _ in tasks.cells()})

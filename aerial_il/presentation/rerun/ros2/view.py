@@ -26,9 +26,9 @@ import mujoco
 import numpy as np
 
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.parts.ros2_bag import Bag, Frame, Lens, Marker
 from aerial_il.presentation.rerun.geometry import plain
 from aerial_il.presentation.rerun.motion import compile_scene, move
+from aerial_il.presentation.rerun.ros2.bag import Bag, Frame, Lens, Marker
 from aerial_il.presentation.rerun.ros2.kinematics import WORLD, Tree, body_name, tree_of
 from aerial_il.presentation.rerun.ros2.shapes import shapes_of
 from aerial_il.presentation.rerun.ros2.tracks import Track, body_pose, optical, tracks_of
