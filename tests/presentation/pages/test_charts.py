@@ -105,7 +105,7 @@ def test_figures_of_an_evaluation_are_well_formed(diver: EvaluationResult) -> No
         assert parse(figure).attrib["aria-label"]
 
 
-def test_paths_mark_successes_with_dots_and_failures_with_crosses(diver: EvaluationResult) -> None:
+def test_paths_mark_successes_and_failures(diver: EvaluationResult) -> None:
     top = parse(paths(diver)[0])
     won = diver.success["count"]
     assert len(list(top.iter("circle"))) == won

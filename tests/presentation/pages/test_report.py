@@ -17,8 +17,8 @@ from aerial_il.evaluation.result import EvaluationResult, load_result
 from aerial_il.presentation.films.video import Clip, Footage
 from aerial_il.presentation.pages.page import number, percent, seconds
 from aerial_il.presentation.pages.report import write_report
-from tests.evaluation.browser import needs_browser, picture
-from tests.evaluation.outline import Outline
+from tests.presentation.browser import needs_browser, picture
+from tests.presentation.outline import Outline
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def test_every_section_is_there_once(full: Full) -> None:
         assert f'aria-labelledby="{name}"' in full.html
 
 
-def test_the_headline_is_told_with_its_interval(full: Full, diver: EvaluationResult) -> None:
+def test_the_headline_has_its_interval(full: Full, diver: EvaluationResult) -> None:
     lo, hi = diver.success["ci95"]
     assert f"<b>{diver.success['count']} of 40</b>" in full.html
     assert percent(lo) in full.html
@@ -90,7 +90,7 @@ def test_squares_and_failures_lead_to_what_is_shown_of_them(full: Full, diver: E
     assert (f"film-{filmed}", str(filmed)) in led
 
 
-def test_all_training_charts_are_there_and_the_rest_is_announced(diver: EvaluationResult, tmp_path: Path) -> None:
+def test_all_training_charts_are_there(diver: EvaluationResult, tmp_path: Path) -> None:
     rows = [{"step": k} | {f"loss/{n}": 1.0 / (k + 1 + n) for n in range(11)} for k in range(5)]
     (tmp_path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     html = write_report(tmp_path / "r.html", diver, run=tmp_path).read_text()
@@ -143,7 +143,7 @@ def test_only_exact_rates_read_as_none_or_all() -> None:
     assert [seconds(t) for t in (0.48, 12.34, None)] == ["0.48 s", "12.3 s", "–"]
 
 
-def test_training_curves_survive_a_killed_writer_and_name_bad_rows(tmp_path: Path) -> None:
+def test_training_curves_survive_a_killed_writer(tmp_path: Path) -> None:
     metrics = tmp_path / "metrics.jsonl"
     metrics.write_text('{"step": 0, "loss": 1.0}\n{"step": 10, "loss": 0.5}\n{"step": 20, "lo')
     (curve,) = training_curves(tmp_path)
