@@ -1,4 +1,4 @@
-"""The room on the real suite: experts, gusts, films."""
+"""Evaluation on the real suite: experts, gusts, films."""
 
 from __future__ import annotations
 
