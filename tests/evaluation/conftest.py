@@ -1,5 +1,23 @@
-"""Fixtures that numbers and pages share."""
+"""One evaluation with all three ends, flown once and shared."""
 
-from tests.evaluation.flights import diver, expert, flown, skip_without_rendering
+from __future__ import annotations
 
-__all__ = ["diver", "expert", "flown", "skip_without_rendering"]
+import pytest
+
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.rollouts import evaluate
+from tests.evaluation.hover import GoThere, HoverBatch
+
+
+@pytest.fixture(scope="session")
+def diver() -> EvaluationResult:
+    """40 seeds of a policy that succeeds, crashes and runs out of time."""
+    origin = {"command": "aerial-il evaluate policy=diver"}
+    policy = GoThere(dive=True)
+    return evaluate(HoverBatch(16), policy, range(100, 140), policy_name="diver", origin=origin, progress=False)
+
+
+@pytest.fixture(scope="session")
+def expert() -> EvaluationResult:
+    """The same seeds, flown without diving."""
+    return evaluate(HoverBatch(16), GoThere(), range(100, 140), policy_name="expert", progress=False)

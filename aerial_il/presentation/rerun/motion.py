@@ -121,7 +121,7 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
     """Put the scene into every state (N, S) and keep what is to be seen; numbers beyond MuJoCo's state are left out.
 
     Args:
-        spec: of the environment, which tells the wind.
+        spec: of the environment, which knows the wind.
     """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
     rotors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)

@@ -72,7 +72,7 @@ def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
 def _begin(bag: Bag, episode: Episode, model: mujoco.MjModel, tree: Tree, static: list[Track]) -> None:
     """Add what lasts."""
     start, urdf = float(episode.sim_time[0]), urdf_of(model, tree, plain(episode.spec.robot))
-    bag.tell("aerial_il.view", {"uid": episode.uid, "success": str(episode.success).lower()})
+    bag.add_metadata("aerial_il.view", {"uid": episode.uid, "success": str(episode.success).lower()})
     bag.attach(URDF, "application/xml", urdf.encode())
     bag.text("/robot_description", start, urdf)
     bag.frames("/tf_static", start, [track.at() for track in static], lasting=True)
@@ -107,7 +107,7 @@ def _add_pictures(bag: Bag, episode: Episode, lenses: dict[str, Lens], step: int
 
 
 def _lenses(model: mujoco.MjModel, episode: Episode) -> dict[str, Lens]:
-    """Return how the cameras of all pictures see: MuJoCo tells the angle from top to bottom."""
+    """Return how the cameras of all pictures see: MuJoCo has the angle from top to bottom."""
     found = {}
     for field in (f.name for f in episode.spec.observation.of_group("image") if f.name in episode.obs):
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, _camera(field))
