@@ -191,7 +191,7 @@ def test_the_wind_pushes_as_flying_against_it_would(robot: str) -> None:
 
 
 @each_in_air
-def test_an_unknown_mass_on_the_base_leaves_the_air_where_it_acts(robot: str) -> None:
+def test_an_unknown_mass_leaves_the_air_where_it_acts(robot: str) -> None:
     """The force of the air is about the base's origin, wherever the centre of mass has gone."""
     env = single(robot, task_of(robot), "calm+wind+payload")
     env.reset(seed=3)

@@ -8,11 +8,11 @@ import pytest
 
 from aerial_il import robots
 from aerial_il.control import controller_state as layout
-from aerial_il.control import controllers
 from aerial_il.control.controller import Controller
 from aerial_il.control.controllers import lqr
 from aerial_il.control.hover import hover_body
 from aerial_il.control.vehicle import GRAVITY, Vehicle
+from aerial_il.core import registry
 from aerial_il.core.errors import UnknownNameError
 from experiments.controllers.steps import StepFigures, step_figures
 from tests.control.in_the_air import Flight
@@ -28,7 +28,7 @@ BOUNDS = {
     "lqr": {"position": (0.8, 5.0, 1.3), "yaw": (0.9, 5.0, 1.2)},
 }
 each_robot = pytest.mark.parametrize("robot", ROBOTS)
-each_law = pytest.mark.parametrize("law", controllers.names())
+each_law = pytest.mark.parametrize("law", registry.names("controller"))
 
 
 def step(robot: str, law: str, kind: str) -> StepFigures:
@@ -70,12 +70,12 @@ def test_the_tool_goes_where_it_is_told_under_every_law(robot: str, law: str) ->
 @each_robot
 def test_pid_removes_a_constant_force_and_pd_alone_does_not(robot: str) -> None:
     left = {}
-    for name, gains in (("pid", None), ("pd", controllers.get("pid")().gains._replace(integral=0.0))):
+    for name, gains in (("pid", None), ("pd", registry.get("controller", "pid")().gains._replace(integral=0.0))):
         flight = Flight(robot, "base_joint", law="pid", gains=gains)
         action = flight.place()
         flight.fly(action, 10.0, (0.08 * flight.vehicle.mass * GRAVITY, 0.0, 0.0))
         left[name] = abs(flight.base[0] - action[0])
-    expected = 0.08 * GRAVITY / controllers.get("pid")().gains.position
+    expected = 0.08 * GRAVITY / registry.get("controller", "pid")().gains.position
     assert left["pid"] < 0.005
     assert left["pd"] == pytest.approx(expected, rel=0.25), "force per mass over stiffness"
 
@@ -94,7 +94,7 @@ def test_the_integrators_of_pid_do_not_wind_up() -> None:
     assert abs(flight.base[0] - action[0]) < 0.03
 
 
-def test_the_gains_of_a_double_integrator_are_those_of_the_closed_form() -> None:
+def test_gains_of_a_double_integrator_have_their_closed_form() -> None:
     """ẍ = u / m with weights q₁, q₂, r: k₁ = √(q₁/r), k₂ = √(q₂/r + 2 m k₁)."""
     mass, q, r = 2.3, np.diag([40.0, 1.5]), np.array([[0.01]])
     gain = lqr.regulator(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0 / mass]]), q, r)
@@ -110,7 +110,7 @@ def test_the_gains_of_a_chain_of_four_are_those_of_butterworth() -> None:
 
 
 @each_vehicle
-def test_the_feedback_of_every_vehicle_is_stable_and_uses_what_it_has(vehicle: Vehicle) -> None:
+def test_the_feedback_is_stable_and_uses_what_there_is(vehicle: Vehicle) -> None:
     body, gain = hover_body(vehicle), lqr.feedback_matrix(vehicle)
     a, b = lqr.hover_model(body.mass, body.inertia)
     assert np.linalg.eigvals(a - b @ gain).real.max() < -1.0 * vehicle.agility
