@@ -69,6 +69,8 @@ class Decisions(NamedTuple):
     terminal: np.ndarray
     truncated: np.ndarray
 
+    lasts_a_step = False  # a decision, but for the shortest
+
     @property
     def ended(self) -> np.ndarray:
         """(T, n) bool, the step was the last of its episode."""

@@ -31,6 +31,8 @@ class Flown(Protocol):
     @property
     def decided(self) -> np.ndarray: ...
     @property
+    def lasts_a_step(self) -> bool: ...
+    @property
     def rewards(self) -> np.ndarray: ...
     @property
     def terminal(self) -> np.ndarray: ...
@@ -135,7 +137,7 @@ def judged(
     if made.sum() < 2:
         return None
     after = np.where(rollout.terminal, end_values, agent.values(rollout.next_obs))
-    after = after if made.all() else after.astype(float)  # discounted over several steps: as precise as rewards
+    after = after if rollout.lasts_a_step else after.astype(float)  # discounted over steps, as precise as rewards
     factors = {"gamma": settings.gamma, "gae_lambda": settings.gae_lambda}
     advantages, closing = gae(rewards, values, after, rollout.ended, made, **factors)
     steps, worlds = np.nonzero(made)

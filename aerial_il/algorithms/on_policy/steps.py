@@ -40,6 +40,8 @@ class Steps(NamedTuple):
         """(T, n) bool, the step was the last of its episode."""
         return self.terminal | self.truncated
 
+    lasts_a_step = True  # each decision
+
     @property
     def decided(self) -> np.ndarray:
         """(T, n) bool, a decision starts with the step: always."""
