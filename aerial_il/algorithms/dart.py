@@ -35,8 +35,8 @@ from aerial_il.algorithms.interactive.disagreement import actions_along
 from aerial_il.algorithms.interactive.problem import Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.supervised.training_set import split
+from aerial_il.core.checks import require_positive
 from aerial_il.core.contracts import (
     BatchEnv,
     Observation,

@@ -20,9 +20,8 @@ I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, for the absorbing state
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -38,17 +37,14 @@ from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.cloning import bc_loss, bc_pretrain
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -77,8 +73,8 @@ class SAC(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward_or_prior(self, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_reward_or_prior(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes, smoothness=self.smoothness)
@@ -90,25 +86,6 @@ class SAC(Algorithm):
 
         learn_off_policy(run, self, agent, flights, update, pilot=pilot)
         return run.finish()
-
-
-class SoftSettings(Protocol):
-    """What the agent reads of an algorithm's settings; :class:`DAC` and :class:`SQIL` train it too."""
-
-    @property
-    def gamma(self) -> float: ...
-    @property
-    def lr(self) -> float: ...
-    @property
-    def alpha(self) -> float: ...
-    @property
-    def entropy(self) -> float: ...
-    @property
-    def actor_every(self) -> int: ...
-    @property
-    def critics(self) -> Critics: ...
-    @property
-    def replay(self) -> Replay: ...
 
 
 class SoftActorCritic(Agent[SquashedGaussianNetwork]):
@@ -123,7 +100,7 @@ class SoftActorCritic(Agent[SquashedGaussianNetwork]):
 
     def __init__(
         self,
-        settings: SoftSettings,
+        settings: Algorithm,
         actor: SquashedGaussianNetwork,
         sizes: tuple[int, int],
         *,

@@ -12,7 +12,7 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.problem import Collect, InteractiveProblem, Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec

@@ -7,22 +7,9 @@ from typing import Protocol
 
 from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.exploration import Explorer, RandomActions
-from aerial_il.algorithms.off_policy.settings import Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
-
-
-class Settings(Protocol):
-    """What the loop reads of an algorithm's settings."""
-
-    @property
-    def warmup(self) -> int: ...
-    @property
-    def lr(self) -> float: ...
-    @property
-    def lr_floor(self) -> float: ...
-    @property
-    def replay(self) -> Replay: ...
 
 
 class Flights(Protocol):
@@ -36,7 +23,7 @@ class Flights(Protocol):
 
 def learn_off_policy(
     run: OnlineRun,
-    settings: Settings,
+    settings: Algorithm,
     agent: Agent,
     flights: Flights,
     update: Callable[[bool], Mapping[str, float]],
@@ -61,7 +48,7 @@ def learn_off_policy(
         every: environment steps from one block of updates to the next.
     """
     random = {"random_actions": pilot} if isinstance(pilot, RandomActions) else {}
-    run.begin(agent.actor, {"agent": agent, **(parts or {}), **random, **flights.parts})
+    run.start(agent.actor, {"agent": agent, **(parts or {}), **random, **flights.parts})
 
     for _ in run.offline(offline):
         run.log(update(True))
@@ -80,6 +67,6 @@ def learn_off_policy(
         run.end_turn()
 
 
-def lr_at(settings: Settings, left: float) -> float:
+def lr_at(settings: Algorithm, left: float) -> float:
     """Return the learning rate when the share ``left`` of the training is left."""
     return settings.lr * (settings.lr_floor + (1.0 - settings.lr_floor) * left)

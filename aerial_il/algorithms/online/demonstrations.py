@@ -13,8 +13,8 @@ from aerial_il.algorithms.online.collector import RECENT, Collector, RewardSchem
 from aerial_il.algorithms.online.interface import Bounds, action_bounds, encode, encode_actions
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
-from aerial_il.algorithms.run.checks import require_choice, require_positive
 from aerial_il.algorithms.supervised.training_set import read_demos
+from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-
 from aerial_il.algorithms.adversarial.action_noise import with_action_noise
+
 from aerial_il.algorithms.adversarial.discriminator import (
     REWARDS,
     Discriminator,

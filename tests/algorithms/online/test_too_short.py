@@ -51,13 +51,13 @@ def test_a_run_in_which_nothing_is_learned_is_refused(tmp_path: Path, name: str)
 @each
 def test_a_run_that_is_one_step_longer_learns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     before: list[torch.Tensor] = []
-    begin = OnlineRun.begin
+    start = OnlineRun.start
 
     def noted(run: OnlineRun, actor: Any, parts: Any) -> None:
         before.extend(weights.detach().clone() for weights in actor.parameters())
-        begin(run, actor, parts)
+        start(run, actor, parts)
 
-    monkeypatch.setattr(OnlineRun, "begin", noted)
+    monkeypatch.setattr(OnlineRun, "start", noted)
     longest = max(FLOWN[name].values(), default=0)
     policy = train(short(name, steps=longest + 1), tmp_path)
     assert any(not torch.equal(*pair) for pair in zip(before, policy.network.parameters(), strict=True))
