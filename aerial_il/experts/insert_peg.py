@@ -55,7 +55,7 @@ class InsertPegExpert(Expert):
         return np.where(inside >= INSERTED_M, RELEASE, phase)
 
     def next_phase(self) -> np.ndarray:
-        view, phase = self.view, self.phase
+        view = self.view
         tool, end, hole, grasp = view.tool_pos, lower_end(view), view.site_pos("hole"), self._grasp()[0]
         beside, beside_hole = planar_length(grasp - tool), planar_length(end - hole)
         over = (beside <= ALIGNED_M) & self._facing_peg()
@@ -83,10 +83,7 @@ class InsertPegExpert(Expert):
             (RELEASE, view.gripper[:, 0] >= OPEN_ENOUGH, RETREAT),
             (RETREAT, inside < INSERTED_M, HOVER),
         )
-        following = phase.copy()
-        for here, due, there in reversed(rules):
-            following = np.where((phase == here) & due, there, following)
-        return following
+        return self.following(rules)
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         view, phase = self.view, self.phase

@@ -44,7 +44,7 @@ class PickPlaceExpert(Expert):
         return np.where(self._held(), LIFT, HOVER)
 
     def next_phase(self) -> np.ndarray:
-        view, phase = self.view, self.phase
+        view = self.view
         cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
         beside_cube, beside_bowl = planar_length(cube - tool), planar_length(bowl - cube)
         over_cube = (beside_cube <= self._room()) & self._facing_cube()
@@ -74,10 +74,7 @@ class PickPlaceExpert(Expert):
             (RELEASE, view.gripper[:, 0] >= OPEN_ENOUGH, RETREAT),
             (RETREAT, gone_up & ~inside, HOVER),
         )
-        following = phase.copy()
-        for here, due, there in reversed(rules):
-            following = np.where((phase == here) & due, there, following)
-        return following
+        return self.following(rules)
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         view, phase = self.view, self.phase

@@ -117,8 +117,8 @@ def test_what_is_drawn_is_recorded(name: str) -> None:
     worlds = batch(ROBOT, TASK, tier_with(name), "velocity")
     drawn = [json.loads(json.dumps(worlds.drawn(seed))) for seed in (3, 3, 4)]
     assert drawn[0] == drawn[1]
-    told = json.loads(json.dumps(worlds.spec.disturbances))[name]
-    assert told.get("memory", 0) == tiers.standard(name).memory
+    recorded = json.loads(json.dumps(worlds.spec.disturbances))[name]
+    assert recorded.get("memory", 0) == tiers.standard(name).memory
 
 
 def test_calm_has_noise_alone() -> None:

@@ -1,4 +1,4 @@
-"""Experts are closed loop: they retry, take over anywhere, and forget when told."""
+"""Experts are closed loop: they retry, take over anywhere, and forget when reset."""
 
 from __future__ import annotations
 

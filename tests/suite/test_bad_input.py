@@ -22,6 +22,7 @@ CELL = ("ua_quad_arm4", "reach")
         (CELL, {"tier": "calm+wnd"}, "Unknown tier component 'wnd'. Did you mean 'wind'"),
         (CELL, {"tier": "gust"}, "Unknown tier 'gust'. Did you mean 'gusts'"),
         (CELL, {"action": "ee"}, "Unknown action level 'ee'."),
+        (CELL, {"controller": "piid"}, "Unknown controller 'piid'. Did you mean 'pid'"),
         (CELL, {"cameras": ("wirst",)}, "Unknown camera 'wirst'. Did you mean 'wrist'"),
         (CELL, {"cameras": ("wrist:rbg",)}, "Unknown image modality 'rbg'. Did you mean 'rgb'"),
     ],

@@ -9,7 +9,6 @@ import pytest
 import aerial_il
 from aerial_il.control import controller_state as layout
 from aerial_il.core import registry
-from aerial_il.core.errors import UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from tests.contract.registered import random_actions
 
@@ -49,8 +48,3 @@ def test_the_specification_says_which_law_flies() -> None:
     assert EnvSpec.from_dict(old).controller == "geometric_observer", "recordings from before there was a choice"
     assert spec.differences(EnvSpec.from_dict(old)) == []
     assert spec.differences(EnvSpec.from_dict(old), ignore=()) == ["controller: 'lqr' != 'geometric_observer'"]
-
-
-def test_an_unknown_controller_is_answered_with_the_valid_ones() -> None:
-    with pytest.raises(UnknownNameError, match="Valid: geometric, geometric_observer, lqr, pid"):
-        aerial_il.load(*CELL, controller="mpc")

@@ -6,14 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from aerial_il import robots
 from aerial_il.control import controller_state as layout
-from aerial_il.control.controller import Controller
 from aerial_il.control.controllers import lqr
 from aerial_il.control.hover import hover_body
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core import registry
-from aerial_il.core.errors import UnknownNameError
 from experiments.controllers.steps import StepFigures, step_figures
 from tests.control.in_the_air import Flight
 from tests.control.nominal import compile_nominal, each_vehicle
@@ -59,7 +56,7 @@ def test_a_step_response_keeps_to_its_bounds(robot: str, law: str, kind: str) ->
 
 @each_robot
 @each_law
-def test_the_tool_goes_where_it_is_told_under_every_law(robot: str, law: str) -> None:
+def test_the_tool_goes_where_it_is_sent_under_every_law(robot: str, law: str) -> None:
     flight = Flight(robot, law=law)
     action = flight.pose((0.4, -0.3, 0.2))
     flight.fly(action, 6.0)
@@ -133,8 +130,3 @@ def test_the_hovering_body_is_mujocos(vehicle: Vehicle) -> None:
     assert body.mass == pytest.approx(full[0, 0])
     np.testing.assert_allclose(body.com, data.subtree_com[1], atol=1e-12)
     np.testing.assert_allclose(about_origin, full[3:6, 3:6], atol=1e-12)
-
-
-def test_an_unknown_law_is_answered_with_the_nearest() -> None:
-    with pytest.raises(UnknownNameError, match=r"Unknown controller 'piid'\. Did you mean 'pid'"):
-        Controller(robots.get("ua_quad_arm4").vehicle, law="piid")

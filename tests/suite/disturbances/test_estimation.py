@@ -106,8 +106,8 @@ def test_what_is_drawn_has_the_biases(load: Load) -> None:
         drawn = worlds.drawn(5 + world)
         for name in ("cube", "bowl"):
             error = (obs[f"{name}_pos"] - view.site_pos(name))[world]
-            told = np.add(drawn["seen_frame_bias_m"], drawn[f"seen_{name}_bias_m"])
-            np.testing.assert_allclose(error, told, atol=1e-12)
+            biases = np.add(drawn["seen_frame_bias_m"], drawn[f"seen_{name}_bias_m"])
+            np.testing.assert_allclose(error, biases, atol=1e-12)
 
 
 @pytest.mark.parametrize("lag", range(episode_state.MAX_LAG + 1))
