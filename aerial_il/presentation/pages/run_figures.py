@@ -103,7 +103,7 @@ def losses(runs: Groups) -> Figure | None:
     plot = _wide(last, (low if log else 0.0, high), label, said, log_y=log)
     for kind, title, curve in lines:
         plot.line(curve.steps, curve.values, kind, title=title)
-    return Figure("Loss", plot.svg(), "Which of two policies flies better, no loss says: only rollouts do.")
+    return Figure("Loss", plot.svg(), "Which of two policies flies better, no loss shows: only rollouts do.")
 
 
 def others(run: TrainingRun) -> dict[str, list[Figure]]:

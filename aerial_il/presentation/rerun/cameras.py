@@ -12,7 +12,7 @@ from PIL import Image
 
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.rerun.log import Log
-from aerial_il.presentation.rerun.motion import Motion
+from aerial_il.presentation.rerun.motion import Motion, recorded_cameras
 from aerial_il.presentation.rerun.scene import xyzw
 
 JPEG_QUALITY = 85
@@ -22,18 +22,15 @@ UNITS_PER_METRE = 1000.0  # of recorded depth: millimetres
 
 def log_cameras(log: Log, episode: Episode, motion: Motion) -> None:
     """Log every camera whose pictures were recorded."""
-    for name in (field.name for field in episode.spec.observation.of_group("image") if field.name in episode.obs):
-        index = mujoco.mj_name2id(motion.model, mujoco.mjtObj.mjOBJ_CAMERA, name.rpartition("_")[0])
-        if index >= 0:
-            entity = f"cameras/{name}"
-            _log_frustum(log, entity, motion, index, episode.obs[name].shape[1:3])
-            log_pictures(log, entity, episode.obs[name])
+    for field, camera, focal in recorded_cameras(episode, motion.model):
+        _log_frustum(log, f"cameras/{field}", motion, camera, focal, episode.obs[field].shape[1:3])
+        log_pictures(log, f"cameras/{field}", episode.obs[field])
 
 
-def _log_frustum(log: Log, entity: str, motion: Motion, camera: int, size: tuple[int, ...]) -> None:
+def _log_frustum(log: Log, entity: str, motion: Motion, camera: int, focal: float, size: tuple[int, ...]) -> None:
     height, width = size
     view = rr.Pinhole(
-        focal_length=0.5 * height / float(np.tan(0.5 * np.deg2rad(motion.model.cam_fovy[camera]))),
+        focal_length=focal,
         width=width,
         height=height,
         camera_xyz=rr.ViewCoordinates.RUB,  # MuJoCo's cameras look along -z

@@ -11,7 +11,7 @@ from aerial_il.presentation.rerun import palette, signals
 from aerial_il.presentation.rerun.clock import SIM_TIME, Clock
 from aerial_il.presentation.rerun.log import Log
 from aerial_il.presentation.rerun.motion import Motion, move
-from aerial_il.presentation.rerun.scene import eye, log_motion, log_scene
+from aerial_il.presentation.rerun.scene import log_motion, log_scene, scene_view
 from aerial_il.suite.batch import BatchEnvironment
 
 WATCHED = 0  # the world that is shown
@@ -69,13 +69,10 @@ class WatchedBatch(BatchEnvironment):
 
 
 def _layout(motion: Motion) -> rrb.Blueprint:
-    position, target = eye(motion)
-    look = rrb.EyeControls3D(position=position, look_target=target)
-    scene = rrb.Spatial3DView(origin="/scene", background=palette.BACKGROUND, line_grid=False, eye_controls=look)
     lanes = rrb.StateTimelineView(origin="/states", name="states")
     curves = [
         rrb.TimeSeriesView(origin=f"/signals/{name}", name=name) for name in ("action", "forces/contact", "reward")
     ]
-    left = rrb.Vertical(scene, lanes, row_shares=[3, 1])
+    left = rrb.Vertical(scene_view("/scene", motion), lanes, row_shares=[3, 1])
     time = rrb.TimePanel(state="collapsed", timeline=SIM_TIME)
     return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*curves), column_shares=[1.5, 1]), time, auto_views=False)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from aerial_il.presentation.rerun import palette
 from aerial_il.presentation.rerun.geometry import log_geometry, path_of, plain
@@ -113,6 +114,15 @@ def eye(motion: Motion) -> tuple[Sequence[float], Sequence[float]]:
     aside = np.array([c * side[0] - s * side[1], s * side[0] + c * side[1], 0.8 * side[2]])
     away = aside / np.linalg.norm(aside) * max(0.8, CLOSE * size)
     return (centre + away).tolist(), centre.tolist()
+
+
+def scene_view(origin: str, motion: Motion, name: str | None = None) -> rrb.Spatial3DView:
+    """Return the view of a scene that was logged below ``origin``, from where :func:`eye` looks."""
+    position, target = eye(motion)
+    look = rrb.EyeControls3D(position=position, look_target=target)
+    return rrb.Spatial3DView(
+        origin=origin, name=name, background=palette.BACKGROUND, line_grid=False, eye_controls=look
+    )
 
 
 def _extent(motion: Motion) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ import numpy as np
 
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.rerun.geometry import plain
-from aerial_il.presentation.rerun.motion import compile_scene, move
+from aerial_il.presentation.rerun.motion import compile_scene, move, recorded_cameras
 from aerial_il.presentation.rerun.ros2.bag import Bag, Frame, Lens, Marker
 from aerial_il.presentation.rerun.ros2.kinematics import WORLD, Tree, body_name, tree_of
 from aerial_il.presentation.rerun.ros2.shapes import shapes_of
@@ -108,14 +108,11 @@ def _add_pictures(bag: Bag, episode: Episode, lenses: dict[str, Lens], step: int
 
 def _lenses(model: mujoco.MjModel, episode: Episode) -> dict[str, Lens]:
     """Return how the cameras of all pictures see: MuJoCo has the angle from top to bottom."""
-    found = {}
-    for field in (f.name for f in episode.spec.observation.of_group("image") if f.name in episode.obs):
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, _camera(field))
-        if index >= 0:
-            height, width = episode.obs[field].shape[1:3]
-            focal = 0.5 * height / float(np.tan(0.5 * np.deg2rad(model.cam_fovy[index])))
-            found[field] = Lens(width, height, focal)
-    return found
+    lenses = {}
+    for field, _, focal in recorded_cameras(episode, model):
+        height, width = episode.obs[field].shape[1:3]
+        lenses[field] = Lens(width, height, focal)
+    return lenses
 
 
 def _camera(field: str) -> str:
