@@ -120,20 +120,20 @@ def collect(
     seeds = _checked(seeds)
     folder = DatasetFolder(out)
     folder.claim(env.spec)
-    flight = _Flight(env, policy, expert, folder, policy_name, dict(settings or {}), longest)
+    collector = _Collector(env, policy, expert, folder, policy_name, dict(settings or {}), longest)
     if not mix:
-        check_unmixed(folder, flight.origin.uid(seeds[0]), flight.provenance_of(seeds[0]))
+        check_unmixed(folder, collector.origin.uid(seeds[0]), collector.provenance_of(seeds[0]))
     folder.keep_model(env.model_xml)
     with (
-        _accounted(flight, seeds, progress),
+        _accounted(collector, seeds, progress),
         Progress(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
     ):
-        for _ in flight.fly(seeds):
-            flight.result.show(bar)
-    return flight.result
+        for _ in collector.fly(seeds):
+            collector.result.show(bar)
+    return collector.result
 
 
-class _Flight:
+class _Collector:
     """n worlds, each with the seed it flies, fed from a queue of seeds."""
 
     def __init__(
@@ -304,21 +304,21 @@ class _Flight:
 
 
 @contextmanager
-def _accounted(flight: _Flight, seeds: list[int], progress: bool) -> Iterator[None]:
+def _accounted(collector: _Collector, seeds: list[int], progress: bool) -> Iterator[None]:
     """Whatever ends the flight, close its files, bring the index up to date and log the run."""
     clock, started = time.perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
 
     def account() -> None:
-        result = flight.result
-        flight.recorder.close()
+        result = collector.result
+        collector.recorder.close()
         with suppress(AerialError):  # it was raised where it was met
-            flight.settle()
-        flight.folder.write_index(flight.env.spec, flight.written)
+            collector.settle()
+        collector.folder.write_index(collector.env.spec, collector.written)
         result.seconds = time.perf_counter() - clock
         counts = {name: len(getattr(result, name)) for name in ("demos", "failures", "skipped", "busy")}
-        run = {"started": started, "seconds": round(result.seconds, 3), "num_envs": flight.env.num_envs}
-        flight.folder.log({**run, "seeds": [min(seeds), max(seeds)], **counts, "provenance": provenance()})
-        log.log(logging.INFO if progress else logging.DEBUG, "%s: %s.", flight.folder.path, result.summary())
+        run = {"started": started, "seconds": round(result.seconds, 3), "num_envs": collector.env.num_envs}
+        collector.folder.log({**run, "seeds": [min(seeds), max(seeds)], **counts, "provenance": provenance()})
+        log.log(logging.INFO if progress else logging.DEBUG, "%s: %s.", collector.folder.path, result.summary())
 
     try:
         yield

@@ -7,9 +7,9 @@ from typing import Any
 import llvmlite.ir as ir
 import numba
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
+from numba import extending, types
 
+intrinsic: Any = extending.intrinsic  # typed so, since what it makes is called without its first argument
 _NUMBERS = numba.from_dtype(np.dtype([("first", np.float64)]))  # stands for records of which only the address matters
 
 
@@ -25,19 +25,16 @@ def called(result: types.Type, *given: types.Type) -> Any:
         nothing = result == types.void
         kinds = [context.get_value_type(kind) for kind in given]
         function = ir.FunctionType(ir.VoidType() if nothing else context.get_value_type(result), kinds)
-        found = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-        return context.get_dummy_value() if nothing else found
+        value = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+        return context.get_dummy_value() if nothing else value
 
     return emit
 
 
 @intrinsic
-def _numbers_at(_: Any, address: types.Integer) -> Any:
+def numbers_at(_: Any, address: types.Integer) -> Any:
     """Take an address as that of a record that somebody else reads."""
     return _NUMBERS(address), read_at
-
-
-numbers_at: Any = _numbers_at  # an intrinsic is called without its first argument
 
 
 def record_of_numbers(numbers: dict[str, Any]) -> np.ndarray:
@@ -47,7 +44,7 @@ def record_of_numbers(numbers: dict[str, Any]) -> np.ndarray:
     """
     values = {name: np.asarray(value) for name, value in (numbers or {"none": 0.0}).items()}
     kinds = [(n, np.int64 if v.dtype.kind == "i" else np.float64, v.shape) for n, v in values.items()]
-    found = np.zeros(1, np.dtype(kinds, align=True))
+    record = np.zeros(1, np.dtype(kinds, align=True))
     for name, value in values.items():
-        found[name][0] = value
-    return found
+        record[name][0] = value
+    return record

@@ -72,8 +72,8 @@ def parse_json(text: str | bytes) -> Any:
         ValueError: it is none, or has more values or is nested deeper than any of ours.
     """
     text = text.decode() if isinstance(text, bytes) else text
-    if (found := sum(map(text.count, ",[{"))) > MAX_JSON_VALUES:
-        raise InvalidFileError(f"it has {found} values, more than {MAX_JSON_VALUES}")
+    if (count := sum(map(text.count, ",[{"))) > MAX_JSON_VALUES:
+        raise InvalidFileError(f"it has {count} values, more than {MAX_JSON_VALUES}")
     try:
         return json.loads(text)
     except RecursionError:

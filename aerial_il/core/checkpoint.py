@@ -3,7 +3,7 @@
 A sealed folder holds arrays (``arrays.safetensors``), plain state such as counters and generator states
 (``state.json``), configuration (``config.yaml``) and ``manifest.json`` with the size and SHA-256 of each of them
 and of itself. It appears under its name in one rename, after everything in it has reached the disk.
-Nothing is ever pickled, so reading a stranger's folder cannot run code.
+Nothing is ever pickled, so reading a folder of unknown origin cannot run code.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Contracts between the rooms: what an environment offers, what who acts in it does, and what an algorithm is.
+"""Contracts between the packages: what an environment offers, what who acts in it does, and what an algorithm is.
 
 They are structural: a class fulfils one by having its attributes, whether it names it or not. What only some policies
 have, phases for example, is a contract of its own, which ``isinstance`` asks for.

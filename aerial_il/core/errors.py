@@ -125,7 +125,7 @@ class DemoError(AerialError):
         step: index of the first bad step, where one is at fault.
         field: field within the message, where one is at fault.
         expected: what was expected.
-        got: what was found.
+        got: what was there.
         hint: the next command to run.
     """
 

@@ -1,4 +1,4 @@
-"""Goals that can be exchanged after the fact: what an environment shows of them, and what reaching one is worth."""
+"""Goals that can be exchanged after the fact: what an environment shows of them, and the value of reaching one."""
 
 from __future__ import annotations
 
@@ -71,15 +71,15 @@ class GoalColumns:
 
     def exchanged(self, frames: np.ndarray, goals: np.ndarray) -> np.ndarray:
         """Return frames (T, Do) in which ``goals`` (T, Dg) are wanted."""
-        found, at = frames.copy(), 0
+        exchanged, at = frames.copy(), 0
         for name in self._goal.desired:
             columns = self._columns[name]
             width = columns.stop - columns.start
-            found[:, columns] = goals[:, at : at + width]
+            exchanged[:, columns] = goals[:, at : at + width]
             at += width
         for name, (wanted, other) in self._goal.offsets.items():
-            found[:, self._columns[name]] = found[:, self._columns[wanted]] - found[:, self._columns[other]]
-        return found
+            exchanged[:, self._columns[name]] = exchanged[:, self._columns[wanted]] - exchanged[:, self._columns[other]]
+        return exchanged
 
     def rewards(self, next_frames: np.ndarray, *, tolerance: float = 1.0) -> np.ndarray:
         """Return what the steps that led to ``next_frames`` (T, Do) are paid, (T,).

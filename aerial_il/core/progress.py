@@ -24,14 +24,14 @@ class Progress(tqdm):  # pyright: ignore[reportMissingTypeArgument]
         """Return what writes a state of the bar: over the last one, or in a log below it; tqdm ends the last line."""
         if is_terminal(file):
             return tqdm.status_printer(file)
-        begun = False
+        started = False
 
         def write_line(state: str) -> None:
-            nonlocal begun
+            nonlocal started
             if state:
-                file.write("\n" * begun + state.rstrip())
+                file.write("\n" * started + state.rstrip())
                 file.flush()
-                begun = True
+                started = True
 
         return write_line
 

@@ -89,7 +89,7 @@ def require_rendering(purpose: str) -> None:
 
 
 def remembered_backend() -> str:
-    """Return what the last probe found (``egl``, ``osmesa``, ``disabled``), or an empty string."""
+    """Return the result of the last probe (``egl``, ``osmesa``, ``disabled``), or an empty string."""
     try:
         return _memory().read_text().strip()
     except OSError:
@@ -114,18 +114,18 @@ def probe_backend(backend: str) -> str:
 
 def probe() -> str:
     """Try every back end, remember the first that works (or ``disabled``) for this environment, and return it."""
-    found = next((backend for backend in BACKENDS if not probe_backend(backend)), DISABLED)
+    backend = next((backend for backend in BACKENDS if not probe_backend(backend)), DISABLED)
     memory = _memory()
     memory.parent.mkdir(parents=True, exist_ok=True)
-    memory.write_text(found + "\n")
-    return found
+    memory.write_text(backend + "\n")
+    return backend
 
 
 def report_probe() -> int:
     """Probe and print the result: what ``make setup`` runs. Return an exit status, 1 where nothing renders."""
-    found = probe()
-    print(f"Rendering: {found}" if found != DISABLED else f"Rendering: none works (tried {', '.join(BACKENDS)})")
-    return int(found == DISABLED)
+    backend = probe()
+    print(f"Rendering: {backend}" if backend != DISABLED else f"Rendering: none works (tried {', '.join(BACKENDS)})")
+    return int(backend == DISABLED)
 
 
 def _memory() -> Path:

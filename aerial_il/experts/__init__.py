@@ -1,4 +1,4 @@
-"""Scripted experts: one file for each task, found by its name."""
+"""Scripted experts: one file for each task, registered by being there."""
 
 from __future__ import annotations
 

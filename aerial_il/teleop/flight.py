@@ -74,7 +74,7 @@ async def fly(
     flight = Loop(cockpit, inbox, film.show, server.report)
     server.flight, server.film = flight, film
     attached = [
-        Attached(name, driver, inbox.note, lost=flight.leave, found=lambda name: flight.tell(f"{name} is back."))
+        Attached(name, driver, inbox.note, lost=flight.leave, back=lambda name: flight.tell(f"{name} is back."))
         for name, driver in (drivers or {}).items()
     ]
     async with _running(server, film, flight, attached):

@@ -14,7 +14,8 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.flight import CAMERAS, Site, about
 from aerial_il.teleop.input.inbox import Inbox
 from aerial_il.teleop.input.mapping import Bindings
-from aerial_il.teleop.session.cockpit import Cockpit, by_hand
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.helm import by_hand
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.loop import Loop
 from aerial_il.teleop.session.session import State
@@ -47,6 +48,9 @@ class PageOperator:
     Args:
         env: one world. bindings: of the page's devices. site: where the page is served. operator: who flies.
         opened: called when the page is there.
+
+    Attributes:
+        server: of the page.
     """
 
     def __init__(
@@ -61,26 +65,26 @@ class PageOperator:
         self._env, self._bindings, self._operator, self._opened = env, bindings, operator, opened
         self._inbox = Inbox(bindings)
         texts = about(env, bindings, operator, site)
-        self._server = Server(self._inbox, texts, host=site.host, port=site.port, tls=site.tls)
-        self._film = Film(env.model, CAMERAS, site.size, self._server.deliver)
-        self._server.film = self._film
+        self.server = Server(self._inbox, texts, host=site.host, port=site.port, tls=site.tls)
+        self._film = Film(env.model, CAMERAS, site.size, self.server.deliver)
+        self.server.film = self._film
         self._events = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._events.run_forever, name="page", daemon=True)
 
     def __enter__(self) -> Self:
         self._thread.start()
         try:
-            asyncio.run_coroutine_threadsafe(self._server.start(), self._events).result()
+            asyncio.run_coroutine_threadsafe(self.server.start(), self._events).result()
         except BaseException:
             self._end_events()
             raise
         self._film.start()
-        self._opened(self._server)
+        self._opened(self.server)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._film.close()
-        asyncio.run_coroutine_threadsafe(self._server.close(), self._events).result()
+        asyncio.run_coroutine_threadsafe(self.server.close(), self._events).result()
         self._end_events()
 
     def _end_events(self) -> None:
@@ -90,7 +94,7 @@ class PageOperator:
 
     def notify(self, rounds: Sequence[Costs], message: str) -> None:
         """Show how the rounds so far went, and what happens now."""
-        self._server.lesson = {"message": message, "rounds": [progress_of(costs) for costs in rounds]}
+        self.server.lesson = {"message": message, "rounds": [progress_of(costs) for costs in rounds]}
 
     def record(
         self,
@@ -107,8 +111,8 @@ class PageOperator:
             world, str(out), operator=self._operator, first_seed=seeds.start, policy=LEARNER, settings=tags
         )
         cockpit = Cockpit(world, self._bindings, logbook, policy=learner)
-        flight = Loop(cockpit, self._inbox, self._film.show, self._server.report)
-        self._server.flight = flight
+        flight = Loop(cockpit, self._inbox, self._film.show, self.server.report)
+        self.server.flight = flight
         flight.start()
         try:
             while logbook.seed < seeds.stop or cockpit.state is not State.IDLE:
@@ -116,7 +120,7 @@ class PageOperator:
                     raise error
                 time.sleep(WATCH_S)
         finally:
-            self._server.flight = None
+            self.server.flight = None
             flight.close()
 
 

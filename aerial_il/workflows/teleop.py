@@ -167,7 +167,7 @@ def _flown_once(env: BatchEnvironment) -> BatchEnvironment:
     """
     import numpy as np
 
-    from aerial_il.teleop.session.cockpit import by_hand
+    from aerial_il.teleop.session.helm import by_hand
 
     by_hand(env).reset(0)
     env.step(np.zeros((1, env.spec.action.size)))
@@ -210,7 +210,7 @@ def _aboard(settings: Teleop) -> tuple[Policy | None, BatchEnvironment]:
 
 def _tls(settings: Teleop) -> ssl.SSLContext | None:
     """Return what the page is served with, and say its fingerprint, or what it means to do without."""
-    from aerial_il.teleop.web.server import own_address, own_names
+    from aerial_il.teleop.web.access import own_address, own_names
     from aerial_il.teleop.web.tls import fresh_certificate, own_certificate
 
     exposed = settings.host not in LOOPBACK

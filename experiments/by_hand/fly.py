@@ -3,7 +3,7 @@
     python -m experiments.by_hand.fly fly --task reach --hands keys --episodes 10 --out runs/teleop
     python -m experiments.by_hand.fly table
 
-Who flies reads the page's text and presses keys, or moves a mocked gamepad (``tests/teleop/stranger.py``); it is told
+Who flies reads the page's text and presses keys, or moves a mocked gamepad (``tests/teleop/page_reader.py``); it gets
 nothing else. Each flight is one seed, counted from ``--seed``, and is kept whatever came of it; what is done is not
 done again. On a machine that is busy with other work, ``--realtime`` gives the server a real-time priority, which takes
 the rights of root; ``chrt -r 5`` before the command gives one to browser and driver. Results lie in
@@ -26,8 +26,8 @@ from typing import Any
 
 from aerial_il.evaluation.statistics import wilson
 from tests.teleop.chromium import Tab, browser
+from tests.teleop.page_reader import KeyHands, PadHands, PageReader
 from tests.teleop.plans import PLANS
-from tests.teleop.stranger import KeyHands, PadHands, Stranger
 
 RESULTS = Path(__file__).parent / "flights"
 LIMIT_S = {"reach": 60.0, "press_button": 60.0, "pick_place": 90.0}
@@ -39,7 +39,7 @@ async def served(task: str, out: Path, seed: int, *, realtime: bool, settings: l
     """Start the real command and yield the page's address; interrupt it at the end, as a person does."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # what a shell starts in the background is deaf to it
     command = [sys.executable, "-m", "aerial_il", "teleop", "robot=fa_hexa_arm4", f"task={task}", f"out={out}"]
-    command += [f"seed={seed}", "port=0", "open=false", "operator=stranger", *settings]
+    command += [f"seed={seed}", "port=0", "open=false", "operator=script", *settings]
     process = await asyncio.create_subprocess_exec(
         *(REAL_TIME if realtime else ()), *command, stdout=asyncio.subprocess.PIPE
     )
@@ -61,13 +61,13 @@ async def _until(stream: asyncio.StreamReader, start: bytes) -> AsyncIterator[by
     raise EOFError(f"the server ended before it had said {start.decode()!r}")
 
 
-async def stranger_at(tab: Tab, hands: str) -> Stranger:
+async def reader_at(tab: Tab, hands: str) -> PageReader:
     """Sit somebody down at the page."""
     if hands == "keys":
-        return Stranger(tab, KeyHands(tab))
+        return PageReader(tab, KeyHands(tab))
     pad = PadHands(tab)
     await pad.plug_in()
-    return Stranger(tab, pad)
+    return PageReader(tab, pad)
 
 
 async def fly(args: argparse.Namespace) -> None:
@@ -82,7 +82,7 @@ async def fly(args: argparse.Namespace) -> None:
     ):
         tab = await opened(url)
         await tab.look(width=1280, height=720)
-        person = await stranger_at(tab, args.hands)
+        person = await reader_at(tab, args.hands)
         while len(done) < args.episodes:
             begun, plan = time.monotonic(), PLANS[args.task]()
             await person.record()

@@ -22,7 +22,7 @@ import aerial_il
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.teleop.session.refly import refly
-from experiments.by_hand.fly import served, stranger_at
+from experiments.by_hand.fly import reader_at, served
 from tests.teleop.chromium import browser
 from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again, rescued
 
@@ -37,7 +37,7 @@ async def fly(args: argparse.Namespace) -> None:
     ):
         tab = await opened(url)
         await tab.look(width=1280, height=720)
-        person = await stranger_at(tab, args.hands)
+        person = await reader_at(tab, args.hands)
         for part in parts:
             await part(person)
             print(f"{part.__name__}: {person.sight.counts} saved, failures, in the trash", flush=True)

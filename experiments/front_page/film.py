@@ -20,7 +20,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw
 
 from aerial_il.presentation.films.overlay import font
-from experiments.by_hand.fly import served, stranger_at
+from experiments.by_hand.fly import reader_at, served
 from tests.teleop.chromium import Tab, browser
 from tests.teleop.plans import PLANS
 
@@ -41,7 +41,7 @@ async def flown(seed: int, out: Path, run: str | None) -> list[Shot]:
     async with served(TASK, out, seed, realtime=True, settings=settings) as url, browser() as opened:
         tab = await opened(url)
         await tab.look(width=PAGE[0], height=PAGE[1])
-        person = await stranger_at(tab, "keys")
+        person = await reader_at(tab, "keys")
         await person.record()
         if run:
             await tab.tap("KeyN")  # nobody needs the numbers

@@ -23,9 +23,9 @@ from typing import Any
 
 from aerial_il.evaluation.result import FILE_NAME
 from aerial_il.evaluation.statistics import wilson
-from experiments.by_hand.fly import served, stranger_at
+from experiments.by_hand.fly import reader_at, served
 from tests.teleop.chromium import browser
-from tests.teleop.stranger import Sight, Wish
+from tests.teleop.page_reader import Sight, Wish
 
 HERE, ROOT = Path(__file__).resolve().parent, Path(__file__).resolve().parents[2]
 TASK, ROBOT, LIMIT_S = "touch_ball", "fa_hexa_arm4", 60.0
@@ -44,7 +44,7 @@ async def fly(out: Path, seed: int, flights: int) -> int:
     async with served(TASK, out, seed, realtime=os.geteuid() == 0, settings=[]) as url, browser() as opened:
         tab = await opened(url)
         await tab.look(width=1280, height=720)
-        person = await stranger_at(tab, "keys")
+        person = await reader_at(tab, "keys")
         for _ in range(flights):
             await person.record()
             solved += await person.fly(towards, LIMIT_S)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 
 from aerial_il.presentation.rerun.chromium import BROWSER, Opener, Tab, browser
+from tests.teleop.patience import HANG_S
+
+Tab.patience_s = HANG_S  # a busy machine fails no test
 
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on this machine")
 

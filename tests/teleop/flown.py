@@ -19,7 +19,10 @@ from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.web.controls import Controls
 from aerial_il.teleop.web.server import Server
+from tests.teleop.chromium import Tab, browser
 from tests.teleop.hands import shipped, world
+
+READY = "window.teleop && teleop.shown && teleop.status?.role === 'controller'"
 
 
 @dataclass
@@ -65,3 +68,13 @@ async def flown(
         with suppress(asyncio.CancelledError):
             await work
         env.close()
+
+
+@asynccontextmanager
+async def browsed(out: Path, **settings: Any) -> AsyncIterator[tuple[Flown, Tab]]:
+    """Fly as :func:`flown` does, with the page open in a browser, and require that no script of it failed."""
+    async with flown(out, **settings) as flight, browser() as opened:
+        tab = await opened(flight.server.url)
+        await tab.until(READY)
+        yield flight, tab
+        assert not tab.errors

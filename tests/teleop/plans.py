@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 
-from tests.teleop.stranger import Sight, Wish
+from tests.teleop.page_reader import Sight, Wish
 
 NEAR_CM = 14.0  # from here on slowly
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
+from tests.teleop.page_reader import PageReader, Sight, Wish
 from tests.teleop.plans import Reach
-from tests.teleop.stranger import Sight, Stranger, Wish
 
 SOLVING_S, WATCHING_S = 60.0, 3.0
 
@@ -15,7 +15,7 @@ def onwards(_: Sight) -> Wish:
     return Wish({"forward": (50.0, 0.0)})
 
 
-async def kept(person: Stranger) -> None:
+async def kept(person: PageReader) -> None:
     """Solve ``reach`` and keep it."""
     saved, *_ = (await person.until(lambda s: s.state == "free flight")).counts
     await person.record()
@@ -24,7 +24,7 @@ async def kept(person: Stranger) -> None:
     await person.until(lambda s: s.counts[0] == saved + 1)
 
 
-async def discarded_and_brought_back(person: Stranger) -> None:
+async def discarded_and_brought_back(person: PageReader) -> None:
     """Throw a flight away in mid-air, and have second thoughts."""
     before = (await person.until(lambda s: s.state == "free flight")).counts
     await person.record()
@@ -35,7 +35,7 @@ async def discarded_and_brought_back(person: Stranger) -> None:
     await person.until(lambda s: s.counts == (before[0], before[1] + 1, before[2]))
 
 
-async def recorded_again(person: Stranger) -> None:
+async def recorded_again(person: PageReader) -> None:
     """Begin badly, throw it away, and record the same start once more."""
     before = (await person.until(lambda s: s.state == "free flight")).counts
     await person.record()
@@ -45,7 +45,7 @@ async def recorded_again(person: Stranger) -> None:
     await kept(person)
 
 
-async def rescued(person: Stranger) -> None:
+async def rescued(person: PageReader) -> None:
     """Watch a policy that does not get there, take over, solve it, and keep it."""
     saved, *_ = (await person.until(lambda s: s.state == "free flight")).counts
     await person.record()
@@ -60,7 +60,7 @@ async def rescued(person: Stranger) -> None:
     await person.until(lambda s: s.counts[0] == saved + 1)
 
 
-async def fly_a_moment(person: Stranger) -> None:
+async def fly_a_moment(person: PageReader) -> None:
     """Fly ahead for a second."""
     for _ in range(20):
         await person.hands.do(onwards(person.sight))

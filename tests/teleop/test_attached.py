@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import time
 from pathlib import Path
 
 import aiohttp
@@ -19,24 +18,20 @@ from aerial_il.teleop.piloting.pilot import check_leader
 from aerial_il.teleop.session.refly import refly
 from tests.teleop.flown import Flown, flown
 from tests.teleop.hands import shipped, world
+from tests.teleop.patience import until
 from tests.teleop.simulated import FakeArm, FakeMouse, buttons, simulated, translation
 
 pytestmark = pytest.mark.render
-
-
-def together(work) -> None:
-    asyncio.run(asyncio.wait_for(work, 120.0))
 
 
 class Page:
     """A page that says it is there, as often as a browser's does."""
 
     def __init__(self, client: aiohttp.ClientWebSocketResponse) -> None:
-        self._client, self._seq = client, 0
+        self.client, self._seq = client, 0
         self.pressed: list[str] = []
         self.held: list[str] = []
         self.extra: dict = {}
-        self.at: float = 0.0
         self._speaking = asyncio.create_task(self._speak())
         self._hearing = asyncio.create_task(self._hear())
 
@@ -44,7 +39,7 @@ class Page:
         self._speaking.cancel()
 
     async def _hear(self) -> None:
-        async for _ in self._client:
+        async for _ in self.client:
             pass
 
     async def _speak(self) -> None:
@@ -53,10 +48,9 @@ class Page:
             pressed, self.pressed = self.pressed, []
             held = [*self.held, *pressed]
             message = {"type": "input", "seq": self._seq, "held": held, "pressed": pressed, "axes": {}, "t": 1.0}
-            if self._client.closed:
+            if self.client.closed:
                 return
-            await self._client.send_str(json.dumps({**message, **self.extra}))
-            self.at = time.perf_counter()
+            await self.client.send_str(json.dumps({**message, **self.extra}))
             await asyncio.sleep(0.02)
 
 
@@ -64,54 +58,41 @@ async def a_page(session: aiohttp.ClientSession, flight: Flown) -> Page:
     return Page(await session.ws_connect(f"http://127.0.0.1:{flight.server.port}/socket?token={flight.server.token}"))
 
 
-async def until(said, timeout_s: float = 20.0) -> None:
-    for _ in range(int(timeout_s / 0.01)):
-        if said():
-            return
-        await asyncio.sleep(0.01)
-    raise AssertionError("never true")
-
-
-def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> None:
-    async def work() -> None:
-        mouse: FakeMouse
-        with simulated("spacemouse", tmp_path / "usb") as mouse:
-            async with (
-                flown(tmp_path, devices=("keyboard", "spacemouse"), hardware={"spacemouse": mouse.settings}) as flight,
-                aiohttp.ClientSession() as session,
-            ):
-                status = flight.cockpit.status
-                mouse.send(translation(0, -350, 0))
-                await asyncio.sleep(0.3)
-                assert status().speed == 0.0, "nobody is at the page"
-                page = await a_page(session, flight)
-                await until(lambda: status().speed == 0.0 and not status().dead)
-                pushing = asyncio.create_task(push(mouse))
-                await until(lambda: status().speed > 0.3)
-                mouse.send(buttons(2))
-                await until(lambda: status().state == "recording")
-                await until(lambda: status().steps >= 25)
-                pushing.cancel()
-                mouse.unplug()
-                gone = time.perf_counter()
-                await until(lambda: status().state == "paused")
-                assert time.perf_counter() - gone < 1.0
-                assert "spacemouse is gone" in status().message
-                await asyncio.sleep(0.1)
-                mouse.plug_in()
-                await until(lambda: status().message == "spacemouse is back.")
-                page.pressed = ["KeyP"]
-                await until(lambda: status().state == "recording")
-                pushing = asyncio.create_task(push(mouse))
-                await until(lambda: status().speed > 0.3)
-                page.pressed = ["KeyR"]
-                await until(lambda: status().state == "review")
-                page.pressed = ["Enter"]
-                await until(lambda: sum(status().counts.values()) == 1)
-                pushing.cancel()
-                page.hush()
-
-    together(work())
+async def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> None:
+    mouse: FakeMouse
+    with simulated("spacemouse", tmp_path / "usb") as mouse:
+        async with (
+            flown(tmp_path, devices=("keyboard", "spacemouse"), hardware={"spacemouse": mouse.settings}) as flight,
+            aiohttp.ClientSession() as session,
+        ):
+            status = flight.cockpit.status
+            mouse.send(translation(0, -350, 0))
+            await asyncio.sleep(0.3)
+            assert status().speed == 0.0, "nobody is at the page"
+            page = await a_page(session, flight)
+            await until(lambda: status().speed == 0.0 and not status().dead)
+            pushing = asyncio.create_task(push(mouse))
+            await until(lambda: status().speed > 0.3)
+            mouse.send(buttons(2))
+            await until(lambda: status().state == "recording")
+            await until(lambda: status().steps >= 25)
+            pushing.cancel()
+            mouse.unplug()
+            await until(lambda: status().state == "paused")
+            assert "spacemouse is gone" in status().message
+            await asyncio.sleep(0.1)
+            mouse.plug_in()
+            await until(lambda: status().message == "spacemouse is back.")
+            page.pressed = ["KeyP"]
+            await until(lambda: status().state == "recording")
+            pushing = asyncio.create_task(push(mouse))
+            await until(lambda: status().speed > 0.3)
+            page.pressed = ["KeyR"]
+            await until(lambda: status().state == "review")
+            page.pressed = ["Enter"]
+            await until(lambda: sum(status().counts.values()) == 1)
+            pushing.cancel()
+            page.hush()
     env = world()
     (file,) = DatasetFolder(tmp_path).files("failures")
     episode = read_episode(file)
@@ -126,28 +107,25 @@ async def push(mouse: FakeMouse) -> None:
         await asyncio.sleep(0.016)
 
 
-def test_a_leader_arm_moves_the_joints_while_keys_move_the_base(tmp_path: Path) -> None:
-    async def work() -> None:
-        arm: FakeArm
-        with simulated("leader_arm", tmp_path / "usb") as arm:
-            used = {"devices": ("keyboard", "leader_arm"), "hardware": {"leader_arm": arm.settings}}
-            async with flown(tmp_path, action="base_joint", **used) as flight, aiohttp.ClientSession() as session:
-                page, status = await a_page(session, flight), flight.cockpit.status
-                page.pressed = ["KeyR"]
-                await until(lambda: status().state == "recording")
-                arm.steps[2] = 2048 + 300
-                page.held = ["KeyE"]
-                up, wanted = base(flight), 300 * 2 * np.pi / 4096
-                await until(lambda: abs(joint(flight) - wanted) < 0.05)
-                await until(lambda: base(flight) > up + 0.05)
-                page.held = []
-                page.hush()
-                await until(lambda: status().dead)
-                arm.steps[2] = 2048 - 300
-                await asyncio.sleep(0.4)
-                assert joint(flight) == pytest.approx(wanted, abs=0.1), "dead man"
-
-    together(work())
+async def test_a_leader_arm_moves_joints_while_keys_move_the_base(tmp_path: Path) -> None:
+    arm: FakeArm
+    with simulated("leader_arm", tmp_path / "usb") as arm:
+        used = {"devices": ("keyboard", "leader_arm"), "hardware": {"leader_arm": arm.settings}}
+        async with flown(tmp_path, action="base_joint", **used) as flight, aiohttp.ClientSession() as session:
+            page, status = await a_page(session, flight), flight.cockpit.status
+            page.pressed = ["KeyR"]
+            await until(lambda: status().state == "recording")
+            arm.steps[2] = 2048 + 300
+            page.held = ["KeyE"]
+            up, wanted = base(flight), 300 * 2 * np.pi / 4096
+            await until(lambda: abs(joint(flight) - wanted) < 0.05)
+            await until(lambda: base(flight) > up + 0.05)
+            page.held = []
+            page.hush()
+            await until(lambda: status().dead)
+            arm.steps[2] = 2048 - 300
+            await asyncio.sleep(0.4)
+            assert joint(flight) == pytest.approx(wanted, abs=0.1), "dead man"
 
 
 def joint(flight: Flown) -> float:
@@ -168,47 +146,34 @@ def test_every_level_without_joints_refuses_a_leader_arm() -> None:
         check_leader(level, bindings)
 
 
-def test_a_phones_poses_over_the_pages_socket_move_the_tool(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with flown(tmp_path, devices=("keyboard", "phone")) as flight, aiohttp.ClientSession() as session:
-            page, status = await a_page(session, flight), flight.cockpit.status
-            upright = [0.0, 0.0, 0.0, 1.0]
-            page.extra = {"pose": {"position": [0.4, 1.0, 0.2], "orientation": upright}}
-            await until(lambda: not status().dead)
-            page.held, page.pressed = ["phone:clutch"], ["phone:clutch"]
-            await asyncio.sleep(0.3)
-            assert status().speed == 0.0, "closing the clutch moves nothing"
-            before = flight.env.observe()["ee_pos"][0].copy()
-            for step in range(20):
-                page.extra = {"pose": {"position": [0.4, 1.0 + 0.005 * step, 0.2], "orientation": upright}}
-                await asyncio.sleep(0.03)
-            await asyncio.sleep(0.5)
-            went = flight.env.observe()["ee_pos"][0] - before
-            assert went[2] == pytest.approx(0.095, abs=0.03)
-            page.held = []
-            page.extra = {"pose": {"position": [0.4, 0.5, 0.2], "orientation": upright}}
-            await asyncio.sleep(0.3)
-            assert flight.env.observe()["ee_pos"][0][2] - before[2] > 0.06, "an open clutch brings nothing back"
-            page.hush()
-
-    together(work())
+@pytest.mark.usefixtures("unhurried")
+async def test_a_phones_poses_over_the_pages_socket_move_the_tool(tmp_path: Path) -> None:
+    async with flown(tmp_path, devices=("keyboard", "phone")) as flight, aiohttp.ClientSession() as session:
+        page, status = await a_page(session, flight), flight.cockpit.status
+        upright = [0.0, 0.0, 0.0, 1.0]
+        page.extra = {"pose": {"position": [0.4, 1.0, 0.2], "orientation": upright}}
+        await until(lambda: not status().dead)
+        page.held, page.pressed = ["phone:clutch"], ["phone:clutch"]
+        await asyncio.sleep(0.3)
+        assert status().speed == 0.0, "closing the clutch moves nothing"
+        before = flight.env.observe()["ee_pos"][0].copy()
+        for step in range(20):
+            page.extra = {"pose": {"position": [0.4, 1.0 + 0.005 * step, 0.2], "orientation": upright}}
+            await asyncio.sleep(0.03)
+        await until(lambda: flight.env.observe()["ee_pos"][0][2] - before[2] == pytest.approx(0.095, abs=0.03))
+        page.held = []
+        page.extra = {"pose": {"position": [0.4, 0.5, 0.2], "orientation": upright}}
+        await asyncio.sleep(0.3)
+        assert flight.env.observe()["ee_pos"][0][2] - before[2] > 0.06, "an open clutch brings nothing back"
+        page.hush()
 
 
-def test_stale_input_hovers_within_300_ms(tmp_path: Path) -> None:
-    """From the last message of a page that falls silent with a key held, to a command of zero."""
-
-    async def work() -> list[float]:
-        found = []
-        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
-            for _ in range(5):
-                page = await a_page(session, flight)
-                page.held = ["KeyW"]
-                await until(lambda: flight.cockpit.status().speed > 0.2)
-                page.hush()
-                await until(lambda: flight.cockpit.status().speed == 0.0)
-                found.append(time.perf_counter() - page.at)
-                await page._client.close()
-        return found
-
-    found = asyncio.run(asyncio.wait_for(work(), 60.0))
-    assert np.median(found) < 0.34, found  # 15 ticks of 20 ms, and the tick that was under way
+async def test_a_page_that_falls_silent_with_a_key_held_hovers(tmp_path: Path) -> None:
+    """After how many ticks is a test of the pilot's, after how many ms a target of the study of teleoperation."""
+    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+        page = await a_page(session, flight)
+        page.held = ["KeyW"]
+        await until(lambda: flight.cockpit.status().speed > 0.2)
+        page.hush()
+        await until(lambda: flight.cockpit.status().dead)
+        assert flight.cockpit.status().speed == 0.0

@@ -14,6 +14,7 @@ import pytest
 
 from aerial_il.cli.main import BAD_USAGE, main
 from aerial_il.workflows import teleop
+from tests.teleop.patience import HANG_S
 
 
 @pytest.mark.render
@@ -26,11 +27,11 @@ def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) 
         assert process.stdout is not None
         url = process.stdout.readline().removeprefix("Fly here: ").strip()
         tunnel = process.stdout.readline()
-        with urllib.request.urlopen(url, timeout=20) as answer:
+        with urllib.request.urlopen(url, timeout=HANG_S) as answer:
             assert b"app.js" in answer.read()
         assert f"ssh -N -L {url.split(':')[2].split('/')[0]}:127.0.0.1:" in tunnel
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=HANG_S)
     finally:
         signal.signal(signal.SIGINT, before)
         process.kill()
@@ -40,7 +41,7 @@ def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("word", "told"),
+    ("word", "message"),
     [
         ("action=rotor", "velocity"),
         ("devices=[keybord]", "keyboard"),
@@ -53,9 +54,9 @@ def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) 
         ("port=-1", "port"),
     ],
 )
-def test_what_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, told: str) -> None:
+def test_what_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, message: str) -> None:
     assert main(["teleop", f"out={tmp_path / 'ds'}", word]) == BAD_USAGE
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.render
@@ -83,8 +84,8 @@ def test_a_port_that_is_taken_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_a_page_for_other_machines_tells_its_fingerprint_or_warns(
     tls: bool | None, expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    context = teleop._tls(teleop.Config(out="x", host="0.0.0.0", expose=True, tls=tls))
+    context = teleop._tls(teleop.Teleop(out="x", host="0.0.0.0", expose=True, tls=tls))
     assert (context is None) == (tls is False)
     assert expected in capsys.readouterr().out
-    assert teleop._tls(teleop.Config(out="x")) is None
+    assert teleop._tls(teleop.Teleop(out="x")) is None
     assert not capsys.readouterr().out

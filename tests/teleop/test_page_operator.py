@@ -1,4 +1,4 @@
-"""A person on the page as whom an algorithm learns from: one page through several rounds, told how they went."""
+"""A person on the page as whom an algorithm learns from: one page through several rounds, which says how they went."""
 
 from __future__ import annotations
 
@@ -22,7 +22,12 @@ from aerial_il.workflows.parts.page import operator
 from tests.teleop.hands import shipped, world
 
 pytestmark = pytest.mark.render
-KEYS = {"idle": "KeyR", "recording": "KeyR", "review": "Enter"}  # what one presses to keep one flight after the other
+KEYS = {
+    "idle": "KeyR",
+    "recording": "KeyR",
+    "paused": "KeyP",
+    "review": "Enter",
+}  # what one presses to keep one flight after the other
 
 
 class Person(threading.Thread):
@@ -45,14 +50,15 @@ class Person(threading.Thread):
             async for message in socket:
                 if message.type is aiohttp.WSMsgType.BINARY:
                     continue
-                told = json.loads(message.data)
-                if told["type"] != "status":
+                status = json.loads(message.data)
+                if status["type"] != "status":
                     continue
-                self.seen.append(told)
-                state, steps, seq = told["state"], told["steps"], seq + 1
-                due = state != "recording" or steps > 40
+                self.seen.append(status)
+                state, steps, seq = status["state"], status["steps"], seq + 1
+                flown_by_hand = status["person_steps"] > 15
+                due = state != "recording" or (steps > 40 and flown_by_hand)
                 pressed = [KEYS[state]] if state in KEYS and due and seq % 4 == 0 else []
-                held = ["KeyT", "KeyA"] if 10 < steps < 30 else []
+                held = ["KeyT", "KeyA"] if steps > 10 and not flown_by_hand else []
                 await socket.send_str(
                     json.dumps({"type": "input", "seq": seq, "held": held, "pressed": pressed, "axes": {}, "t": 0.0})
                 )
@@ -71,9 +77,9 @@ def test_two_rounds_on_one_page(tmp_path: Path) -> None:
     assert (first.seed, second.seed) == (5000, 5001)
     assert 0 < first.is_intervention.sum() < len(first)
     assert second.provenance["settings"]["round"] == 2
-    told = [status["lesson"] for status in person.seen if status["lesson"]]
-    assert told[-1]["message"] == "Round 1 of 2: it learns."
-    assert told[-1]["rounds"] == [progress_of(FlightCosts.of(flown))]
+    lessons = [status["lesson"] for status in person.seen if status["lesson"]]
+    assert lessons[-1]["message"] == "Round 1 of 2: it learns."
+    assert lessons[-1]["rounds"] == [progress_of(FlightCosts.of(flown))]
 
 
 def test_the_page_moves_to_a_free_port_where_its_own_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
@@ -83,10 +89,10 @@ def test_the_page_moves_to_a_free_port_where_its_own_is_taken(capsys: pytest.Cap
         other.listen()
         taken = other.getsockname()[1]
         with operator("human", env, port=taken) as person:
-            assert person._server.port not in (0, taken)
-    told = capsys.readouterr().out
-    assert f"port={taken} is taken by another program" in told
-    assert f"127.0.0.1:{taken}/" not in told
+            assert person.server.port not in (0, taken)
+    said = capsys.readouterr().out
+    assert f"port={taken} is taken by another program" in said
+    assert f"127.0.0.1:{taken}/" not in said
     assert threading.active_count() <= running, "the page that could not be served has left no thread"
     env.close()
 

@@ -22,7 +22,7 @@ from aerial_il.algorithms.on_policy.cut_short import cut_short
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import check_same
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths
 from aerial_il.algorithms.online.rewards import Source, reward_scheme
 from aerial_il.algorithms.online.run import OnlineRun, open_run
@@ -158,7 +158,7 @@ class FromClone(Algorithm):
     def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
         """Collect and learn until the run has no steps left; return the trained policy."""
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, given: Given) -> Problem:
         """Refuse: there has to be something to start from, which :meth:`train` brings."""
         raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
 

@@ -8,9 +8,6 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, ClassVar
 
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
-from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.interface import check_policy
 from aerial_il.algorithms.online.problem import Given, Problem
@@ -127,13 +124,14 @@ class Algorithm(ABC):
     reward_patience: int
     prior: str | None
     obs_norm: bool
-    replay: Replay
-    critics: Critics
-    rollout: Rollout
+    replay: Any  # these four are groups of packages above this one: off_policy and on_policy
+    critics: Any
+    hindsight: Any
+    rollout: Any
     demonstrations: Demonstrations
-    hindsight: Hindsight
     smoothness: Smoothness
     cadence: Cadence
+    subset: int
     threads: int
 
     def __post_init__(self) -> None:

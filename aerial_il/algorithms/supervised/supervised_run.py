@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -32,9 +32,6 @@ from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, masked_mean
 from aerial_il.policies.parts.vision import build_network
 
-if TYPE_CHECKING:
-    from aerial_il.algorithms.bc import BC
-
 SUCCESS = "success"
 
 
@@ -49,7 +46,7 @@ class SupervisedRun:
         self,
         stack: ExitStack,
         folder: RunFolder,
-        settings: BC,
+        settings: Any,
         data: Prepared,
         *,
         origin: dict[str, Any],
@@ -165,7 +162,7 @@ class SupervisedRun:
 
 @contextmanager
 def open_run(
-    settings: BC,
+    settings: Any,
     data: Prepared,
     run: str | os.PathLike[str],
     *,
@@ -196,7 +193,7 @@ def open_run(
         yield SupervisedRun(stack, folder, settings, data, origin=origin, evaluate=evaluate, progress=progress)
 
 
-def _free(settings: BC) -> tuple[str, ...]:
+def _free(settings: Any) -> tuple[str, ...]:
     """Return the settings that no weight depends on; with patience the rollouts decide where training ends."""
     return tuple(name for name in CADENCE if not (settings.patience and name == "evaluate_every"))
 

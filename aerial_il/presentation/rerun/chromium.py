@@ -36,7 +36,13 @@ class BrowserError(AerialError, RuntimeError):
 
 
 class Tab:
-    """One open page."""
+    """One open page.
+
+    Attributes:
+        patience_s: how long it is waited for what is to be true.
+    """
+
+    patience_s = 20.0
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self._socket, self._numbers = socket, count(1)
@@ -56,9 +62,9 @@ class Tab:
         found = await self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         return found["result"].get("value")
 
-    async def until(self, expression: str, timeout_s: float = 20.0) -> None:
+    async def until(self, expression: str, timeout_s: float | None = None) -> None:
         """Wait for an expression to be true."""
-        for _ in range(int(timeout_s / 0.05)):
+        for _ in range(int((timeout_s or self.patience_s) / 0.05)):
             if await self.value(f"Boolean({expression})"):
                 return
             await asyncio.sleep(0.05)

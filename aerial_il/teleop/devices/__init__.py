@@ -53,12 +53,12 @@ def drivers_of(
     Raises:
         UnknownNameError: a device without such settings, or one that has no setting of that name.
     """
-    found = {name: _module(name).DRIVER for name in mappings if hasattr(_module(name), "DRIVER")}
+    drivers = {name: _module(name).DRIVER for name in mappings if hasattr(_module(name), "DRIVER")}
     for name in changed or {}:
-        if name not in found:
-            raise UnknownNameError("device with hardware settings among devices=[...]", name, found)
+        if name not in drivers:
+            raise UnknownNameError("device with hardware settings among devices=[...]", name, drivers)
     return {name: _built(name, cls, {**mappings[name].get(HARDWARE, {}), **(changed or {}).get(name, {})})
-            for name, cls in found.items()}  # fmt: skip
+            for name, cls in drivers.items()}  # fmt: skip
 
 
 def _built(name: str, driver: type[Driver], settings: Mapping[str, Any]) -> Driver:

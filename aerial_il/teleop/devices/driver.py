@@ -1,6 +1,6 @@
 """A model of a person at the sticks, in real time on a page or faster than that without one: for studies and tests.
 
-It sees what the page is told, see :mod:`aerial_il.teleop.driver`; whoever ticks the cockpit shows it the status.
+It sees what the page gets, see :mod:`aerial_il.teleop.driver`; whoever ticks the cockpit shows it the status.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from aerial_il.teleop.driver.plan import plan_for
 from aerial_il.teleop.driver.watch import Judgement, Watch
 from aerial_il.teleop.input.frame import AXES, DeviceFrame, bits_of
 from aerial_il.teleop.input.mapping import HELD, PRESSED, Bindings
-from aerial_il.teleop.session.cockpit import Status
 from aerial_il.teleop.session.readings import Reading
+from aerial_il.teleop.session.status import Status
 
 CONTROLS = tuple(f"driver:{command}" for command in ("grip+", "grip-", *HELD, *PRESSED))
 BINDINGS = Bindings(

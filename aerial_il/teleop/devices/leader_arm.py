@@ -100,31 +100,31 @@ class OpenArm:
         Raises:
             DeviceError: names those that are not.
         """
-        found: dict[str, int] = {}
+        values: dict[str, int] = {}
         for _ in range(GREETINGS):
-            found |= self._asked(self._language.homing)
-            if len(found) == len(self._servos):
+            values |= self._asked(self._language.homing)
+            if len(values) == len(self._servos):
                 break
-        if missing := [f"{name} ({servo.id})" for name, servo in self._servos.items() if name not in found]:
+        if missing := [f"{name} ({servo.id})" for name, servo in self._servos.items() if name not in values]:
             raise DeviceError(
                 f"leader_arm: at {self._arm.port} no answer from {', '.join(missing)}. Is the arm powered, and is "
                 f"protocol={self._arm.protocol}, baud={self._arm.baud} right?"
             )
         for name, servo in self._servos.items():
-            if found[name] != servo.homing_offset:
+            if values[name] != servo.homing_offset:
                 raise DeviceError(
-                    f"leader_arm: {name} has the homing offset {found[name]}, its calibration {servo.homing_offset}: "
+                    f"leader_arm: {name} has the homing offset {values[name]}, its calibration {servo.homing_offset}: "
                     "it belongs to another arm. Calibrate again with lerobot-calibrate."
                 )
 
     def read(self) -> Reading:
-        begun = time.perf_counter()
+        started = time.perf_counter()
         for name, steps in self._asked(self._language.position).items():
-            self._believe(name, steps, begun)
-        if begun - max(self._heard.values()) > SILENT_S:
+            self._believe(name, steps, started)
+        if started - max(self._heard.values()) > SILENT_S:
             raise DeviceLostError("no servo answers")
-        live = len(self.steps) == len(self._servos) and begun - min(self._heard.values()) < STALE_S
-        paced(begun, PERIOD_S)
+        live = len(self.steps) == len(self._servos) and started - min(self._heard.values()) < STALE_S
+        paced(started, PERIOD_S)
         return Reading(self._axes(), (LIVE,)) if live else Reading()
 
     def close(self) -> None:
@@ -152,15 +152,15 @@ class OpenArm:
         """Return servo -> value of a register, of those that answer in time."""
         self._waiting.clear()
         self._line.write(self._language.sync_read(register, [servo.id for servo in self._servos.values()]))
-        found: dict[str, int] = {}
+        values: dict[str, int] = {}
         until = time.perf_counter() + ANSWER_S
-        while len(found) < len(self._servos) and (left := until - time.perf_counter()) > 0.0:
+        while len(values) < len(self._servos) and (left := until - time.perf_counter()) > 0.0:
             self._waiting += self._line.read(left)
-            found |= self._taken(register)
-        return found
+            values |= self._taken(register)
+        return values
 
     def _taken(self, register: Register) -> dict[str, int]:
-        found: dict[str, int] = {}
+        values: dict[str, int] = {}
         while True:
             try:
                 answer = self._language.take(self._waiting)
@@ -168,9 +168,9 @@ class OpenArm:
                 self.damaged += 1
                 continue
             if answer is None:
-                return found
+                return values
             if answer.servo in self._names and len(answer.data) == register.size:
-                found[self._names[answer.servo]] = register.value(answer.data)
+                values[self._names[answer.servo]] = register.value(answer.data)
 
 
 @dataclass(frozen=True)

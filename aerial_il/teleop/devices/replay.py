@@ -24,8 +24,8 @@ class Replay:
         self._frames, self._last = iter(frames), DeviceFrame()
 
     def frame(self) -> DeviceFrame:
-        found = next(self._frames, None)
-        self._last = found or DeviceFrame(seq=self._last.seq, t_client=self._last.t_client)
+        frame = next(self._frames, None)
+        self._last = frame or DeviceFrame(seq=self._last.seq, t_client=self._last.t_client)
         return self._last
 
 

@@ -120,7 +120,7 @@ class OpenMouse:
 
 @dataclass(frozen=True)
 class SpaceMouse:
-    """How a SpaceMouse is found.
+    """How a SpaceMouse is opened.
 
     Attributes:
         path: of its device file, e.g. ``/dev/hidraw3``; None for the first one that is plugged in.
@@ -162,8 +162,8 @@ def _identity(entry: Path) -> tuple[int, int] | None:
     """Return the vendor and product that the kernel names: ``HID_ID=0003:0000256F:0000C635``."""
     try:
         lines = (entry / "device" / "uevent").read_text(encoding="ascii", errors="replace").splitlines()
-        found = next(line for line in lines if line.startswith("HID_ID="))
-        _, vendor, product = found.removeprefix("HID_ID=").split(":")
+        line = next(each for each in lines if each.startswith("HID_ID="))
+        _, vendor, product = line.removeprefix("HID_ID=").split(":")
         return int(vendor, 16), int(product, 16)
     except (OSError, StopIteration, ValueError):
         return None

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerial_il.teleop.session.cockpit import Status
 from aerial_il.teleop.session.readings import SHOWN, Reading
+from aerial_il.teleop.session.status import Status
 
 DRIFT_TICKS = 20.0  # for how long an error of the eye stays about the same
 ERROR_M, ERROR_SHARE, ERROR_RAD = 0.003, 0.04, 0.03  # standard deviations: of lengths, as a share of them, of angles
@@ -51,13 +51,13 @@ class Eyes:
         return Sight(self._shown[0], self._numbers(self._shown[0].numbers))
 
     def _numbers(self, shown: Sequence[float]) -> dict[str, tuple[float, ...]]:
-        found, at = {}, 0
+        numbers, at = {}, 0
         for reading in self._readings:
             unit = SHOWN.get(reading.unit, (1.0, reading.unit))[1]
             places = range(at, at + len(reading.poles))
-            found[reading.title] = tuple(self._seen(shown[i] / SI.get(unit, 1.0), unit, i) for i in places)
+            numbers[reading.title] = tuple(self._seen(shown[i] / SI.get(unit, 1.0), unit, i) for i in places)
             at += len(reading.poles)
-        return found
+        return numbers
 
     def _seen(self, value: float, unit: str, place: int) -> float:
         steady, growing = self._error[:, place]

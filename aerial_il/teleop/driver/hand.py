@@ -51,7 +51,7 @@ class Hand:
         return (*_stick(shaken[0], shaken[1]), *_stick(shaken[2], shaken[3]))
 
     def _stops(self, wish: Wish) -> bool:
-        """Return whether the hand is still: a new part of the task has begun, or it just stops for a moment."""
+        """Return whether the hand is still: a new part of the task starts, or it just stops for a moment."""
         if wish.part != self._part:
             self._rest = int(self._rng.exponential(self._habit.pause_ticks)) if self._part else 0
             self._part = wish.part
@@ -91,7 +91,7 @@ def _stick(one: float, other: float) -> tuple[float, float]:
 def _before_expo(value: float) -> float:
     """Return v of which ``(1 - e) v + e v³`` is ``value``, within [-1, 1]."""
     value = max(-1.0, min(1.0, value))
-    found = value
+    root = value
     for _ in range(4):
-        found -= ((1.0 - EXPO) * found + EXPO * found**3 - value) / (1.0 - EXPO + 3.0 * EXPO * found**2)
-    return found
+        root -= ((1.0 - EXPO) * root + EXPO * root**3 - value) / (1.0 - EXPO + 3.0 * EXPO * root**2)
+    return root

@@ -9,7 +9,8 @@ from typing import Any
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.driver.watch import Judgement
-from aerial_il.teleop.session.cockpit import Cockpit, by_hand
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.helm import by_hand
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.session import State
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -18,7 +17,6 @@ LEADER_AXES = (*(f"leader_{i}" for i in range(1, 9)), "leader_grip")
 AXES = (*STICK_AXES, *MOUSE_AXES, *PHONE_AXES, *LEADER_AXES)
 NUM_AXES, NUM_CONTROLS = len(AXES), 64
 LABELS = ("seq", *AXES, "held_low", "held_high", "edges_low", "edges_high", "t_client_ms")
-_FORMAT = struct.Struct(f"<I{NUM_AXES}fQQd")
 _HALF = 1 << 32
 
 
@@ -54,22 +52,6 @@ class DeviceFrame:
         if not math.isfinite(self.t_client):
             raise InvalidValueError(f"The time of a device frame is finite, got {self.t_client}.")
 
-    def to_bytes(self) -> bytes:
-        """Return the frame as bytes, little-endian: number, axes, held, pressed, time."""
-        return _FORMAT.pack(self.seq, *self.axes, self.held, self.edges, self.t_client)
-
-    @staticmethod
-    def from_bytes(raw: bytes) -> DeviceFrame:
-        """Return the frame that :meth:`to_bytes` wrote.
-
-        Raises:
-            InvalidValueError: another size, or values that no frame has.
-        """
-        if len(raw) != _FORMAT.size:
-            raise InvalidValueError(f"A device frame takes {_FORMAT.size} bytes, got {len(raw)}.")
-        seq, *axes, held, edges, t_client = _FORMAT.unpack(raw)
-        return DeviceFrame(seq, tuple(axes), held, edges, t_client)
-
     def to_row(self) -> np.ndarray:
         """Return the frame as float64 numbers named by ``LABELS``, without loss: how recordings carry it."""
         halves = [part for bits in (self.held, self.edges) for part in (bits % _HALF, bits // _HALF)]
@@ -81,15 +63,15 @@ class DeviceFrame:
         numbers = [float(value) for value in row]
         if len(numbers) != len(labels) or not all(map(math.isfinite, numbers)):
             raise InvalidValueError(f"A device frame is recorded as {len(labels)} finite numbers, got {numbers}.")
-        found = dict(zip(labels, numbers, strict=True))
+        values = dict(zip(labels, numbers, strict=True))
         halves = ("held_low", "held_high", "edges_low", "edges_high")
-        held_low, held_high, edges_low, edges_high = (int(found[name]) for name in halves)
+        held_low, held_high, edges_low, edges_high = (int(values[name]) for name in halves)
         return DeviceFrame(
-            seq=int(found["seq"]),
-            axes=tuple(found.get(name, 0.0) for name in AXES),
+            seq=int(values["seq"]),
+            axes=tuple(values.get(name, 0.0) for name in AXES),
             held=held_low + _HALF * held_high,
             edges=edges_low + _HALF * edges_high,
-            t_client=found["t_client_ms"],
+            t_client=values["t_client_ms"],
         )
 
 

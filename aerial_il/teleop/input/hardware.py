@@ -68,7 +68,7 @@ class Attached:
 
     Args:
         name: of the device. driver: how it is opened. receive: gets each reading. lost: called once each time that it
-            is gone, with what to do; found: called once when it is back.
+            is gone, with what to do; back: called once when it is there again.
     """
 
     def __init__(
@@ -78,9 +78,9 @@ class Attached:
         receive: Callable[[str, Reading], None],
         *,
         lost: Callable[[str], None] = lambda problem: None,
-        found: Callable[[str], None] = lambda name: None,
+        back: Callable[[str], None] = lambda name: None,
     ) -> None:
-        self.name, self._driver, self._receive, self._lost, self._found = name, driver, receive, lost, found
+        self.name, self._driver, self._receive, self._lost, self._back = name, driver, receive, lost, back
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._port: Port | None = None
@@ -124,9 +124,9 @@ class Attached:
         except OSError:
             self._ended.wait(AGAIN_S)
         else:
-            self._found(self.name)
+            self._back(self.name)
 
 
-def paced(begun: float, period_s: float) -> None:
-    """Wait until ``period_s`` has passed since ``begun``, on ``time.perf_counter``."""
-    time.sleep(max(0.0, begun + period_s - time.perf_counter()))
+def paced(started: float, period_s: float) -> None:
+    """Wait until ``period_s`` has passed since ``started``, on ``time.perf_counter``."""
+    time.sleep(max(0.0, started + period_s - time.perf_counter()))

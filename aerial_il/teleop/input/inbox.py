@@ -38,7 +38,7 @@ class Inbox:
         Raises:
             InvalidValueError: values that no frame has.
         """
-        found = DeviceFrame(
+        frame = DeviceFrame(
             seq=seq,
             axes=tuple(axes.get(name, 0.0) for name in AXES),
             held=bits_of(held, self._controls),
@@ -46,7 +46,7 @@ class Inbox:
             t_client=t_client,
         )
         with self._lock:
-            self._latest, self._edges, self._present = found, self._edges | found.edges, True
+            self._latest, self._edges, self._present = frame, self._edges | frame.edges, True
 
     def note(self, device: str, reading: Reading) -> None:
         """Take note of what a device shows that the page does not read."""

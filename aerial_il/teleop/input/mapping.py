@@ -61,7 +61,7 @@ class Bindings:
 
     def __post_init__(self) -> None:
         if len(self.keys) > NUM_CONTROLS:
-            raise InvalidValueError(f"{len(self.keys)} controls are bound; a device frame has room for {NUM_CONTROLS}.")
+            raise InvalidValueError(f"{len(self.keys)} controls are bound; a device frame holds {NUM_CONTROLS}.")
 
     @property
     def controls(self) -> tuple[str, ...]:
@@ -71,13 +71,13 @@ class Bindings:
     def intent(self, frame: DeviceFrame) -> Intent:
         """Return what ``frame`` asks for; a control pressed and released between two ticks counts for one tick."""
         down = {self.keys[name] for name in names_of(frame.held | frame.edges, self.controls)}
-        begun = frozenset(self.keys[name] for name in names_of(frame.edges, self.controls))
+        pressed = frozenset(self.keys[name] for name in names_of(frame.edges, self.controls))
         led = [name for name in JOINTS if name in self.axes] if "lead" in down else []
         return Intent(
             analogue={motion: self._analogue(frame, motion) for motion in MOTIONS},
             digital={m: float(f"{m}+" in down) - float(f"{m}-" in down) for m in MOTIONS},
             held=frozenset(down & set(HELD)),
-            pressed=begun & {*PRESSED, "clutch"},
+            pressed=pressed & {*PRESSED, "clutch"},
             pose=self._pose(frame) if "clutch" in down else None,
             joints={JOINTS.index(name): math.pi * self._analogue(frame, name) for name in led},
             opening=self._analogue(frame, "joint_grip") if "lead" in down and "joint_grip" in self.axes else None,
@@ -150,7 +150,7 @@ def together(all_bindings: Iterable[Bindings]) -> Bindings:
                 f"Two devices give {min(both)!r}, of which there can be one. Leave one of them out of devices=[...]."
             )
         keys |= bindings.keys
-        axes |= {m: tuple(dict.fromkeys((*axes.get(m, ()), *found))) for m, found in bindings.axes.items()}
+        axes |= {m: tuple(dict.fromkeys((*axes.get(m, ()), *names))) for m, names in bindings.axes.items()}
     return Bindings(keys, axes)
 
 

@@ -61,14 +61,14 @@ class SerialPort:
         if not select.select([self._file], [], [], max(0.0, timeout_s))[0]:
             return b""
         try:
-            found = os.read(self._file, 4096)
+            data = os.read(self._file, 4096)
         except BlockingIOError:
             return b""
         except OSError as error:
             raise DeviceLostError(f"it was unplugged: {error.strerror}") from error
-        if not found:
+        if not data:
             raise DeviceLostError("it was unplugged")
-        return found
+        return data
 
     def close(self) -> None:
         """Let it go."""

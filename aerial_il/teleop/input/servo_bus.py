@@ -105,9 +105,9 @@ class Feetech:
             return None
         if ~sum(waiting[2 : 3 + length]) & 0xFF != waiting[3 + length]:
             raise _dropped(waiting)
-        found = Answer(servo, waiting[4], bytes(waiting[5 : 3 + length]))
+        answer = Answer(servo, waiting[4], bytes(waiting[5 : 3 + length]))
         del waiting[: 4 + length]
-        return found
+        return answer
 
     def _packet(self, servo: int, rest: bytes) -> bytes:
         body = bytes([servo, len(rest) + 1]) + rest

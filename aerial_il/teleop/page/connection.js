@@ -12,7 +12,7 @@ export function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   const socket = new WebSocket(`${scheme}://${location.host}/socket${location.search}`);
   socket.binaryType = "arraybuffer";
-  socket.onmessage = ({ data }) => (typeof data === "string" ? told(JSON.parse(data)) : listeners.pictures(data));
+  socket.onmessage = ({ data }) => (typeof data === "string" ? received(JSON.parse(data)) : listeners.pictures(data));
   socket.onclose = () => { page.status = null; listeners.lost(); setTimeout(connect, RETRY_MS); };
   page.socket = socket;
 }
@@ -21,7 +21,7 @@ export function send(message) {
   if (page.socket?.readyState === WebSocket.OPEN) page.socket.send(JSON.stringify(message));
 }
 
-function told(message) {
+function received(message) {
   if (message.type === "pong") pong(message);
   else listeners[message.type]?.(message);
 }

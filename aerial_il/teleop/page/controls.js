@@ -88,7 +88,7 @@ function pressed(event) {
 }
 
 function pressedButtons() {
-  const pad = [...navigator.getGamepads()].find((found) => found?.connected && found.mapping === "standard");
+  const pad = [...navigator.getGamepads()].find((each) => each?.connected && each.mapping === "standard");
   return pad ? PAD_BUTTONS.filter((_, i) => pad.buttons[i]?.pressed).map((name) => `pad:${name}`) : [];
 }
 

@@ -43,7 +43,7 @@ export class Gamepad {
     addEventListener("gamepadconnected", () => changed("gamepad", null));
   }
   read() {
-    const pad = [...navigator.getGamepads()].find((found) => found && found.connected && found.mapping === "standard");
+    const pad = [...navigator.getGamepads()].find((each) => each && each.connected && each.mapping === "standard");
     const lost = this.present && !pad;
     this.present = Boolean(pad);
     if (!pad) { this.release(); return lost; }
@@ -113,9 +113,9 @@ export class Touch {
 }
 
 export function sum(all) {
-  const found = {};
-  for (const axes of all) for (const [name, value] of Object.entries(axes)) found[name] = clip((found[name] ?? 0) + value);
-  return found;
+  const sum = {};
+  for (const axes of all) for (const [name, value] of Object.entries(axes)) sum[name] = clip((sum[name] ?? 0) + value);
+  return sum;
 }
 
 function clip(value) { return Math.max(-1, Math.min(1, Number.isFinite(value) ? value : 0)); }

@@ -1,4 +1,4 @@
-// What the flight's status says, drawn whenever it is told.
+// What the flight's status says, drawn whenever it arrives.
 
 import { drawBanner } from "./banner.js";
 import { sound } from "./cues.js";
@@ -55,9 +55,9 @@ function drawEpisode(status) {
 }
 
 function drawLesson(lesson) { // how a policy that learns from these flights gets on
-  const told = JSON.stringify(lesson ?? {}), panel = $("lesson");
-  if (panel.dataset.told === told) return;
-  panel.dataset.told = told;
+  const text = JSON.stringify(lesson ?? {}), panel = $("lesson");
+  if (panel.dataset.shown === text) return;
+  panel.dataset.shown = text;
   panel.hidden = !lesson?.message;
   setText($("lesson-message"), lesson?.message ?? "");
   $("lesson-rounds").replaceChildren(...(lesson?.rounds ?? []).map(({ alone, share }, i) =>

@@ -18,8 +18,8 @@ export class Phone {
     await this.session.updateRenderState({ baseLayer: new XRWebGLLayer(this.session, layer) });
     const space = await this.session.requestReferenceSpace("local");
     const each = (_, frame) => {
-      const found = frame.getViewerPose(space)?.transform;
-      this.latest = found ? { position: xyz(found.position), orientation: [...xyz(found.orientation), found.orientation.w] } : null;
+      const pose = frame.getViewerPose(space)?.transform;
+      this.latest = pose ? { position: xyz(pose.position), orientation: [...xyz(pose.orientation), pose.orientation.w] } : null;
       this.session?.requestAnimationFrame(each);
     };
     this.session.addEventListener("end", () => { this.session = null; this.latest = null; this.working = ""; });

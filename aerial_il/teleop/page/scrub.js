@@ -43,20 +43,20 @@ function drawMarks(marks) { // where sub-tasks were first solved
 }
 
 function gathered(marks) { // those that would cover each other stand together, where the first of them is
-  const found = [];
+  const groups = [];
   for (const [name, at] of Object.entries(marks).sort(([, a], [, b]) => a - b)) {
-    if (found.length && at - found.at(-1).at < ROOM) found.at(-1).names.push(name);
-    else found.push({ at, names: [name] });
+    if (groups.length && at - groups.at(-1).at < ROOM) groups.at(-1).names.push(name);
+    else groups.push({ at, names: [name] });
   }
-  return found;
+  return groups;
 }
 
 function play() {
   if (playing) return stop();
-  const begun = performance.now() - 1000 * (share() >= 1 ? 0 : share() * seconds());
+  const started = performance.now() - 1000 * (share() >= 1 ? 0 : share() * seconds());
   $("scrub-play").textContent = "❚❚";
   playing = setInterval(() => {
-    const now = (performance.now() - begun) / 1000 / Math.max(seconds(), 0.02);
+    const now = (performance.now() - started) / 1000 / Math.max(seconds(), 0.02);
     $("scrub").value = Math.min(1, now) * $("scrub").max;
     ask();
     if (now >= 1) stop();

@@ -1,4 +1,4 @@
-// Light or dark: as the system says, until the page is told otherwise.
+// Light or dark: as the system says, until somebody chooses otherwise.
 
 import { $ } from "./dom.js";
 import { remember, remembered } from "./state.js";

@@ -56,8 +56,8 @@ export function belongs(control, device) {
 // Names of the keys or buttons of a device that give a command now.
 export function controlsOf(command, device) {
   if (device === "touch") return []; // its buttons are named after what they do
-  const found = [...page.keys].filter(([name, bound]) => bound === command && belongs(name, device));
-  return [...new Set(found.map(([name]) => keyName(name)))];
+  const pairs = [...page.keys].filter(([name, bound]) => bound === command && belongs(name, device));
+  return [...new Set(pairs.map(([name]) => keyName(name)))];
 }
 
 // The stick or trigger that gives a signed motion such as "up+", if one does.

@@ -18,7 +18,7 @@ import numpy as np
 from aerial_il.core.contracts import Policy
 from aerial_il.teleop.input.frame import DeviceFrame
 from aerial_il.teleop.piloting.command import Command
-from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.piloting.pilot import ManualPilot
 
 HAND_OVER_TICKS = 15  # 0.3 s, over which the step from one's command to the other's is spread
 TAKE_OVER = "take_over"
@@ -61,7 +61,9 @@ class Arbiter:
         hand_over_ticks: over which a step between their commands is spread.
     """
 
-    def __init__(self, pilot: Pilot, policy: Policy | None = None, *, hand_over_ticks: int = HAND_OVER_TICKS) -> None:
+    def __init__(
+        self, pilot: ManualPilot, policy: Policy | None = None, *, hand_over_ticks: int = HAND_OVER_TICKS
+    ) -> None:
         self.pilot, self.policy, self._ticks = pilot, policy, hand_over_ticks
         self.flier = Flier.PERSON if policy is None else Flier.NOBODY
         self._last: np.ndarray | None = None
@@ -69,7 +71,7 @@ class Arbiter:
 
     def engage(self, obs: Mapping[str, np.ndarray]) -> None:
         """Begin at what the vehicle shows, ``name -> (1, D)``."""
-        self.pilot.engage(_row(obs))
+        self.pilot.engage(first_row(obs))
         if self.policy is not None:
             self.policy.reset()
 
@@ -88,8 +90,8 @@ class Arbiter:
             wanted = by_policy
         else:
             if changed:
-                self.pilot.engage(_row(obs), self._last)
-            wanted = self.pilot.fly(intent, _row(obs))
+                self.pilot.engage(first_row(obs), self._last)
+            wanted = self.pilot.fly(intent, first_row(obs))
         action = self._smoothed(wanted, changed=changed)
         label = wanted if self.policy is not None and self.flier is Flier.PERSON else np.full_like(wanted, np.nan)
         return Turn(self.flier, action, np.full_like(wanted, np.nan) if self.policy is None else by_policy, label)
@@ -120,5 +122,6 @@ class Arbiter:
         return wanted
 
 
-def _row(obs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def first_row(obs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return what world 0 shows, ``name -> (D,)``."""
     return {name: values[0] for name, values in obs.items()}

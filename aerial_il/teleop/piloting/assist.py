@@ -40,11 +40,11 @@ class DeadMan:
 def fenced(velocity: Vec3, pos: Sequence[float]) -> Vec3:
     """Return ``velocity`` (m/s, world), slowed where it leads ``pos`` (m) towards a wall that is near."""
     stretches = (FENCE_M, FENCE_M, FLOOR_STRETCH_M)
-    found = []
+    slowed = []
     for v, p, low, high, stretch in zip(velocity, pos, FENCE_LOW, FENCE_HIGH, stretches, strict=True):
         left = (p - low) / stretch if v < 0.0 else (high - p) / FENCE_M
-        found.append(v * max(0.0, min(1.0, left)))
-    return found[0], found[1], found[2]
+        slowed.append(v * max(0.0, min(1.0, left)))
+    return slowed[0], slowed[1], slowed[2]
 
 
 def within_fence(pos: Sequence[float]) -> Vec3:

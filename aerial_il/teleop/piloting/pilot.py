@@ -39,8 +39,8 @@ def check_leader(level: str, bindings: Bindings) -> None:
         )
 
 
-class Pilot:
-    """A person's hands on one vehicle.
+class ManualPilot:
+    """A person's hands on one vehicle: turns frames of a device into actions.
 
     Args:
         spec: the environment. vehicle: what flies in it. bindings: what the frames' bits mean.
@@ -68,7 +68,7 @@ class Pilot:
 
         Args:
             obs: what the vehicle shows. action: (Da,) commanded last; the gripper goes on by it, for fingers that
-                hold something stand wider than they are told to.
+                hold something stand wider than is commanded.
         """
         self._shaper.stop()
         self._follower.let_go()

@@ -39,14 +39,14 @@ def without_dead_zone(analogue: Mapping[str, float]) -> dict[str, float]:
 
     The zone of a stick is round: one that is pushed straight ahead keeps its small sideways part.
     """
-    found = dict.fromkeys(MOTIONS, 0.0)
+    shaped = dict.fromkeys(MOTIONS, 0.0)
     grouped = {motion for stick in STICKS for motion in stick}
     for stick in (*STICKS, *((motion,) for motion in MOTIONS if motion not in grouped)):
         values = [analogue.get(motion, 0.0) for motion in stick]
         length = math.hypot(*values)
         share = max(0.0, min(1.0, (length - DEAD_ZONE) / (1.0 - DEAD_ZONE))) / max(length, 1e-9)
-        found |= {motion: share * value for motion, value in zip(stick, values, strict=True)}
-    return found
+        shaped |= {motion: share * value for motion, value in zip(stick, values, strict=True)}
+    return shaped
 
 
 def expo(value: float) -> float:

@@ -162,13 +162,13 @@ class Rates:
 
 def led_rates(command: Command, vehicle: Vehicle, joints: np.ndarray, time_s: float) -> list[tuple[int, float]]:
     """Return joint -> rad/s that bring ``joints`` (J,) to where a leader arm holds them within ``time_s``, capped."""
-    found = []
+    rates = []
     for joint, angle in command.led:
         if joint < vehicle.num_joints:
             wanted = min(max(angle, vehicle.joint_low[joint]), vehicle.joint_high[joint])
             most = min(LED_RATE, vehicle.joint_speed[joint])
-            found.append((joint, min(max((wanted - joints[joint]) / time_s, -most), most)))
-    return found
+            rates.append((joint, min(max((wanted - joints[joint]) / time_s, -most), most)))
+    return rates
 
 
 def targets_for(level: str, vehicle: Vehicle) -> Targets:

@@ -42,24 +42,24 @@ class Metronome:
     ) -> None:
         self._period, self._now, self._sleep = period, now, sleep
         self._due = now() + period
-        self._begun: deque[float] = deque(maxlen=WINDOW)
+        self._starts: deque[float] = deque(maxlen=WINDOW)
         self._ticks = self._late = 0
 
     def wait(self) -> None:
         """Return at the next deadline, at once if it is over."""
         if (left := self._due - self._now()) > 0.0:
             self._sleep(left)
-        begun = self._now()
-        behind = begun - self._due
+        started = self._now()
+        behind = started - self._due
         self._ticks += 1
         self._late += behind > LATE_S
-        self._begun.append(begun)
-        self._due = begun + self._period if behind > HOPELESS_S else self._due + self._period
+        self._starts.append(started)
+        self._due = started + self._period if behind > HOPELESS_S else self._due + self._period
 
     @property
     def pace(self) -> Pace:
         """How well time was kept."""
-        span = self._begun[-1] - self._begun[0] if len(self._begun) > 1 else 0.0
-        rate = (len(self._begun) - 1) / span if span else 0.0
+        span = self._starts[-1] - self._starts[0] if len(self._starts) > 1 else 0.0
+        rate = (len(self._starts) - 1) / span if span else 0.0
         on_time = 1.0 - self._late / self._ticks if self._ticks else 1.0
         return Pace(round(rate, 2), round(on_time, 4), self._late, self._ticks)

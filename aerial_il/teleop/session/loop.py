@@ -14,7 +14,8 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.teleop.input.frame import DeviceFrame
 from aerial_il.teleop.session.clock import Metronome, Pace
-from aerial_il.teleop.session.cockpit import Cockpit, Status
+from aerial_il.teleop.session.cockpit import Cockpit
+from aerial_il.teleop.session.status import Status
 
 
 class Loop:

@@ -82,8 +82,8 @@ class Reading:
 
 def readings_of(spec: ObservationSpec) -> tuple[Reading, ...]:
     """Return the readings of an observation, those of the task first."""
-    found = [reading for field in spec.of_group("task") if (reading := _task_reading(field, spec)) is not None]
-    return (*found, *_tool_readings(spec))
+    readings = [reading for field in spec.of_group("task") if (reading := _task_reading(field, spec)) is not None]
+    return (*readings, *_tool_readings(spec))
 
 
 def _task_reading(field: Field, spec: ObservationSpec) -> Reading | None:
@@ -94,8 +94,8 @@ def _task_reading(field: Field, spec: ObservationSpec) -> Reading | None:
         case (3,), "m" if "_to_" in name:
             return Reading(title, POLES, "m", along)
         case (3,), "m" if name.endswith("_pos"):
-            is_told = any(other.endswith(f"_to_{thing}") for other in spec.names)
-            return Reading(f"tool to {thing}", POLES, "m", _from_tool(name)) if has_tool and not is_told else None
+            is_given = any(other.endswith(f"_to_{thing}") for other in spec.names)
+            return Reading(f"tool to {thing}", POLES, "m", _from_tool(name)) if has_tool and not is_given else None
         case (6,), "" if name.endswith("_rot6d") and has_tool:
             if thing == "target":
                 return Reading("turn to target", TURNS, "rad", _to_pose(name))
@@ -118,13 +118,13 @@ def _task_reading(field: Field, spec: ObservationSpec) -> Reading | None:
 
 
 def _tool_readings(spec: ObservationSpec) -> list[Reading]:
-    found = []
+    readings = []
     if {"ee_pos", "ee_rot6d"} <= set(spec.names):
-        found.append(Reading("tool height", PLAIN, "m", lambda obs: [float(obs["ee_pos"][2])]))
-        found.append(Reading("tool points", (TURNS[1], TURNS[0]), "rad", _pointing))
+        readings.append(Reading("tool height", PLAIN, "m", lambda obs: [float(obs["ee_pos"][2])]))
+        readings.append(Reading("tool points", (TURNS[1], TURNS[0]), "rad", _pointing))
     if "gripper" in spec.names:
-        found.append(Reading("gripper", (("open", "open"),), "%", lambda obs: [100.0 * float(obs["gripper"][0])]))
-    return found
+        readings.append(Reading("gripper", (("open", "open"),), "%", lambda obs: [100.0 * float(obs["gripper"][0])]))
+    return readings
 
 
 def _along_heading(name: str) -> Callable[[Obs], Vec3]:

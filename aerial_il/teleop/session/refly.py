@@ -15,7 +15,7 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.devices.replay import Replay, frames_of
 from aerial_il.teleop.input.mapping import Bindings
 from aerial_il.teleop.piloting.arbiter import Arbiter
-from aerial_il.teleop.piloting.pilot import PILOT, Pilot
+from aerial_il.teleop.piloting.pilot import PILOT, ManualPilot
 from aerial_il.teleop.session.logbook import POLICY_ACTION
 from aerial_il.teleop.session.perturb import TOPIC, Perturber
 
@@ -35,7 +35,7 @@ def refly(env: BatchEnvironment, episode: Episode, path: Path | str = "") -> int
     _check_pilot(settings.get("pilot", 1), place)
     bindings = Bindings.from_dict(settings["bindings"])
     obs, device = env.reset(episode.seed), Replay(frames)
-    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, bindings, settings["mode"])
+    pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, bindings, settings["mode"])
     logged = Logged(episode.extras[POLICY_ACTION]) if POLICY_ACTION in episode.extras else None
     arbiter = Arbiter(pilot, logged, hand_over_ticks=settings.get("hand_over_ticks", 1))
     arbiter.engage(obs)

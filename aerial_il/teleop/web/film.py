@@ -89,13 +89,13 @@ class Film:
             renderer.scene.flags[flag] = False
         try:
             while (taken := self._next()) is not None:
-                begun, (state, input_seq, when) = time.perf_counter(), taken
+                started, (state, input_seq, when) = time.perf_counter(), taken
                 mujoco.mj_setState(self._model, data, state, STATE)
                 mujoco.mj_forward(self._model, data)
                 images = tuple(_jpeg(_picture(renderer, chase, data, name), self.thrift) for name in self.cameras)
                 number += 1
                 self._deliver(Shot(number, input_seq, when, images))
-                time.sleep(max(0.0, begun + self._least - time.perf_counter()))
+                time.sleep(max(0.0, started + self._least - time.perf_counter()))
         except BaseException as error:
             self.error = error
             raise

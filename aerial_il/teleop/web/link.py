@@ -29,11 +29,11 @@ class Link:
     def arrive(self, number: int) -> None:
         """Note that it was shown, and choose."""
         now = self._now()
-        begun = self._sent.get(number)
+        sent = self._sent.get(number)
         self._sent = {later: at for later, at in self._sent.items() if later > number}
-        if begun is None:
+        if sent is None:
             return
-        took, since = now - begun, now - self._changed
+        took, since = now - sent, now - self._changed
         if took > SLOW_S and since > PATIENCE_S and self.thrift < len(THRIFT) - 1:
             self.thrift, self._changed = self.thrift + 1, now
         elif took < QUICK_S and since > LONG_PATIENCE_S and self.thrift > 0:

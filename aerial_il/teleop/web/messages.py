@@ -87,7 +87,7 @@ def _mapping(raw: Any) -> dict[str, dict[str, tuple[str, ...]]]:
     """Check the shape of a mapping; what its words mean is for who reads mappings."""
     if not isinstance(raw, dict) or not all(isinstance(each, dict) and len(each) <= MAX_NAMES for each in raw.values()):
         raise MessageError("malformed")
-    return {device: {command: _names(found) for command, found in each.items()} for device, each in raw.items()}
+    return {device: {command: _names(controls) for command, controls in each.items()} for device, each in raw.items()}
 
 
 def _pose(raw: Any) -> Pose | None:

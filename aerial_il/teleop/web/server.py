@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import hmac
 import json
-import secrets
-import socket as socket_library
 import ssl
-import struct
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
-from ipaddress import ip_address
 from typing import Any
-from urllib.parse import urlsplit
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
@@ -23,37 +17,22 @@ from aerial_il.core.errors import AerialError
 from aerial_il.teleop.devices.phone import CLUTCH, Phone
 from aerial_il.teleop.input.inbox import Inbox
 from aerial_il.teleop.input.mapping import Bindings
-from aerial_il.teleop.page import PAGE
 from aerial_il.teleop.session.clock import Pace
-from aerial_il.teleop.session.cockpit import Cockpit, Status
+from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.loop import Loop
+from aerial_il.teleop.session.status import Status
+from aerial_il.teleop.web.access import Access
+from aerial_il.teleop.web.answers import ASSETS, document, packed, page_file, refusal
 from aerial_il.teleop.web.controls import Controls
 from aerial_il.teleop.web.film import Film, Shot
+from aerial_il.teleop.web.guard import Guard
 from aerial_il.teleop.web.messages import Message, MessageError, read_message
 from aerial_il.teleop.web.visitors import Visitor, Visitors
 
-TYPES = {".css": "text/css", ".js": "text/javascript"}
-ASSETS = {file.name: TYPES[file.suffix] for file in PAGE.iterdir() if file.suffix in TYPES}
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-ANYWHERE = ("0.0.0.0", "::")
-STATUS_PERIOD_S, GUARD_PERIOD_S = 0.05, 1.0
+STATUS_PERIOD_S = 0.05
 CLOSING_BYTES = 1 << 20  # a message longer than this closes the connection
-MAX_VISITORS, MAX_CONNECTIONS = 16, 64  # open pages; open connections, those of strangers too
-IDLE_S = 10.0  # a connection that has shown no token for so long is closed
+MAX_VISITORS = 16
 MAX_DROPPED = 1000  # a page that has sent so many bad messages is closed
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'; "
-    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-)
-DOCUMENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
-HEADERS = {
-    "Content-Security-Policy": POLICY,
-    "Referrer-Policy": "no-referrer",  # the token stands in the address
-    "Cache-Control": "no-store",
-    "X-Content-Type-Options": "nosniff",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cross-Origin-Opener-Policy": "same-origin",
-}
 
 
 class PortTakenError(AerialError, OSError):
@@ -65,7 +44,7 @@ class Server:
 
     Args:
         inbox: where frames of the controller's devices go. about: what the page says of the flight, as plain values.
-        host, port: where; port 0 for any that is free. token: who knows it may come in. tls: for a page over https.
+        host, port: where; port 0 for any that is free. tls: for a page over https.
         controls: mappings that may be changed on the page. summary: writes a page about the folder recorded into.
     """
 
@@ -76,37 +55,32 @@ class Server:
         *,
         host: str = "127.0.0.1",
         port: int = 0,
-        token: str | None = None,
         tls: ssl.SSLContext | None = None,
         controls: Controls | None = None,
         summary: Callable[[], str] | None = None,
     ) -> None:
-        self._inbox, self._about, self._host, self._port = inbox, dict(about), host, port
-        self.token = token or secrets.token_urlsafe(16)
-        self._tls, self._phone = tls, Phone()
+        self._inbox, self._about, self._host, self.port = inbox, dict(about), host, port
+        self._access, self._tls, self._phone = Access(host, secure=tls is not None), tls, Phone()
         self._controls, self._summary = controls, summary
         self.visitors = Visitors()
         self.flight: Loop | None = None
         self.film: Film | None = None
         self.lesson: dict[str, Any] = {}  # how a policy that learns from the flights gets on
         self._latest: dict[str, Any] = {}
-        self._shot: Shot | None = None
-        self._fresh: dict[Visitor, asyncio.Event] = {}
+        self.shot: Shot | None = None  # the latest pictures
         self._events: asyncio.AbstractEventLoop | None = None
         self._runner: web.AppRunner | None = None
-        self._guard: asyncio.Task[None] | None = None
-        self._welcome: set[asyncio.BaseTransport | None] = set()
+        self._guard: Guard | None = None
 
     @property
-    def port(self) -> int:
-        """Where it listens."""
-        return self._port
+    def token(self) -> str:
+        """Who knows it may come in."""
+        return self._access.token
 
     @property
     def url(self) -> str:
         """Address of the page, with its token."""
-        host = self._host if self._host not in ANYWHERE else own_address()
-        return f"{'https' if self._tls else 'http'}://{host}:{self._port}/?token={self.token}"
+        return self._access.url(self.port)
 
     async def start(self) -> None:
         """Begin to serve.
@@ -122,21 +96,22 @@ class Server:
         app.router.add_get("/{name}", self._asset)
         self._runner = runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
-        site = web.TCPSite(runner, self._host, self._port, ssl_context=self._tls)
+        assert runner.server is not None
+        self._guard = Guard(runner.server)
+        site = web.TCPSite(runner, self._host, self.port, ssl_context=self._tls)
         try:
             await site.start()
         except OSError as error:
-            await runner.cleanup()
+            await self.close()
             raise PortTakenError(
-                f"port={self._port} on {self._host} is taken by another program. Choose another one, or port=0 for any."
+                f"port={self.port} on {self._host} is taken by another program. Choose another one, or port=0 for any."
             ) from error
-        self._port = runner.addresses[0][1]
-        self._guard = asyncio.create_task(self._turn_out())
+        self.port = runner.addresses[0][1]
 
     async def close(self) -> None:
         """End it, and say good-bye to every page."""
         if self._guard is not None:
-            self._guard.cancel()
+            self._guard.close()
         for visitor in self.visitors:
             with suppress(ConnectionError):
                 await visitor.socket.close(message=b"The flight has ended.")
@@ -149,49 +124,48 @@ class Server:
 
     def deliver(self, shot: Shot) -> None:
         """Take note of new pictures; from any thread."""
-        self._shot = shot
+        self.shot = shot
         if self._events is not None and not self._events.is_closed():
             self._events.call_soon_threadsafe(self._wake_all)
 
     def _wake_all(self) -> None:
-        for event in self._fresh.values():
-            event.set()
+        for visitor in self.visitors:
+            visitor.fresh.set()
 
     async def _index(self, request: web.Request) -> web.Response:
-        if not self._is_local(request):
-            return _refusal("This address is not the page's own. Open the URL that the terminal shows.")
-        if not self._knows_token(request):
-            return _refusal("The token is missing or wrong. Open the whole URL that the terminal shows, token and all.")
-        return _file("index.html", "text/html")
+        if not self._access.is_local(request):
+            return refusal("This address is not the page's own. Open the URL that the terminal shows.")
+        if not self._access.knows_token(request):
+            return refusal("The token is missing or wrong. Open the whole URL that the terminal shows, token and all.")
+        return page_file("index.html")
 
     async def _asset(self, request: web.Request) -> web.Response:
         name = request.match_info["name"]
-        if name not in ASSETS or not self._is_local(request):
-            return _refusal("There is no such page.", status=404)
-        return _file(name, ASSETS[name])
+        if name not in ASSETS or not self._access.is_local(request):
+            return refusal("There is no such page.", status=404)
+        return page_file(name, ASSETS[name])
 
     async def _summarise(self, request: web.Request) -> web.Response:
-        if not self._is_local(request) or not self._knows_token(request):
-            return _refusal("The token is missing or wrong. Open the summary from the page that you fly on.")
+        if not self._access.is_local(request) or not self._access.knows_token(request):
+            return refusal("The token is missing or wrong. Open the summary from the page that you fly on.")
         if self._summary is None:
-            return _refusal("This flight has no summary.", status=404)
+            return refusal("This flight has no summary.", status=404)
         try:
-            text = await asyncio.to_thread(self._summary)
+            return document(await asyncio.to_thread(self._summary))
         except AerialError as error:
-            return _refusal(f"No summary: {error}", status=503)
-        headers = {**HEADERS, "Content-Security-Policy": DOCUMENT_POLICY}
-        return web.Response(text=text, content_type="text/html", charset="utf-8", headers=headers)
+            return refusal(f"No summary: {error}", status=503)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        if not self._knows_token(request) or not self._is_local(request) or not self._is_own_origin(request):
-            return _refusal("The token is missing or wrong, or the page is another one.")
+        access = self._access
+        if not access.knows_token(request) or not access.is_local(request) or not access.is_own_origin(request):
+            return refusal("The token is missing or wrong, or the page is another one.")
         if len(self.visitors) >= MAX_VISITORS:
-            return _refusal(f"{MAX_VISITORS} pages are open already; close one.", status=503)
-        self._welcome.add(request.transport)
+            return refusal(f"{MAX_VISITORS} pages are open already; close one.", status=503)
+        assert self._guard is not None
+        self._guard.welcome.add(request.transport)
         socket = web.WebSocketResponse(max_msg_size=CLOSING_BYTES, heartbeat=5.0, compress=False)
         await socket.prepare(request)
         visitor = self.visitors.enter(socket)
-        self._fresh[visitor] = asyncio.Event()
         senders = [asyncio.create_task(work(visitor)) for work in (self._send_pictures, self._send_status)]
         try:
             await self._greet(visitor)
@@ -205,8 +179,7 @@ class Server:
         finally:
             for sender in senders:
                 sender.cancel()
-            self._fresh.pop(visitor, None)
-            self._welcome.discard(request.transport)
+            self._guard.welcome.discard(request.transport)
             if self.visitors.leave(visitor):
                 self._let_go()
         return socket
@@ -230,7 +203,7 @@ class Server:
             visitor.saw(message.seq)
             if self.film is not None and visitor is self.visitors.controller:
                 self.film.thrift = visitor.link.thrift
-            self._fresh[visitor].set()
+            visitor.fresh.set()
         elif message.kind == "ask":
             if self.visitors.ask(visitor):
                 self._release()
@@ -302,11 +275,10 @@ class Server:
             self.flight.leave()
 
     async def _send_pictures(self, visitor: Visitor) -> None:
-        fresh = self._fresh[visitor]
         while True:
-            await fresh.wait()
-            fresh.clear()
-            shot = self._shot
+            await visitor.fresh.wait()
+            visitor.fresh.clear()
+            shot = self.shot
             if shot is not None and visitor.ready and shot.number > visitor.sent:
                 visitor.expects(shot.number)
                 await visitor.socket.send_bytes(packed(shot))
@@ -326,72 +298,3 @@ class Server:
             if self._latest:
                 await visitor.socket.send_str(json.dumps({"type": "status", **self._latest, **around}))
             await asyncio.sleep(STATUS_PERIOD_S)
-
-    def _knows_token(self, request: web.Request) -> bool:
-        return hmac.compare_digest(request.query.get("token", "").encode(), self.token.encode())
-
-    def _is_local(self, request: web.Request) -> bool:
-        """Whether the browser asked for this machine by its own name: a stranger's name may be made to point here."""
-        host = urlsplit(f"//{request.host}").hostname or ""
-        if self._host in LOOPBACK:
-            return host in LOOPBACK
-        return host in LOOPBACK or _is_number(host) or host in {name.lower() for name in own_names()}
-
-    def _is_own_origin(self, request: web.Request) -> bool:
-        """Whether a page of this very address asks; programs that are no browsers send no origin."""
-        origin = request.headers.get("Origin")
-        return origin is None or origin == f"{'https' if self._tls else 'http'}://{request.host}"
-
-    async def _turn_out(self) -> None:
-        """Close connections that have shown no token in time, and the oldest of them where there are too many."""
-        since: dict[Any, float] = {}
-        while True:
-            await asyncio.sleep(GUARD_PERIOD_S)
-            assert self._runner is not None
-            assert self._runner.server is not None
-            now = time.monotonic()
-            strangers = [c for c in self._runner.server.connections if c.transport not in self._welcome]
-            since = {c: since.get(c, now) for c in strangers}
-            oldest = sorted(since, key=since.__getitem__)
-            surplus = max(0, len(self._runner.server.connections) - MAX_CONNECTIONS)
-            for connection in (c for i, c in enumerate(oldest) if i < surplus or now - since[c] > IDLE_S):
-                connection.force_close()
-
-
-def own_names() -> tuple[str, ...]:
-    """Return the names by which other machines know this one."""
-    name = socket_library.gethostname()
-    return name, f"{name}.local", socket_library.getfqdn()
-
-
-def own_address() -> str:
-    """Return this machine's address as others reach it; no packet is sent to find it."""
-    with socket_library.socket(socket_library.AF_INET, socket_library.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(("192.0.2.1", 9))  # kept for documentation (RFC 5737): it leads to the way out
-            return probe.getsockname()[0]
-        except OSError:
-            return "127.0.0.1"
-
-
-def _is_number(host: str) -> bool:
-    try:
-        return bool(ip_address(host))
-    except ValueError:
-        return False
-
-
-def packed(shot: Shot) -> bytes:
-    """Return a shot as bytes: number, last message, time (s), number of images, their sizes, the images."""
-    sizes = [len(image) for image in shot.images]
-    head = struct.pack(f"<IIdI{len(sizes)}I", shot.number, shot.input_seq, shot.taken, len(sizes), *sizes)
-    return head + b"".join(shot.images)
-
-
-def _file(name: str, media_type: str) -> web.Response:
-    text = (PAGE / name).read_text(encoding="utf-8")
-    return web.Response(text=text, content_type=media_type, charset="utf-8", headers=HEADERS)
-
-
-def _refusal(problem: str, status: int = 403) -> web.Response:
-    return web.Response(status=status, text=problem, headers=HEADERS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import Counter
 from dataclasses import dataclass, field
 from itertools import count
@@ -21,7 +22,7 @@ class Visitor:
     Attributes:
         number: which one. socket: its connection. sent: number of the last picture sent. on_way: those that it has not
             shown yet. bucket: how many messages it may send. dropped: those that were not believed, by reason.
-        link: how wide its link is.
+        link: how wide its link is. fresh: set when there may be a picture to send.
     """
 
     number: int
@@ -31,6 +32,7 @@ class Visitor:
     bucket: Bucket = field(default_factory=Bucket)
     dropped: Counter[str] = field(default_factory=Counter)
     link: Link = field(default_factory=Link)
+    fresh: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
     def ready(self) -> bool:

@@ -26,8 +26,8 @@ def window_program() -> str:
         NoWindowError: names those that do, and how to get one.
     """
     for name in BROWSERS:
-        if found := shutil.which(name):
-            return found
+        if program := shutil.which(name):
+            return program
     raise NoWindowError(
         f"ui=window needs one of {', '.join(BROWSERS)}, and none is on the path. Install one, e.g. "
         "`sudo apt install chromium`, or leave out ui=window and open the page in any browser."

@@ -59,3 +59,10 @@ def test_links_and_damage_are_refused(file: Path, tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes()[:1000])
     with pytest.raises(DemoError, match="cannot be read as HDF5"):
         open_dataset(file)
+
+
+def test_values_without_their_digest_are_refused(file: Path) -> None:
+    with h5py.File(file, "a") as raw:
+        del raw["data/demo_0/aerial_il"].attrs["digest"]
+    with pytest.raises(DemoError, match="was changed after it was written"):
+        open_dataset(file)[0]

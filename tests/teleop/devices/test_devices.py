@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from threading import Event
 
@@ -20,10 +19,11 @@ from aerial_il.teleop.input.hardware import Attached, Reading
 from aerial_il.teleop.input.inbox import STALE_S, Inbox
 from aerial_il.teleop.input.mapping import COMMANDS
 from tests.teleop.hands import shipped
+from tests.teleop.patience import HANG_S, wait_until
 from tests.teleop.simulated import SIMULATED, simulated
 
 NAMES = devices.names()
-DRIVEN = sorted(name for name in NAMES if hasattr(devices._module(name), "DRIVER"))
+DRIVEN = sorted(devices.drivers_of({name: presets.read("device", name) for name in NAMES}))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -58,41 +58,34 @@ def driver_of(name: str, settings: dict) -> devices.Driver:
     return devices.drivers_of({name: presets.read("device", name)}, {name: settings})[name]
 
 
-def until(said: Callable[[], bool], timeout_s: float = 10.0) -> None:
-    end = time.monotonic() + timeout_s
-    while not said():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 @pytest.mark.parametrize("name", DRIVEN)
 def test_every_driven_device_is_read_lost_and_found_again(name: str, tmp_path: Path) -> None:
     seen: list[Reading] = []
-    lost, found = list[str](), Event()
+    lost, back = list[str](), Event()
     with simulated(name, tmp_path) as device:
         attached = Attached(
             name,
             driver_of(name, device.settings),
             lambda _, reading: seen.append(reading),
             lost=lost.append,
-            found=lambda _: found.set(),
+            back=lambda _: back.set(),
         )
         attached.start()
         try:
             device.move()
-            until(lambda: any(seen[-1].axes.values()) if seen else False)
+            wait_until(lambda: any(seen[-1].axes.values()) if seen else False)
             assert set(seen[-1].axes) <= set(AXES)
             assert set(seen[-1].held) <= set(devices.controls_of(name))
             device.unplug()
-            until(lambda: bool(lost))
+            wait_until(lambda: bool(lost))
             assert seen[-1] == Reading(), "what is gone holds nothing"
             assert name in lost[0]
             time.sleep(0.6)
-            assert len(lost) == 1, "it is told once"
+            assert len(lost) == 1, "it is said once"
             device.plug_in()
-            assert found.wait(10.0)
+            assert back.wait(HANG_S)
             device.move()
-            until(lambda: any(seen[-1].axes.values()))
+            wait_until(lambda: any(seen[-1].axes.values()))
         finally:
             attached.close()
 

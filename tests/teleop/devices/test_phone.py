@@ -15,7 +15,7 @@ from aerial_il.core.rotations import mat_from_axis_angle
 from aerial_il.teleop.devices.phone import CLUTCH, Phone, Pose, pose_of
 from aerial_il.teleop.input.frame import AXES, PHONE_AXES, DeviceFrame, bits_of
 from aerial_il.teleop.piloting.follow import Follower
-from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.piloting.pilot import ManualPilot
 from aerial_il.teleop.web.messages import MessageError, read_message
 from tests.teleop.hands import first, shipped, world
 
@@ -114,7 +114,7 @@ def frame(seq: int, axes: dict[str, float], *, held: bool = True, pressed: bool 
 def test_closing_the_clutch_moves_nothing_however_far_the_hand_is() -> None:
     """Measured on a vehicle: the command of the tick in which it is closed, and the action's difference, are zero."""
     env = world()
-    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("phone"))
+    pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("phone"))
     obs = first(env.reset(5002))
     pilot.engage(obs)
     start, jumps = pilot.act(frame(1, {}, held=False), obs), []
@@ -131,7 +131,7 @@ def test_closing_the_clutch_moves_nothing_however_far_the_hand_is() -> None:
 
 def test_the_tool_goes_as_far_as_the_hand() -> None:
     env = world()
-    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("phone"))
+    pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("phone"))
     obs = first(env.reset(5002))
     pilot.engage(obs)
     before = obs["ee_pos"].copy()

@@ -24,10 +24,10 @@ FRAMES = st.builds(
 
 
 @given(FRAMES)
-def test_a_frame_comes_back_from_its_bytes_and_from_its_numbers(frame: DeviceFrame) -> None:
-    assert DeviceFrame.from_bytes(frame.to_bytes()) == frame
-    assert DeviceFrame.from_row(frame.to_row()) == frame
-    assert DeviceFrame.from_row(frame.to_row()).to_bytes() == frame.to_bytes()
+def test_a_frame_comes_back_from_its_numbers(frame: DeviceFrame) -> None:
+    row = frame.to_row()
+    assert DeviceFrame.from_row(row) == frame
+    assert DeviceFrame.from_row(row).to_row().tobytes() == row.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -48,9 +48,7 @@ def test_what_no_device_shows_is_refused(wrong: dict) -> None:
         DeviceFrame(**wrong)
 
 
-def test_foreign_bytes_and_numbers_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="bytes"):
-        DeviceFrame.from_bytes(b"\0" * 59)
+def test_foreign_numbers_are_refused() -> None:
     for row in (np.zeros(13), np.full(len(LABELS), np.nan), np.full(len(LABELS), 1e300)):
         with pytest.raises(InvalidValueError):
             DeviceFrame.from_row(row)

@@ -23,7 +23,7 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.devices.scripted import Scripted
 from aerial_il.teleop.input.frame import LABELS, DeviceFrame, bits_of
 from aerial_il.teleop.piloting.arbiter import HAND_OVER_TICKS, Arbiter, Flier
-from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.piloting.pilot import ManualPilot
 from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.logbook import POLICY_ACTION, Logbook
 from aerial_il.teleop.session.refly import refly
@@ -131,7 +131,7 @@ def _commands(env: BatchEnvironment, ticks: int) -> np.ndarray:
     bindings, expert = shipped("scripted"), aerial_il.expert("fa_hexa_arm4", "reach")
     obs = env.reset(5001)
     expert.attach(env)
-    arbiter = Arbiter(Pilot(env.spec, env.scenario.robot.vehicle, bindings), expert, hand_over_ticks=ticks)
+    arbiter = Arbiter(ManualPilot(env.spec, env.scenario.robot.vehicle, bindings), expert, hand_over_ticks=ticks)
     arbiter.engage(obs)
     device, found = Scripted(schedule((TAKEN, 200, ["take_over"])), bindings), []
     for _ in range(TAKEN + 3):
@@ -145,7 +145,7 @@ def test_who_takes_over_hovers_where_the_vehicle_is_and_keeps_the_grip() -> None
     """The targets are the present pose; the gripper goes on by the last command, not by where its fingers stand."""
     env = world(task="pick_place")
     obs = env.reset(5000)
-    pilot = Pilot(env.spec, env.scenario.robot.vehicle, shipped("scripted"))
+    pilot = ManualPilot(env.spec, env.scenario.robot.vehicle, shipped("scripted"))
     pilot.engage({name: values[0] for name, values in obs.items()}, np.append(np.zeros(9), 0.0))
     action = pilot.act(DeviceFrame(seq=1), {name: values[0] for name, values in obs.items()})
     np.testing.assert_allclose(action[:3], obs["ee_pos"][0], atol=1e-9)
@@ -156,7 +156,7 @@ def test_who_takes_over_hovers_where_the_vehicle_is_and_keeps_the_grip() -> None
 def test_handed_back_a_chunked_policy_plans_anew_from_what_it_sees(env: BatchEnvironment) -> None:
     policy, fresh = _network(env), _network(env)
     bindings, seen = shipped("scripted"), []
-    arbiter = Arbiter(Pilot(env.spec, env.scenario.robot.vehicle, bindings), policy)
+    arbiter = Arbiter(ManualPilot(env.spec, env.scenario.robot.vehicle, bindings), policy)
     obs = env.reset(5000)
     arbiter.engage(obs)
     device = Scripted(schedule((4, 8, ["take_over"])), bindings)
@@ -188,7 +188,7 @@ def test_when_nobody_is_there_the_policy_waits_and_nothing_counts_as_a_demonstra
     expert = aerial_il.expert("fa_hexa_arm4", "reach")
     obs = env.reset(5000)
     expert.attach(env)
-    arbiter = Arbiter(Pilot(env.spec, env.scenario.robot.vehicle, shipped("scripted")), expert)
+    arbiter = Arbiter(ManualPilot(env.spec, env.scenario.robot.vehicle, shipped("scripted")), expert)
     arbiter.engage(obs)
     turn = arbiter.act(DeviceFrame(seq=0), obs)
     assert turn.flier is Flier.NOBODY

@@ -14,7 +14,7 @@ from aerial_il.teleop.devices.scripted import Scripted
 from aerial_il.teleop.input.frame import DeviceFrame
 from aerial_il.teleop.piloting.assist import STALE_TICKS, fenced, tilt_of, within_fence
 from aerial_il.teleop.piloting.command import Command, modes_of
-from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.piloting.pilot import ManualPilot
 from tests.teleop.hands import first, schedule, shipped, world
 
 SCRIPT = schedule(
@@ -23,9 +23,9 @@ SCRIPT = schedule(
 )  # fmt: skip
 
 
-def fly(env: BatchEnvironment, frames: list[DeviceFrame], seed: int = 5001) -> tuple[np.ndarray, Pilot]:
+def fly(env: BatchEnvironment, frames: list[DeviceFrame], seed: int = 5001) -> tuple[np.ndarray, ManualPilot]:
     """Return the states (T + 1, S) of a flight by ``frames``, and its pilot."""
-    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
+    pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
     obs = first(env.reset(seed))
     pilot.engage(obs)
     states = [env.get_state()[0]]
@@ -44,7 +44,7 @@ def frames_of(script, count: int) -> list[DeviceFrame]:
 def test_a_log_flown_again_is_the_same_flight_to_the_bit(level: str) -> None:
     env, frames = world(action=level, tier="gusts"), frames_of(SCRIPT, 200)
     once, _ = fly(env, frames)
-    again, _ = fly(env, [DeviceFrame.from_bytes(frame.to_bytes()) for frame in frames])
+    again, _ = fly(env, [DeviceFrame.from_row(frame.to_row()) for frame in frames])
     np.testing.assert_array_equal(once, again)
     frames[30] = replace(frames[30], held=0)
     other, _ = fly(env, frames)
@@ -57,7 +57,7 @@ def test_a_log_flown_again_is_the_same_flight_to_the_bit(level: str) -> None:
 def test_it_hovers_flies_forward_along_its_heading_and_stops(robot: str, level: str) -> None:
     env = world(robot, action=level)
     script = schedule((50, 100, ["forward+"]))
-    pilot = Pilot(env.spec, robots.get(robot).vehicle, shipped("scripted"), "base")
+    pilot = ManualPilot(env.spec, robots.get(robot).vehicle, shipped("scripted"), "base")
     obs = first(env.reset(5002))
     pilot.engage(obs)
     start, base = obs["base_pos"], []
@@ -76,7 +76,7 @@ def test_it_hovers_flies_forward_along_its_heading_and_stops(robot: str, level: 
 def test_without_a_new_message_for_300_ms_the_command_is_zero_and_the_vehicle_stays() -> None:
     env = world()
     frames = frames_of(schedule((0, 200, ["forward+"])), 50)
-    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
+    pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
     obs = first(env.reset(5003))
     pilot.engage(obs)
     commands, places = [], []
@@ -98,7 +98,7 @@ def test_nobody_flies_before_the_first_message() -> None:
 def test_engaging_commands_the_pose_that_is_there() -> None:
     env = world()
     obs = first(env.reset(5004))
-    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
+    pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
     pilot.engage(obs)
     action = pilot.act(DeviceFrame(seq=1), obs)
     np.testing.assert_allclose(action[:3], obs["ee_pos"], atol=1e-12)
@@ -107,7 +107,7 @@ def test_engaging_commands_the_pose_that_is_there() -> None:
 
 def test_actions_of_keys_are_no_steps() -> None:
     env = world()
-    pilot = Pilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
+    pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
     obs = first(env.reset(5005))
     pilot.engage(obs)
     actions = []
@@ -138,7 +138,7 @@ def test_tilt() -> None:
 def test_levels_that_nobody_can_fly_are_refused(level: str) -> None:
     env = world()
     with pytest.raises(UnknownNameError, match="ee_pose"):
-        Pilot(
+        ManualPilot(
             replace(env.spec, action=replace(env.spec.action, level=level)),
             robots.get("z1").vehicle,
             shipped("scripted"),

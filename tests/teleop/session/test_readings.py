@@ -11,7 +11,7 @@ import aerial_il
 from aerial_il.core.rotations import mat_from_rotvec, mat_from_yaw, matmul, rotate
 from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.teleop.devices.scripted import Scripted
-from aerial_il.teleop.piloting.pilot import Pilot
+from aerial_il.teleop.piloting.pilot import ManualPilot
 from aerial_il.teleop.session.readings import readings_of
 from tests.teleop.hands import first, schedule, shipped, world
 
@@ -106,7 +106,7 @@ def test_the_key_that_a_number_names_makes_it_smaller(key: str, title: str, inde
     """Flown on the real vehicle: half a second of a key, then the number has gone down, and its sign is the key's."""
     env, bindings = world(), shipped("scripted")
     obs = first(env.reset(5003))
-    pilot = Pilot(env.spec, env.scenario.robot.vehicle, bindings)
+    pilot = ManualPilot(env.spec, env.scenario.robot.vehicle, bindings)
     pilot.engage(obs)
     (reading,) = (r for r in readings_of(env.spec.observation) if r.title == title)
     before, device = reading.numbers(obs)[index], Scripted(schedule((0, 25, [key])), bindings)

@@ -18,6 +18,7 @@ from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.loop import state_of
 from aerial_il.teleop.web.film import Film, Shot
 from tests.teleop.hands import schedule, shipped, world
+from tests.teleop.patience import HANG_S
 
 CELLS = dict(reversed(aerial_il.list_cells()))
 LEVELS = ("ee_pose", "velocity")
@@ -46,7 +47,7 @@ def test_every_robot_is_flown_by_hand_and_seen(tmp_path: Path, robot: str, level
         for _ in range(60):
             cockpit.tick(device.frame())
         film.show(state_of(env), 7)
-        assert seen.wait(20.0), film.error
+        assert seen.wait(HANG_S), film.error
     finally:
         film.close()
         cockpit.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import struct
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,13 @@ import aiohttp
 import pytest
 
 from aerial_il.teleop.session.session import State
+from aerial_il.teleop.web import messages
 from aerial_il.teleop.web.messages import BURST, Bucket, MessageError, read_message
 from aerial_il.teleop.web.server import PortTakenError
 from tests.teleop.flown import Flown, flown
+from tests.teleop.patience import until as until_true
 
 pytestmark = pytest.mark.render
-
-
-def together(work) -> None:
-    asyncio.run(asyncio.wait_for(work, 60.0))
 
 
 async def socket(session: aiohttp.ClientSession, flight: Flown, **headers: str) -> aiohttp.ClientWebSocketResponse:
@@ -28,155 +27,143 @@ async def socket(session: aiohttp.ClientSession, flight: Flown, **headers: str) 
     return await session.ws_connect(url, headers=headers)
 
 
-async def told(client: aiohttp.ClientWebSocketResponse, kind: str) -> dict[str, Any]:
+async def heard(client: aiohttp.ClientWebSocketResponse, kind: str) -> dict[str, Any]:
     """Return the next message of a kind."""
     while True:
-        message = await client.receive(timeout=10.0)
+        message = await client.receive()
         assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
-        if message.type is aiohttp.WSMsgType.TEXT and (found := json.loads(message.data))["type"] == kind:
-            return found
+        if message.type is aiohttp.WSMsgType.TEXT and (content := json.loads(message.data))["type"] == kind:
+            return content
 
 
 async def until(client: aiohttp.ClientWebSocketResponse, **wanted: Any) -> dict[str, Any]:
     """Return the first status that says what is wanted; the test's time limit is how long it may take."""
     while True:
-        found = await told(client, "status")
-        if all(found[name] == value for name, value in wanted.items()):
-            return found
+        status = await heard(client, "status")
+        if all(status[name] == value for name, value in wanted.items()):
+            return status
+
+
+async def hold(client: aiohttp.ClientWebSocketResponse) -> None:
+    """Hold a key, until cancelled."""
+    for seq in count(2):
+        await client.send_str(an_input(seq, "KeyW"))
+        await asyncio.sleep(0.02)
 
 
 def an_input(seq: int, *held: str, pressed: tuple[str, ...] = ()) -> str:
     return json.dumps({"type": "input", "seq": seq, "held": held, "pressed": pressed, "axes": {}, "t": 1.0})
 
 
-def test_who_has_no_token_or_is_another_page_is_refused(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
-            base, token = f"http://127.0.0.1:{flight.server.port}", flight.server.token
-            evil = {"Origin": "https://evil.example"}
-            foreign = {"Host": f"evil.example:{flight.server.port}"}
-            for path, headers, expected in (
-                (f"/?token={token}", {}, 200),
-                ("/", {}, 403),
-                ("/?token=wrong", {}, 403),
-                (f"/?token={token}", foreign, 403),
-                ("/style.css", {}, 200),
-                ("/../server.py", {}, 404),
-                ("/%2e%2e%2fserver.py", {}, 404),
-                ("/index.html", {}, 404),
-            ):
-                async with session.get(base + path, headers=headers) as answer:
-                    assert answer.status == expected, path
-            for path, headers in (
-                ("/socket", {}),
-                ("/socket?token=wrong", {}),
-                (f"/socket?token={token}", evil),
-                (f"/socket?token={token}", foreign),
-            ):
-                with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
-                    await session.ws_connect(base + path, headers=headers)
-            own = await socket(session, flight, Origin=base)
-            assert (await told(own, "status"))["role"] == "controller"
-
-    together(work())
+async def test_who_has_no_token_or_is_another_page_is_refused(tmp_path: Path) -> None:
+    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+        base, token = f"http://127.0.0.1:{flight.server.port}", flight.server.token
+        evil = {"Origin": "https://evil.example"}
+        foreign = {"Host": f"evil.example:{flight.server.port}"}
+        for path, headers, expected in (
+            (f"/?token={token}", {}, 200),
+            ("/", {}, 403),
+            ("/?token=wrong", {}, 403),
+            (f"/?token={token}", foreign, 403),
+            ("/style.css", {}, 200),
+            ("/../server.py", {}, 404),
+            ("/%2e%2e%2fserver.py", {}, 404),
+            ("/index.html", {}, 404),
+        ):
+            async with session.get(base + path, headers=headers) as answer:
+                assert answer.status == expected, path
+        for path, headers in (
+            ("/socket", {}),
+            ("/socket?token=wrong", {}),
+            (f"/socket?token={token}", evil),
+            (f"/socket?token={token}", foreign),
+        ):
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                await session.ws_connect(base + path, headers=headers)
+        own = await socket(session, flight, Origin=base)
+        assert (await heard(own, "status"))["role"] == "controller"
 
 
-def test_bad_messages_are_dropped_and_counted_and_the_flight_goes_on(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
-            client = await socket(session, flight)
-            bad = ["", "{", "[]", '{"type":"fly"}', an_input(-1), '{"type":"input","axes":{"left_x":2}}', "[" * 3000]
-            for text in bad:
-                await client.send_str(text)
-            await client.send_bytes(b"\0")
-            await client.send_str(json.dumps({"type": "input", "held": ["x" * 5000]}))
-            await until(client, dropped={"malformed": len(bad) + 1, "oversized": 1})
-            await asyncio.sleep(1.0)
-            for seq in range(int(BURST) + 325):
-                await client.send_str(an_input(seq + 1))
-            while "flooding" not in (found := await told(client, "status"))["dropped"]:
+async def test_bad_messages_are_dropped_and_the_flight_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+        client = await socket(session, flight)
+        bad = ["", "{", "[]", '{"type":"fly"}', an_input(-1), '{"type":"input","axes":{"left_x":2}}', "[" * 3000]
+        for text in bad:
+            await client.send_str(text)
+        await client.send_bytes(b"\0")
+        await client.send_str(json.dumps({"type": "input", "held": ["x" * 5000]}))
+        await until(client, dropped={"malformed": len(bad) + 1, "oversized": 1})
+        monkeypatch.setattr(messages, "MAX_RATE", 0.0)  # however slowly the flood comes
+        for seq in range(int(BURST) + 325):
+            await client.send_str(an_input(seq + 1))
+        await until_true(lambda: flight.server.visitors.dropped["flooding"] > 200)
+        assert (await heard(client, "status"))["role"] == "controller"
+        ticks = flight.cockpit.tick_count
+        await until_true(lambda: flight.cockpit.tick_count > ticks)
+
+
+async def test_one_flies_the_others_watch_until_it_is_handed_over(tmp_path: Path) -> None:
+    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+        first = await socket(session, flight)
+        await heard(first, "status")
+        second = await socket(session, flight)
+        assert (await heard(second, "status"))["role"] == "spectator"
+        await second.send_str(an_input(9, pressed=("KeyR",)))
+        await second.send_str('{"type":"grant"}')
+        await second.send_str('{"type":"ask"}')
+        assert (await until(second, asked=2))["role"] == "spectator"
+        assert flight.cockpit.state is State.IDLE, "a spectator's keys do nothing"
+        assert flight.cockpit.input_seq == 0
+        await first.send_str('{"type":"grant"}')
+        await until(second, role="controller")
+        await until(first, role="spectator")
+        await second.send_str(an_input(9, pressed=("KeyR",)))
+        await until(second, state="countdown")
+        await second.close()
+        await until(first, free=True)
+        await first.send_str('{"type":"ask"}')
+        await until(first, role="controller")
+
+
+@pytest.mark.usefixtures("unhurried")
+async def test_a_lost_page_hovers_pauses_and_goes_on(tmp_path: Path) -> None:
+    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+        client = await socket(session, flight)
+        await client.send_str(an_input(1, pressed=("KeyR",)))
+        holding = asyncio.create_task(hold(client))
+        await until_true(lambda: flight.cockpit.status().steps > 10)
+        assert flight.cockpit.state is State.RECORDING
+        holding.cancel()
+        await client.close()
+        again = await socket(session, flight)
+        assert (await until(again, state="paused"))["steps"] > 10
+        await again.send_str(an_input(1, pressed=("KeyP",)))
+        await until(again, state="recording")
+
+
+async def test_no_more_than_two_pictures_are_on_their_way(tmp_path: Path) -> None:
+    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+        client = await socket(session, flight)
+        first, second = await picture(client), await picture(client)
+        await until_true(lambda: flight.server.shot.number > second + 3)
+        for _ in range(3):  # a picture that was sent meanwhile would stand before them
+            assert (await client.receive()).type is aiohttp.WSMsgType.TEXT
+        await client.send_str(json.dumps({"type": "ack", "seq": second}))
+        assert first < second < await picture(client) - 2, "it is the latest picture, not the next one"
+
+
+async def picture(client: aiohttp.ClientWebSocketResponse) -> int:
+    """Return the number of the next picture."""
+    while (message := await client.receive()).type is not aiohttp.WSMsgType.BINARY:
+        assert message.type is aiohttp.WSMsgType.TEXT, message
+    return struct.unpack_from("<I", message.data)[0]
+
+
+async def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
+    async with flown(tmp_path / "a") as flight:
+        with pytest.raises(PortTakenError, match=f"port={flight.server.port}"):
+            async with flown(tmp_path / "b", port=flight.server.port):
                 pass
-            assert found["role"] == "controller"
-            await asyncio.sleep(0.5)
-            assert flight.server.visitors.dropped["flooding"] > 200
-            ticks = flight.cockpit.tick_count
-            await asyncio.sleep(0.5)
-            assert flight.cockpit.tick_count > ticks
-
-    together(work())
-
-
-def test_one_flies_the_others_watch_until_it_is_handed_over(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
-            first = await socket(session, flight)
-            await told(first, "status")
-            second = await socket(session, flight)
-            assert (await told(second, "status"))["role"] == "spectator"
-            await second.send_str(an_input(9, pressed=("KeyR",)))
-            await second.send_str('{"type":"grant"}')
-            await second.send_str('{"type":"ask"}')
-            assert (await until(second, asked=2))["role"] == "spectator"
-            assert flight.cockpit.state is State.IDLE, "a spectator's keys do nothing"
-            assert flight.cockpit.input_seq == 0
-            await first.send_str('{"type":"grant"}')
-            await until(second, role="controller")
-            await until(first, role="spectator")
-            await second.send_str(an_input(9, pressed=("KeyR",)))
-            await until(second, state="countdown")
-            await second.close()
-            await until(first, free=True)
-            await first.send_str('{"type":"ask"}')
-            await until(first, role="controller")
-
-    together(work())
-
-
-def test_a_lost_page_hovers_pauses_and_goes_on(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
-            client = await socket(session, flight)
-            await client.send_str(an_input(1, pressed=("KeyR",)))
-            for seq in range(2, 60):
-                await client.send_str(an_input(seq, "KeyW"))
-                await asyncio.sleep(0.02)
-            assert flight.cockpit.state is State.RECORDING
-            await client.close()
-            again = await socket(session, flight)
-            assert (await until(again, state="paused"))["steps"] > 10
-            await again.send_str(an_input(1, pressed=("KeyP",)))
-            await until(again, state="recording")
-
-    together(work())
-
-
-def test_no_more_than_two_pictures_are_on_their_way(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
-            client = await socket(session, flight)
-            pictures = []
-            for _ in range(30):
-                message = await client.receive(timeout=10.0)
-                if message.type is aiohttp.WSMsgType.BINARY:
-                    pictures.append(struct.unpack_from("<IIdI", message.data))
-            assert len(pictures) == 2
-            await client.send_str(json.dumps({"type": "ack", "seq": pictures[1][0]}))
-            while (message := await client.receive(timeout=10.0)).type is not aiohttp.WSMsgType.BINARY:
-                pass
-            newer = struct.unpack_from("<IIdI", message.data)
-            assert newer[0] > pictures[1][0] + 2, "it is the latest picture, not the next one"
-
-    together(work())
-
-
-def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with flown(tmp_path / "a") as flight:
-            with pytest.raises(PortTakenError, match=f"port={flight.server.port}"):
-                async with flown(tmp_path / "b", port=flight.server.port):
-                    pass
-
-    together(work())
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from aerial_il.teleop.web.window import NoWindowError, open_window, window_program
 from tests.teleop.chromium import needs_browser
 from tests.teleop.flown import flown
+from tests.teleop.patience import until
 
 
 def test_without_a_browser_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -21,18 +21,13 @@ def test_without_a_browser_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
 @needs_browser
 @pytest.mark.browser
 @pytest.mark.render
-def test_the_page_comes_up_in_it(tmp_path: Path) -> None:
+async def test_the_page_comes_up_in_it(tmp_path: Path) -> None:
     """Without a screen, so the window itself was never seen; that its page connects is."""
-
-    async def work() -> None:
-        options = ("--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}")
-        async with flown(tmp_path / "out") as flight:
-            process = open_window(window_program(), flight.server.url, options)
-            try:
-                while flight.server.visitors.controller is None:
-                    await asyncio.sleep(0.05)
-            finally:
-                process.terminate()
-                process.wait()
-
-    asyncio.run(asyncio.wait_for(work(), 60.0))
+    options = ("--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}")
+    async with flown(tmp_path / "out") as flight:
+        process = open_window(window_program(), flight.server.url, options)
+        try:
+            await until(lambda: flight.server.visitors.controller is not None)
+        finally:
+            process.terminate()
+            process.wait()

@@ -1,1 +1,1 @@
-"""How a person does a task by hand: one file each, found by the task's name."""
+"""How a person does a task by hand: one file each, named after the task's name."""

@@ -17,7 +17,7 @@ OVER_M, ASKEW_M = 0.013, 0.035  # beside the cube: good enough to go down, and b
 FACING_RAD = 0.12
 AT_CUBE_M = 0.008
 LOWEST_M = 0.09  # above the cube, so that open fingers pass over it
-AROUND_M, HALF_CLOSED = 0.03, 0.6  # the fingers are about the cube; they have begun to close: no reason to open them
+AROUND_M, HALF_CLOSED = 0.03, 0.6  # the fingers are about the cube; they are closing: no reason to open them
 GIVEN_UP_TICKS, TRIES = 70, 3  # a grasp takes so long at most; beside the bowl's rim none succeeds
 FAILED = ("close", "over"), ("down", "over")  # a grasp that failed; fingers that met something else
 LONGEST_TICKS = 1_200  # without a grasp
@@ -32,7 +32,7 @@ class PickPlacePlan:
 
     def begin(self, sight: Sight, habit: Habit) -> None:
         self._habit, self._ticks, self._failed, self._empty, self._straightens = habit, 0, 0, 0, True
-        self._part = _begun(sight)
+        self._part = _part_at(sight)
         ahead, left, up = sight.numbers["tool to cube"]
         near = math.hypot(ahead, left) < BEND_FROM_M
         self._straight = near or sight.status.subtasks["grasped"]
@@ -146,7 +146,7 @@ class PickPlacePlan:
         return Wish("away", (0.0, 0.0, 0.2), grip=-1)
 
 
-def _begun(sight: Sight) -> str:
+def _part_at(sight: Sight) -> str:
     """Return the part in whose midst the flight is."""
     if sight.status.subtasks["grasped"]:
         return "lower" if math.hypot(*sight.numbers["cube to bowl"][:2]) < 0.05 else "lift"

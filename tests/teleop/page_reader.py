@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from tests.teleop.chromium import Tab
+from tests.teleop.patience import HANG_S
 
 LOOK_S = 0.05  # between two looks at the page
 LAG_S = 0.35  # from a key to a vehicle that answers: what is nearer than it moves in this time is done by taps
@@ -249,7 +250,7 @@ def _button(down: bool) -> str:
 Plan = Callable[[Sight], Wish]  # keeps in mind where it is
 
 
-class Stranger:
+class PageReader:
     """Flies what the page shows.
 
     Args:
@@ -260,15 +261,15 @@ class Stranger:
         self.tab, self.hands = tab, hands
         self.sight = Sight()
 
-    async def until(self, seen: Callable[[Sight], bool], timeout_s: float = 20.0) -> Sight:
+    async def until(self, seen: Callable[[Sight], bool]) -> Sight:
         """Wait until the page shows something."""
-        end = time.monotonic() + timeout_s
+        end = time.monotonic() + HANG_S
         while time.monotonic() < end:
             self.sight = await look(self.tab)
             if seen(self.sight):
                 return self.sight
             await asyncio.sleep(LOOK_S)
-        raise AssertionError(f"waited for {timeout_s} s; the page shows {self.sight}")
+        raise AssertionError(f"waited for {HANG_S} s; the page shows {self.sight}")
 
     async def record(self) -> None:
         """Begin an episode."""

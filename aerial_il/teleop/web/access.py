@@ -1,0 +1,72 @@
+"""Who may come in: who knows the token, calls this machine by its own name, and comes from the page itself."""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+import socket
+from ipaddress import ip_address
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+ANYWHERE = ("0.0.0.0", "::")
+
+
+class Access:
+    """Checks requests to one page.
+
+    Args:
+        host: where it is served. secure: whether over https.
+
+    Attributes:
+        token: who knows it may come in; a fresh one each time.
+    """
+
+    def __init__(self, host: str, *, secure: bool) -> None:
+        self._host, self.token = host, secrets.token_urlsafe(16)
+        self._scheme = "https" if secure else "http"
+
+    def url(self, port: int) -> str:
+        """Return the address of the page, with its token."""
+        host = self._host if self._host not in ANYWHERE else own_address()
+        return f"{self._scheme}://{host}:{port}/?token={self.token}"
+
+    def knows_token(self, request: web.Request) -> bool:
+        return hmac.compare_digest(request.query.get("token", "").encode(), self.token.encode())
+
+    def is_local(self, request: web.Request) -> bool:
+        """Whether the browser asked for this machine by its own name: a foreign name may be made to point here."""
+        host = urlsplit(f"//{request.host}").hostname or ""
+        if self._host in LOOPBACK:
+            return host in LOOPBACK
+        return host in LOOPBACK or _is_number(host) or host in {name.lower() for name in own_names()}
+
+    def is_own_origin(self, request: web.Request) -> bool:
+        """Whether a page of this very address asks; programs that are no browsers send no origin."""
+        origin = request.headers.get("Origin")
+        return origin is None or origin == f"{self._scheme}://{request.host}"
+
+
+def own_names() -> tuple[str, ...]:
+    """Return the names by which other machines know this one."""
+    name = socket.gethostname()
+    return name, f"{name}.local", socket.getfqdn()
+
+
+def own_address() -> str:
+    """Return this machine's address as others reach it; no packet is sent for it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # kept for documentation (RFC 5737): it leads to the way out
+            return probe.getsockname()[0]
+        except OSError:
+            return "127.0.0.1"
+
+
+def _is_number(host: str) -> bool:
+    try:
+        return bool(ip_address(host))
+    except ValueError:
+        return False

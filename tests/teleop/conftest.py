@@ -1,0 +1,28 @@
+"""Tests that are coroutines are run, each in a loop of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+
+import pytest
+
+from aerial_il.teleop.piloting import assist
+from tests.teleop.patience import HANG_S
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine; no clock decides it, but one that hangs is ended."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    wanted = inspect.signature(pyfuncitem.obj).parameters
+    work = pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in wanted})
+    asyncio.run(asyncio.wait_for(work, HANG_S))
+    return True
+
+
+@pytest.fixture
+def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no dead man's switch act for a page that is slow, as on a busy machine; for tests that are not of it."""
+    monkeypatch.setattr(assist, "STALE_TICKS", 1_000_000)
