@@ -10,7 +10,7 @@ same way. With an infinite temperature it is behavioural cloning. ``failures=tru
 
 Metrics, with negative steps before the first flight: ``critic/loss``, ``critic/value``, ``actor/loss``,
 ``actor/advantage``, ``actor/weight``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring
-policy; ``evaluate/<name>``, at step 0 of the policy that begins to fly; ``elapsed_s``.
+policy; ``evaluate/<name>``, at step 0 of the policy that starts to fly; ``elapsed_s``.
 
 Source: A. Nair, A. Gupta, M. Dalal, S. Levine, "AWAC: Accelerating Online Reinforcement Learning with Offline
 Datasets", 2020, algorithm 1; weights are limited as in IQL, where the source divides them by their sum.

@@ -13,7 +13,7 @@ failed episodes.
 
 Metrics, with negative steps before the first flight: ``critic/loss``, ``critic/value``, ``value/loss``, ``actor/loss``,
 ``actor/advantage``, ``actor/weight``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring
-policy; ``evaluate/<name>``, at step 0 of the policy that begins to fly; ``elapsed_s``.
+policy; ``evaluate/<name>``, at step 0 of the policy that starts to fly; ``elapsed_s``.
 
 Source: I. Kostrikov, A. Nair, S. Levine, "Offline Reinforcement Learning with Implicit Q-Learning", 2022, algorithm 1;
 defaults are its own for locomotion (for Adroit it takes beta 0.5).

@@ -113,7 +113,7 @@ def test_fields_are_hidden_by_pattern_down_to_images_alone() -> None:
     policy = fresh_policy(obs_names=(), blind_to=("*",), anchor=None)
     assert policy.interface.layout.names == ()
     assert policy.act(look(2, np.random.default_rng(0))).shape == (2, 10)
-    with pytest.raises(InvalidValueError, match="blind to every state field"):
+    with pytest.raises(InvalidValueError, match="neither a state field nor an image"):
         Layout.of(SEEN, MLP(blind_to=("*",), anchor=None))
 
 

@@ -57,7 +57,7 @@ class Selection:
         """Return the demonstrations that count, in their order, and the weight of each (E,).
 
         Args:
-            demos: to choose from. weights: of each, to begin with.
+            demos: to choose from. weights: of each, before that.
 
         Raises:
             InvalidValueError: there are not as many weights as demonstrations.
