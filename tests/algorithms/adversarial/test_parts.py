@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from aerial_il.algorithms.adversarial.action_noise import with_action_noise
 
 from aerial_il.algorithms.adversarial.discriminator import (
     REWARDS,
@@ -17,7 +16,7 @@ from aerial_il.algorithms.adversarial.discriminator import (
     cross_entropy,
     gradient_penalty,
 )
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape, with_action_noise
 from aerial_il.algorithms.dac import DAC
 from aerial_il.algorithms.off_policy.loop import lr_at
 from aerial_il.algorithms.online.collector import Collector
