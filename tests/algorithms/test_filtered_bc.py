@@ -75,7 +75,7 @@ def test_noise_moves_what_is_flown(whole: Path, tmp_path: Path) -> None:
     assert any(len(a) != len(b) or not np.array_equal(a.executed_actions, b.executed_actions) for a, b in pairs)
 
 
-def test_a_prior_of_another_class_and_of_chunks_flies_the_first_round(whole: Path, tmp_path: Path) -> None:
+def test_a_prior_of_another_class_flies_the_first_round(whole: Path, tmp_path: Path) -> None:
     chunked = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
     prior = trained(tmp_path / "prior", policy=chunked, rounds=1)
     led = trained(tmp_path / "led", prior=str(prior))
@@ -97,7 +97,7 @@ def test_another_prior_in_the_same_place_is_another_run(tmp_path: Path) -> None:
         trained(tmp_path / "run", **settings)
 
 
-def test_a_prior_that_is_missing_or_acts_otherwise_is_refused_before_anything_flies(tmp_path: Path) -> None:
+def test_a_prior_that_cannot_fly_here_is_refused_before_flights(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="does not exist"):
         trained(tmp_path / "run", prior=str(tmp_path / "nowhere"))
     prior = load_policy(trained(tmp_path / "prior", rounds=1))

@@ -69,7 +69,7 @@ def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
+def test_dac_imitates_by_demonstrations_without_a_reward(tmp_path: Path) -> None:
     settings = made(DAC, {**JUDGE, **OFF, **ALONE, "steps": 2_500})
     demos = demonstrations(10)
     assert learn(settings, tmp_path / "dac", demos) > 0.9
