@@ -78,13 +78,7 @@ class A2C(Algorithm):
 
 
 class AdvantageAgent(ActorCritic[StochasticNetwork]):
-    """An actor that takes one step for each rollout, and the critic that estimates advantages.
-
-    Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        obs_size: Do.
-    """
+    """An actor that takes one step for each rollout, and the critic that estimates advantages."""
 
     def __init__(self, settings: A2C, actor: StochasticNetwork, obs_size: int) -> None:
         super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)

@@ -10,7 +10,7 @@ same way. With an infinite temperature it is behavioural cloning. ``failures=tru
 
 Metrics, with negative steps before the first flight: ``critic/loss``, ``critic/value``, ``actor/loss``,
 ``actor/advantage``, ``actor/weight``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring
-policy; ``evaluate/<name>``, at step 0 of the policy that begins to fly; ``elapsed_s``.
+policy; ``evaluate/<name>``, at step 0 of the policy that starts to fly; ``elapsed_s``.
 
 Source: A. Nair, A. Gupta, M. Dalal, S. Levine, "AWAC: Accelerating Online Reinforcement Learning with Offline
 Datasets", 2020, algorithm 1; weights are limited as in IQL, where the source divides them by their sum.
@@ -21,11 +21,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
@@ -94,11 +93,7 @@ class AWAC(Algorithm):
 
 
 class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
-    """Actor and two critics with slowly following target networks.
-
-    Args:
-        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
-    """
+    """Actor and two critics with slowly following target networks."""
 
     def __init__(self, settings: AWAC, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
@@ -107,10 +102,6 @@ class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
         self.critics = TrainState(critics, adam(critics, settings.lr))
         self.targets = Target(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Sample actions (n, Da) for encoded observations (n, Do)."""
-        return sampled(self.actor, obs)
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of the actor."""

@@ -26,8 +26,7 @@ import torch
 
 from aerial_il.algorithms.run.cadence import Cadence, Evaluate
 from aerial_il.algorithms.supervised.device import precision
-from aerial_il.algorithms.supervised.learner import Learner
-from aerial_il.algorithms.supervised.optimisation import cosine
+from aerial_il.algorithms.supervised.learner import Learner, cosine
 from aerial_il.algorithms.supervised.prepared import prepare
 from aerial_il.algorithms.supervised.selection import Selection
 from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run

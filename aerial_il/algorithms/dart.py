@@ -87,7 +87,7 @@ class DART(InteractiveAlgorithm):
             raise InvalidValueError(f"held_out is {self.held_out}; it must lie in (0, 1).")
 
     def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
-        expert = rounds.teacher
+        expert = rounds.expert
         if isinstance(expert, Operator):
             raise InvalidValueError(
                 "dart disturbs the flights of an expert that can be asked at any state, and somebody sits at the "

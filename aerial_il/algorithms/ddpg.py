@@ -28,10 +28,9 @@ from torch import Tensor
 
 from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, ascent, squared_error
-from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.exploration import ExplorationNoise, RandomActions
+from aerial_il.algorithms.off_policy.exploration import ExplorationNoise
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
@@ -79,24 +78,11 @@ class DDPG(Algorithm):
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeterministicAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
-
-        def update(improve: bool) -> dict[str, float]:
-            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
-
-        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
-        return run.finish()
+        return learn_from_reward(run, self, agent, agent.update)
 
 
 class DeterministicAgent(Agent[SquashedGaussianNetwork]):
-    """Actor and critics, of which it has one, with slowly following target networks of all.
-
-    Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        sizes: elements of an observation and of an action, Do and Da.
-    """
+    """Actor and critics, of which it has one, with slowly following target networks of all."""
 
     def __init__(self, settings: DDPG | TD3, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor

@@ -145,9 +145,6 @@ class ProposedAgent(Agent[SquashedGaussianNetwork]):
 
     Its observations carry the prior's proposal, (B, Do + Da + 1 + 1), see
     :mod:`aerial_il.algorithms.off_policy.proposals`.
-
-    Args:
-        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
     def __init__(self, settings: IBRL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:

@@ -13,7 +13,7 @@ failed episodes.
 
 Metrics, with negative steps before the first flight: ``critic/loss``, ``critic/value``, ``value/loss``, ``actor/loss``,
 ``actor/advantage``, ``actor/weight``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring
-policy; ``evaluate/<name>``, at step 0 of the policy that begins to fly; ``elapsed_s``.
+policy; ``evaluate/<name>``, at step 0 of the policy that starts to fly; ``elapsed_s``.
 
 Source: I. Kostrikov, A. Nair, S. Levine, "Offline Reinforcement Learning with Implicit Q-Learning", 2022, algorithm 1;
 defaults are its own for locomotion (for Adroit it takes beta 0.5).
@@ -24,11 +24,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
@@ -99,11 +98,7 @@ class IQL(Algorithm):
 
 
 class ImplicitAgent(Agent[SquashedGaussianNetwork]):
-    """Actor, a state-value critic, and two action-value critics with slowly following target networks.
-
-    Args:
-        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
-    """
+    """Actor, a state-value critic, and two action-value critics with slowly following target networks."""
 
     def __init__(self, settings: IQL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
@@ -116,10 +111,6 @@ class ImplicitAgent(Agent[SquashedGaussianNetwork]):
         super().__init__(
             {"actor": self.actor_state, "critics": self.critics, "value": self.value}, {"targets": self.targets}
         )
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Sample actions (n, Da) for encoded observations (n, Do)."""
-        return sampled(self.actor, obs)
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of both kinds of critic and of the targets and, where it is due, of the actor."""

@@ -12,7 +12,7 @@ The learner is a clone of the demonstrations, or ``prior=RUN``, which goes on by
 with the pull back to the clone; with ``cloning.steps=1`` it is hardly more than a new network. There is no gate: what
 an episode returns is the guide's work, too.
 
-Metrics: those of ``bc_ppo`` without ``actor/fallbacks``; ``guide/steps`` of episodes that begin; ``guide/stage``;
+Metrics: those of ``bc_ppo`` without ``actor/fallbacks``; ``guide/steps`` of episodes that start; ``guide/stage``;
 ``rollout/reward`` of a step, whichever policy acted;
 ``episode/...`` are of guide and learner together, ``evaluate/...`` of the learner alone.
 

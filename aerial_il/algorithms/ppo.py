@@ -88,9 +88,6 @@ class ProximalActorCritic[Actor: StochasticNetwork](ActorCritic[Actor]):
     """Actor and critic, updated in several passes over a rollout.
 
     Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        obs_size: Do.
         smoothness: how the actor is held back from rough actions; None for not at all.
     """
 

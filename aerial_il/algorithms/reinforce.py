@@ -77,13 +77,7 @@ class REINFORCE(Algorithm):
 
 
 class ReinforceAgent(ActorCritic[StochasticNetwork]):
-    """An actor, and its baseline.
-
-    Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        obs_size: Do.
-    """
+    """An actor, and its baseline."""
 
     def __init__(self, settings: REINFORCE, actor: StochasticNetwork, obs_size: int) -> None:
         super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)

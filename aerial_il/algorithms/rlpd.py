@@ -32,11 +32,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, squared_error
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
@@ -112,11 +111,7 @@ class RLPD(Algorithm):
 
 
 class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
-    """Actor, an ensemble of critics, slowly following target networks and the temperature alpha.
-
-    Args:
-        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
-    """
+    """Actor, an ensemble of critics, slowly following target networks and the temperature alpha."""
 
     def __init__(self, settings: RLPD, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
@@ -128,10 +123,6 @@ class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
         self.critics = TrainState(critics, adam(critics, settings.lr))
         self.targets = Target(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Sample actions (n, Da) for encoded observations (n, Do)."""
-        return sampled(self.actor, obs)
 
     def update(self, batch: Batch, demos: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of actor and temperature.

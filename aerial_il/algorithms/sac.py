@@ -23,16 +23,13 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, squared_error
-from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
@@ -78,23 +75,13 @@ class SAC(Algorithm):
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes, smoothness=self.smoothness)
-        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
-
-        def update(improve: bool) -> dict[str, float]:
-            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
-
-        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
-        return run.finish()
+        return learn_from_reward(run, self, agent, agent.update)
 
 
 class SoftActorCritic(Agent[SquashedGaussianNetwork]):
     """Actor, critics, slowly following target networks and the temperature alpha.
 
     Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        sizes: elements of an observation and of an action, Do and Da.
         smoothness: how the actor is held back from rough actions; None for not at all.
     """
 
@@ -116,10 +103,6 @@ class SoftActorCritic(Agent[SquashedGaussianNetwork]):
         self.critics = TrainState(critics, adam(critics, settings.lr))
         self.targets = Target(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Sample actions (n, Da) for encoded observations (n, Do)."""
-        return sampled(self.actor, obs)
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
         """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""

@@ -26,10 +26,8 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.ddpg import DeterministicAgent
-from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
@@ -79,14 +77,7 @@ class TD3(Algorithm):
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
-
-        def update(improve: bool) -> dict[str, float]:
-            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
-
-        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
-        return run.finish()
+        return learn_from_reward(run, self, agent, agent.update)
 
 
 class TwinDelayedAgent(DeterministicAgent):

@@ -136,7 +136,7 @@ def test_it_flies_across_tiers_and_added_cameras_only() -> None:
         attach(policy, env)
 
 
-def test_a_setting_that_an_older_release_did_not_know_is_not_made_up(tmp_path: Path) -> None:
+def test_a_setting_that_was_not_saved_is_not_made_up(tmp_path: Path) -> None:
     saved = fresh_policy("diffusion").to_checkpoint()
     known = {name: value for name, value in saved.config["settings"].items() if name != "predict"}
     folder = checkpoint.save(tmp_path / "policy", replace(saved, config={**saved.config, "settings": known}))

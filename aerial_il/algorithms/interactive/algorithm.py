@@ -119,7 +119,7 @@ class InteractiveAlgorithm(ABC):
         """Learn by flying.
 
         Args:
-            dataset: demonstrations to begin with, flown in the same kind of environment; failures are left out.
+            dataset: demonstrations to start with, flown in the same kind of environment; failures are left out.
             policy: what to train.
             run: folder of the run; see :mod:`aerial_il.algorithms.interactive.rounds`.
             env: batch environment to fly in. expert: whom to ask, or who sits at the controls. collect: records

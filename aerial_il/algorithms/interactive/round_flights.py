@@ -140,7 +140,7 @@ class RoundFlights:
         return list(open_dataset(folder, cameras=self._problem.policy.images, failures=True, states=False))
 
     def _aggregate(self, number: int) -> None:
-        """Add the flights of a round to the dataset on disk, which begins with the demonstrations."""
+        """Add the flights of a round to the dataset on disk, which starts with the demonstrations."""
         dataset, spec = DatasetFolder(self._run / DATASET), self._problem.env.spec
         dataset.claim(spec)
         for episode in self._demos:

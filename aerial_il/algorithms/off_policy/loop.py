@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import Explorer, RandomActions
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 class Flights(Protocol):
@@ -65,6 +67,24 @@ def learn_off_policy(
             for _ in range(run.updates_due(settings.replay.updates_per_step, every)):
                 run.log(update(not warming_up))
         run.end_turn()
+
+
+def learn_from_reward(
+    run: OnlineRun, settings: Algorithm, agent: Agent, learn: Callable[..., Mapping[str, float]]
+) -> ChunkPolicy:
+    """Let ``agent`` ``learn(minibatch, improve=...)`` from its own flights alone, and return the trained policy.
+
+    Through the warm-up actions are random; a prior flies it itself, while its critics learn.
+    """
+    hindsight, size = settings.hindsight, settings.replay.batch_size
+    flights = ExperienceReplay(run, settings.replay.capacity, hindsight=hindsight, obs_norm=settings.obs_norm)
+    pilot = None if settings.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
+
+    def update(improve: bool) -> Mapping[str, float]:
+        return learn(flights.buffer.sample(size), improve=improve)
+
+    learn_off_policy(run, settings, agent, flights, update, pilot=pilot)
+    return run.finish()
 
 
 def lr_at(settings: Algorithm, left: float) -> float:

@@ -1,7 +1,7 @@
 """Rollouts of decisions that last several steps, such as chunks of actions.
 
 A decision is credited with all rewards until the next one: for the learner it is one action, after which so many steps
-have passed (a semi-Markov decision process). Each rollout begins with new decisions in all worlds, so that nothing is
+have passed (a semi-Markov decision process). Each rollout starts with new decisions in all worlds, so that nothing is
 half decided between two of them.
 """
 
@@ -20,7 +20,7 @@ class Acted(NamedTuple):
     """What one step was flown by.
 
     Attributes:
-        obs: (n, Do) what decisions see; of meaning where one was made. decided: (n,) bool, a decision begins here.
+        obs: (n, Do) what decisions see; of meaning where one was made. decided: (n,) bool, a decision starts here.
         raw: (n, R) the sample behind it. actions: (n, Da) in the environment's units.
         learner: (n,) bool, they are the learner's; None for all of them.
     """

@@ -139,7 +139,7 @@ def read_transitions(
         rewarded: whether rewards are learned from, and so belong to the record.
         failures: whether failed episodes count too.
         smoothness: what rough actions cost; None for nothing.
-        seed: decides where the counting begins.
+        seed: decides where the counting starts.
 
     Raises:
         InvalidValueError: see :func:`read_demos`; or there are fewer episodes than ``trajectories``.

@@ -121,7 +121,7 @@ class OnlineRun:
     def offline(self, steps: int) -> Iterator[None]:
         """Yield once for each of ``steps`` gradient steps before the first flight; they are saved on the way.
 
-        Metrics count them up to zero: the last one is step 0, where the flights begin.
+        Metrics count them up to zero: the last one is step 0, where the flights start.
         """
         hidden = not self._progress or self._offline >= steps
         name = f"learn {self._problem.algorithm} offline"

@@ -88,7 +88,7 @@ def test_an_end_leads_to_an_absorbing_state_and_a_cut_does_not() -> None:
     assert len(plain.obs) == 3
 
 
-def test_the_memory_forgets_the_oldest_and_draws_the_same_after_a_restart() -> None:
+def test_the_buffer_drops_the_oldest_and_samples_on_when_resumed() -> None:
     memory = ReplayBuffer(5, 1, 1, np.random.default_rng(0))
     row = np.arange(8, dtype=np.float32)[:, None] * np.ones((1, 7), np.float32)
     memory.add(row[:4])

@@ -24,9 +24,8 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
-from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
+from tests.algorithms.drift import SPEC, Drift, Silent, demonstrations, mean_reward
 from tests.algorithms.made import made, names
-from tests.algorithms.point_mass import StepResult
 
 SHOWN = [n for n in algorithms.names() if "demonstrations" in names(cls := algorithms.get(n)) and cls.rewarded]
 each = pytest.mark.parametrize("name", SHOWN)
@@ -46,15 +45,6 @@ def short(name: str, **changes: Any) -> Any:
 def train(settings: Any, run: Path, demos: list[Episode], env: Any = None) -> Any:
     options = {"env": env or Drift(8), "run": run, "seed": 1, "progress": False}
     return settings.train(demos, POLICY, **options)
-
-
-class Silent(Drift):
-    """Pays nothing and is never solved, whatever is done."""
-
-    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
-        result = super().step(actions, mask)
-        nothing = np.zeros(self.num_envs)
-        return replace(result, reward=nothing, info={**result.info, "success": nothing.astype(bool)})
 
 
 @each

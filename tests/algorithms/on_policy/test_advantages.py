@@ -19,7 +19,7 @@ def of_steps(*columns: np.ndarray, **factors: float) -> np.ndarray:
     return gae(*columns, np.ones_like(columns[0], bool), **factors)[0]
 
 
-def test_advantages_are_the_direct_sum_over_what_is_left_of_each_episode() -> None:
+def test_advantages_are_the_sum_over_the_rest_of_each_episode() -> None:
     rng = np.random.default_rng(0)
     rewards, values, later = rng.normal(size=(3, 12, 4))
     ended = rng.random((12, 4)) < 0.2

@@ -125,7 +125,7 @@ def move(weight: torch.Tensor) -> torch.Tensor:
 GOOD, BAD = returns(*[1.0, 0.0] * 10), returns(*[0.0] * 20)
 
 
-def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_did_not() -> None:
+def test_weights_that_fly_worse_give_way_to_the_last_good_ones() -> None:
     one = actor()
     gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
     first = weight.detach().clone()
@@ -141,7 +141,7 @@ def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_di
     assert gate.passes(*GOOD, warming_up=False), "back at the prior, it goes on to learn"
 
 
-def test_weights_that_were_given_up_to_may_go_on_where_they_were_unlucky_once() -> None:
+def test_weights_that_were_unlucky_once_may_go_on() -> None:
     one = actor()
     gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
     assert gate.passes(*GOOD, warming_up=False)
@@ -220,7 +220,7 @@ class Ramp(ChunkNetwork):
 
 
 @pytest.mark.parametrize(("goes_on", "wanted"), [(1.0, 0.1**2), (0.0, (0.1**2 + 0.1**2 + 0.2**2) / 3)])
-def test_caps_of_chunks_counts_changes_from_each_flown_step_to_the_next(goes_on: float, wanted: float) -> None:
+def test_caps_of_chunks_counts_changes_between_flown_steps(goes_on: float, wanted: float) -> None:
     """Chunks that go on where the last one ended are smoother than ones that jump back at every decision."""
     here = torch.tensor([[0.0], [5.0]])  # steps so far; three are flown of each chunk
     kinds = {"history": 1, "execute": 3, "explored": np.ones(1, bool), "deviation": 0.2, "correlation": 0.9}

@@ -21,7 +21,7 @@ class Supervisor(Protocol):
     """Decides when the expert flies; a person does so by holding a button."""
 
     def reset(self, mask: np.ndarray) -> None:
-        """Begin new flights in the worlds of ``mask`` (n,) bool."""
+        """Start new flights in the worlds of ``mask`` (n,) bool."""
         ...
 
     def holds(self, obs: Observation, distance: np.ndarray, flew: np.ndarray) -> np.ndarray:
