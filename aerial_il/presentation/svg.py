@@ -19,7 +19,7 @@ PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
 TEXT_STYLE: dict[Any, Any] = {
     "svg.hashsalt": "aerial_il", "svg.fonttype": "none", "font.family": "sans-serif", "font.size": 9,
 }  # fmt: skip
-STYLE = TEXT_STYLE | {
+STYLE: dict[Any, Any] = TEXT_STYLE | {
     "axes.titlesize": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,

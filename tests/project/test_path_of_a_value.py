@@ -15,7 +15,7 @@ from aerial_il.algorithms.sac import SAC
 from aerial_il.cli.main import main
 
 PACKAGE = str(Path(aerial_il.__file__).parent)
-ITS_OWN = (f"{PACKAGE}/algorithms/", f"{PACKAGE}/core/checks.py")
+OWN_CHECKS = (f"{PACKAGE}/algorithms/", f"{PACKAGE}/core/checks.py")  # of an algorithm's settings, by itself
 LR = 0.001234567
 DEPTH = 6  # of containers that are looked into
 
@@ -41,13 +41,13 @@ def carries(value: object, depth: int = DEPTH) -> bool:
 def way(call: Callable[[], object]) -> tuple[set[tuple[str, str]], set[str]]:
     """Return the functions, and their files, that are given the value before the algorithm's ``train`` is entered.
 
-    What the algorithm itself does to check its settings is left out, with the checks that it calls by name.
+    What the algorithm itself does to check its settings is left out.
     """
     functions, done = set[tuple[str, str]](), list[bool]()
 
     def note(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        ours = code.co_filename.startswith(PACKAGE) and not code.co_filename.startswith(ITS_OWN)
+        ours = code.co_filename.startswith(PACKAGE) and not code.co_filename.startswith(OWN_CHECKS)
         if event != "call" or done or not ours or code.co_name.startswith("<"):
             return
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount + 2]

@@ -118,10 +118,11 @@ def _recorded(path: Path, name: str) -> Episode:
     with opened(path, f"holds a malformed demonstration {name!r}") as file:
         demo = _demo(path, file, name)
         private = child(path, demo, PRIVATE, h5py.Group)
+        spec = parse_json(private.attrs["spec"])
         kept: dict[str, Any] = {name: array(path, private, name) for name in EXTRA}
         episode = Episode(
             uid=str(demo.attrs["uid"]),
-            spec=EnvSpec.from_dict(parse_json(private.attrs["spec"])),
+            spec=EnvSpec.from_dict(spec),
             provenance=parse_json(private.attrs["provenance"]),
             obs=_observed(path, demo, array),
             actions=array(path, demo, "actions"),
@@ -131,7 +132,7 @@ def _recorded(path: Path, name: str) -> Episode:
             model_xml=str(demo.attrs["model_file"]),
             **kept,
         )
-        if private.attrs.get(DIGEST) != content_digest(episode):
+        if private.attrs.get(DIGEST) != content_digest(episode, spec):
             raise DemoError(path, f"was changed after it was written: the digest of {demo.name} differs.")
         return episode
 

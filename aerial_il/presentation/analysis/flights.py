@@ -53,7 +53,7 @@ def compare(a: Evaluation, b: Evaluation) -> pd.DataFrame:
         c.key: (c.label, c.unit, c.mean_a, c.mean_b, c.difference, *c.ci95, c.p_value, c.p_adjusted)
         for c in result.changes
     }
-    frame = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    frame = pd.DataFrame.from_dict(rows, orient="index", columns=pd.Index(columns))
     frame.attrs = {name: getattr(result, name) for name in ("a", "b", "method", "paired")}
     frame.attrs |= {"only_a": list(result.only_a), "only_b": list(result.only_b)}
     return frame

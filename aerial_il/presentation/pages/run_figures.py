@@ -69,9 +69,14 @@ def mean_reward(run: TrainingRun) -> Figure | None:
     return Figure(REWARD_TITLE, plot.svg(), f"What a control step was paid, on average; {said}.")
 
 
-def _wide(last_step: float, y: tuple[float, float], unit: str, alt: str, **look: bool) -> Plot:
+def _wide(
+    last_step: float, y: tuple[float, float], unit: str, alt: str, *, percent: bool = False, log_y: bool = False
+) -> Plot:
     """Return the axes of a chart over training that stands alone."""
-    return Plot(x=(0.0, last_step), y=y, x_label=unit, y_label="", alt=alt, width=2 * WIDE, height=TALL, **look)
+    x, width = (0.0, last_step), 2 * WIDE
+    return Plot(
+        x=x, y=y, x_label=unit, y_label="", alt=alt, width=width, height=TALL, percent=percent, log_y=log_y
+    )  # fmt: skip
 
 
 def _range(rewards: Sequence[float]) -> tuple[float, float]:
