@@ -1,7 +1,7 @@
 """Deep deterministic policy gradient (DDPG): an action-value critic, and a deterministic actor that ascends it.
 
 Each turn takes one step in every world with the actor's action and Gaussian noise on it, stores it, and takes
-``utd_ratio`` gradient steps for each environment step on minibatches of the buffer:
+``replay.updates_per_step`` gradient steps for each environment step on minibatches of the buffer:
 
     critic  ``Q(s, a) = r + gamma * Q'(s', mu'(s'))``,        actor  ``max Q(s, mu(s))``,
 

@@ -71,3 +71,9 @@ def test_what_has_learned_before_may_fly_for_the_warm_up_alone(tmp_path: Path, n
     if name in ("dac", "gail", "airl"):
         with pytest.raises(InvalidValueError, match="steps is 16"):
             train(short(name, **before, control="constant_reward"), tmp_path / "control")
+
+
+@pytest.mark.parametrize("name", [name for name, flown in FLOWN.items() if [*flown] == ["warmup"]])
+def test_off_policy_learners_need_a_warm_up(name: str) -> None:
+    with pytest.raises(InvalidValueError, match="warmup is 0; it must be positive"):
+        short(name, warmup=0)
